@@ -1,0 +1,59 @@
+"""What every benchmark shares: timing two ways of doing the same in turn, and writing the result."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import statistics
+import time
+from collections.abc import Callable
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from stereolib import report
+from stereolib.datasets import ROOT, figures_dir, write_atomic
+
+RESULTS = Path(__file__).parent / "results"
+
+
+def ratio(ours: Callable[[], object], bare: Callable[[], object], rounds: int = 25) -> dict[str, float]:
+    """Time two functions in turn and compare.
+
+    The ratio is the median of the rounds' ratios, so that a machine that slows down during the run slows both down.
+    """
+    ours(), bare()
+    times: list[tuple[float, float]] = []
+    for k in range(rounds):
+        order = (ours, bare) if k % 2 else (bare, ours)
+        spent = {}
+        for function in order:
+            start = time.perf_counter()
+            function()
+            spent[function] = time.perf_counter() - start
+        times.append((spent[ours], spent[bare]))
+    return {
+        "ours_ms": round(1000 * statistics.median(a for a, _ in times), 3),
+        "bare_ms": round(1000 * statistics.median(b for _, b in times), 3),
+        "ratio": round(statistics.median(a / b for a, b in times), 4),
+    }
+
+
+def save(name: str, result: dict[str, Any]) -> None:
+    """Write ``results/<name>.json`` with the machine and the versions, print it, quote it in the README."""
+    packages = ("stereolib", "numpy", "opencv-python-headless", "scipy")
+    machine = {"system": platform.system(), "processor": _processor(), "cores": os.cpu_count()}
+    versions = {"python": platform.python_version()} | {p: version(p) for p in packages}
+    text = json.dumps({**result, "machine": machine, "versions": versions}, indent=1)
+    write_atomic(RESULTS / f"{name}.json", text + "\n")
+    print(f"{name}: {json.dumps(result)}")
+    report.update_readme(ROOT / "README.md", figures_dir(), RESULTS)
+
+
+def _processor() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+        return next(line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
+    except (OSError, StopIteration):
+        return platform.processor() or platform.machine()

@@ -1,0 +1,23 @@
+"""What a command of the command line is."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+
+@dataclass(frozen=True)
+class Command:
+    """One command, or a group of them.
+
+    ``run`` gets the parsed arguments and returns the exit code: 0 done, 1 the work says no, 2 wrong input. A ValueError
+    or OSError that it raises becomes one line on stderr. Library modules are imported inside ``run``.
+    """
+
+    name: str
+    summary: str
+    example: str
+    run: Callable[[argparse.Namespace], int] | None = None
+    configure: Callable[[argparse.ArgumentParser], None] | None = None
+    commands: Sequence[Command] = field(default=())

@@ -1,0 +1,168 @@
+"""Straight walls in a laser scan: total least squares, made robust."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+
+@dataclass(frozen=True, eq=False)
+class Wall:
+    """A line ``normal . p = offset_mm`` through some of the points.
+
+    Attributes
+    ----------
+    normal : (2,) float64
+        Unit normal, pointing away from the origin.
+    offset_mm : float
+        Distance of the line from the origin, mm, >= 0.
+    inliers : (N,) bool
+        The points taken to lie on it.
+    residuals_mm : (N,) float64
+        Signed distance of every point to the line, mm.
+    """
+
+    normal: NDArray[np.float64]
+    offset_mm: float
+    inliers: NDArray[np.bool_]
+    residuals_mm: NDArray[np.float64]
+
+    @property
+    def rms_mm(self) -> float:
+        """Root mean square distance of the inliers to the line, mm."""
+        return float(np.sqrt(np.mean(self.residuals_mm[self.inliers] ** 2)))
+
+    @property
+    def angle_rad(self) -> float:
+        """Direction of the normal, rad, -pi..pi."""
+        return float(np.arctan2(self.normal[1], self.normal[0]))
+
+    def ends_mm(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Ends of the stretch its inliers cover, (2, 2) mm: for drawing."""
+        along = np.array([-self.normal[1], self.normal[0]])
+        t = points[self.inliers] @ along
+        return self.offset_mm * self.normal + np.array([[t.min()], [t.max()]]) * along
+
+
+def _checked(points: ArrayLike, least: int) -> NDArray[np.float64]:
+    p = np.asarray(points, np.float64)
+    if p.ndim != 2 or p.shape[1] != 2 or np.isfinite(p).all(axis=1).sum() < least:
+        raise ValueError(
+            f"a line fit needs at least {least} finite points of shape (N, 2), got "
+            f"shape {p.shape} with {np.isfinite(p).sum() // 2} finite; average more "
+            "turns or widen the gate"
+        )
+    return p
+
+
+def _total_least_squares(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+    centre = points.mean(axis=0)
+    normal = np.linalg.svd(points - centre, full_matrices=False)[2][1]
+    offset = float(normal @ centre)
+    return (normal, offset) if offset >= 0 else (-normal, -offset)
+
+
+def _wall(p: NDArray[np.float64], inliers: NDArray[np.bool_]) -> Wall:
+    normal, offset = _total_least_squares(p[inliers])
+    return Wall(normal, offset, inliers, p @ normal - offset)
+
+
+def fit_line(points: ArrayLike, threshold_mm: float = np.inf, start: Wall | None = None) -> Wall:
+    """Straight line by total least squares, leaving out points that lie off it.
+
+    Minimises the squared distances at right angles to the line, then drops points farther than
+    the threshold and repeats until nothing changes (at most 50 times).
+
+    Parameters
+    ----------
+    points : (N, 2) array_like, mm
+        NaN rows are ignored.
+    threshold_mm : float
+        Largest distance of an inlier; infinite: every point counts.
+    start : Wall, optional
+        Line to start from, instead of the one through all points.
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than two finite points, or fewer than two near the line.
+    """
+    p = _checked(points, 2)
+    finite = np.asarray(np.isfinite(p).all(axis=1))
+    wall = start if start is not None else _wall(p, finite)
+    for _ in range(50):
+        near = finite & (np.abs(p @ wall.normal - wall.offset_mm) <= threshold_mm)
+        if near.sum() < 2:
+            raise ValueError(f"fewer than two points lie within {threshold_mm:g} mm of the line; raise threshold_mm")
+        again = _wall(p, near)
+        if np.array_equal(near, wall.inliers):
+            return again
+        wall = again
+    return wall
+
+
+def fit_walls(
+    points: ArrayLike,
+    count: int = 4,
+    *,
+    threshold_mm: float = 4.0,
+    trials: int = 500,
+    min_length_mm: float = 60.0,
+    rng: np.random.Generator,
+) -> list[Wall]:
+    """The walls of a room, the one with the most points first.
+
+    One after the other: lines through random pairs of the points left (RANSAC), the best one
+    refined with `fit_line`, its points taken away. At last each point goes to its nearest wall,
+    so that corners are shared out fairly, and every wall is fitted again.
+
+    Parameters
+    ----------
+    points : (N, 2) array_like, mm
+        From `stereolib.lrf.points_mm`.
+    count : int
+        Number of walls.
+    threshold_mm : float
+        Largest distance of a wall's point to it, mm.
+    trials : int
+        Random pairs tried per wall.
+    min_length_mm : float
+        Pairs nearer to each other than this are not tried.
+    rng : numpy.random.Generator
+        Source of the pairs.
+
+    Raises
+    ------
+    ValueError
+        If the points run out before `count` walls are found.
+    """
+    p = _checked(points, 2 * count)
+    free = np.asarray(np.isfinite(p).all(axis=1))
+    walls: list[Wall] = []
+    for k in range(count):
+        left = p[free]
+        if len(left) < 2:
+            raise ValueError(f"only {k} of {count} walls found: no points left; ask for fewer")
+        a, b = left[rng.integers(len(left), size=(2, trials))]
+        along = b - a
+        length = np.hypot(*along.T)
+        a, along, length = (v[length > min_length_mm] for v in (a, along, length))
+        if not len(a):
+            raise ValueError(
+                f"only {k} of {count} walls found: the points left are closer "
+                f"together than min_length_mm = {min_length_mm:g}; ask for fewer"
+            )
+        normals = np.stack([-along[:, 1], along[:, 0]], axis=1) / length[:, None]
+        distances = np.abs(left @ normals.T - np.sum(a * normals, axis=1))
+        k_best = int((distances <= threshold_mm).sum(axis=0).argmax())
+        normal, offset = normals[k_best], float(a[k_best] @ normals[k_best])
+        only_free = np.where(free[:, None], p, np.nan)
+        start = Wall(normal, offset, np.zeros(len(p), bool), p @ normal - offset)
+        walls.append(fit_line(only_free, threshold_mm, start))
+        free &= ~walls[-1].inliers
+    gaps = np.abs(np.stack([w.residuals_mm for w in walls]))
+    nearest = np.where(np.isfinite(gaps), gaps, np.inf).argmin(axis=0)
+    shared = [_wall(p, (nearest == k) & (gaps[k] <= threshold_mm)) for k in range(count)]
+    return sorted(shared, key=lambda w: -int(w.inliers.sum()))

@@ -1,0 +1,328 @@
+"""Ray casting through the exact lens: pictures of a scene, and its true depth and disparity."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from stereolib.rig import Camera, RectifiedRig, StereoRig, rigid
+from stereolib.virtual import texture
+from stereolib.virtual.scene import Box, Light, Material, Scene
+
+Array = np.ndarray
+_EPS_MM = 1e-2
+_BAND_ROWS = 16  # rows drawn at a time: small enough for the processor's cache
+
+
+@dataclass(frozen=True, eq=False)
+class Hits:
+    """Where rays meet the scene.
+
+    ``distance_mm`` (N,) is NaN where a ray meets nothing; ``normal`` (N, 3) faces the ray; ``surface`` (N,) is
+    ``6 * box + face`` or -1; ``albedo`` (N,) is the diffuse reflectance 0..1 with its texture; ``gloss`` (N,).
+    """
+
+    distance_mm: Array
+    normal: Array
+    surface: Array
+    albedo: Array
+    gloss: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """What a perfect stereo system would return for the rectified left image.
+
+    ``disparity_px`` and ``depth_mm`` are (H, W) float64, ``visible`` (H, W) bool tells which pixels the right camera
+    sees too (inside its image, not occluded), ``box`` (H, W) int is the index of the box in the scene.
+    """
+
+    disparity_px: Array
+    depth_mm: Array
+    visible: Array
+    box: Array
+
+
+def cast(scene: Scene, origins: Array, directions: Array) -> Hits:
+    """First hit of each ray.
+
+    Parameters
+    ----------
+    scene : Scene
+    origins : (3,) or (N, 3) array, mm
+    directions : (N, 3) array
+        Unit vectors, world frame.
+    """
+    distance, surface = _nearest(scene, origins, directions)
+    distance = np.where(surface >= 0, distance, np.nan)
+    points = np.atleast_2d(origins) + distance[:, None] * directions
+    normal = np.full(directions.shape, np.nan)
+    albedo, gloss = np.full(len(distance), np.nan), np.zeros(len(distance))
+    for s in np.unique(surface[surface >= 0]):
+        at = np.flatnonzero(surface == s)
+        box, face = scene.boxes[s // 6], s % 6
+        normal[at] = _normal(box, face)
+        tint = np.dot(box.materials[face].color_bgr, (0.114, 0.587, 0.299))
+        no_footprint = np.zeros(len(at), np.float32)
+        albedo[at] = tint * _pattern(box, face, points[at], directions[at], no_footprint)
+        gloss[at] = box.materials[face].gloss
+    return Hits(distance, normal, surface, albedo, gloss)
+
+
+def render(scene: Scene, camera: Camera, T_camera_world: Array, *, samples: int = 2, light_samples: int = 4) -> Array:
+    """Picture of a scene: linear light, before the webcam's own faults.
+
+    Parameters
+    ----------
+    camera : Camera
+        Any lens of `rig.Camera`; rays go through the exact inverse.
+    T_camera_world : (4, 4) array
+        Maps world points (mm) into the camera.
+    samples : int
+        Rays per pixel and axis. 1 for sliders, 2 for pictures, 4 for calibration boards.
+    light_samples : int
+        Points per axis on each area light, where its shadow is soft.
+
+    Returns
+    -------
+    (H, W, 3) float32
+        Blue, green, red; 1 is white paper in good light.
+    """
+    if samples < 1 or light_samples < 1:
+        raise ValueError(f"samples and light_samples must be at least 1, got {samples} and {light_samples}")
+    width, height = camera.size
+    R = T_camera_world[:3, :3].astype(np.float32)
+    origin = (-T_camera_world[:3, :3].T @ T_camera_world[:3, 3]).astype(np.float32)
+    rays = _ray_grid(camera, samples).reshape(height, -1, 3)
+    pixel_rad = np.float32(1.0 / (camera.K[0, 0] * samples))
+    picture = np.empty((height, width, 3), np.float32)
+    for top in range(0, height, _BAND_ROWS):
+        directions = rays[top : top + _BAND_ROWS].reshape(-1, 3) @ R
+        light = _radiance(scene, origin, directions, pixel_rad, light_samples, bounce=True)
+        picture[top : top + _BAND_ROWS] = light.reshape(-1, samples, width, samples, 3).mean(axis=(1, 3))
+    return picture
+
+
+def truth(scene: Scene, rectified: RectifiedRig, T_left_world: Array) -> Truth:
+    """Analytic depth and disparity of the rectified left image, one ray through each pixel's centre.
+
+    Notes
+    -----
+    ``disparity = f B / Z``. A pixel is visible when the same point projects inside the rectified right image and
+    nothing stands between it and the right camera.
+    """
+    camera, (width, height) = rectified.left, rectified.size
+    T_rect_world = rigid(rectified.R1, np.zeros(3)) @ T_left_world
+    R, origin = T_rect_world[:3, :3], -T_rect_world[:3, :3].T @ T_rect_world[:3, 3]
+    pixels = np.stack(np.meshgrid(np.arange(width), np.arange(height)), -1).reshape(-1, 2)
+    rays = camera.rays(pixels)
+    length = np.linalg.norm(rays, axis=1)
+    directions = (rays / length[:, None]) @ R
+    distance, surface = _nearest(scene, origin, directions)
+    distance = np.where(surface >= 0, distance, np.nan)
+    depth = distance / length
+    disparity = rectified.f_px * rectified.baseline_mm / depth
+    right_origin = origin + R.T @ [rectified.baseline_mm, 0.0, 0.0]
+    points = origin + distance[:, None] * directions
+    inside = pixels[:, 0] - disparity >= 0
+    seen = inside & ~_blocked(scene, points + _EPS_MM * _facing(scene, surface), right_origin[None])
+    shape = (height, width)
+    box = np.where(surface >= 0, surface // 6, -1)
+    return Truth(disparity.reshape(shape), depth.reshape(shape), seen.reshape(shape), box.reshape(shape))
+
+
+def render_pair(
+    scene: Scene, rig: StereoRig, T_left_world: Array, *, samples: int = 2, light_samples: int = 4
+) -> tuple[Array, Array]:
+    """`render` for both cameras of a rig."""
+    T_right_world = rigid(rig.R, rig.T) @ T_left_world
+    left, right = (
+        render(scene, camera, T, samples=samples, light_samples=light_samples)
+        for camera, T in ((rig.left, T_left_world), (rig.right, T_right_world))
+    )
+    return left, right
+
+
+@lru_cache(maxsize=8)
+def _ray_grid(camera: Camera, samples: int) -> Array:
+    """Unit rays of all sub-pixels in row order, (H * samples * W * samples, 3) float32, camera frame."""
+    width, height = camera.size
+    u, v = ((np.arange(n * samples) + 0.5) / samples - 0.5 for n in (width, height))
+    rays = camera.rays(np.stack(np.meshgrid(u, v), -1).reshape(-1, 2), clamp=True)
+    return (rays / np.linalg.norm(rays, axis=1, keepdims=True)).astype(np.float32)
+
+
+def _slabs(box: Box, origins: Array, directions: Array) -> tuple[Array, Array, Array, Array]:
+    """Entry and exit distance of each ray (N,), and the box-frame origins and directions (3, N)."""
+    R, centre = box.T_world_box[:3, :3].astype(directions.dtype), box.T_world_box[:3, 3]
+    o = _turned(np.atleast_2d(origins) - centre.astype(directions.dtype), R)
+    d = _turned(directions, R)
+    half = (np.array(box.size_mm, directions.dtype) / 2)[:, None]
+    inverse = 1 / np.where(d == 0, d.dtype.type(1e-9), d)  # a ray along a face meets its slab far away, not nowhere
+    middle, spread = -o * inverse, half * np.abs(inverse)
+    entry, leave = (middle - spread).max(axis=0), (middle + spread).min(axis=0)
+    return entry, leave, o, d
+
+
+def _turned(vectors: Array, R: Array) -> Array:
+    """``R.T @ v`` of vectors (N, 3), as (3, N). Written out: faster than BLAS here, and the same on every processor."""
+    x, y, z = vectors.T
+    return np.stack([a * x + b * y + c * z for a, b, c in R.T])
+
+
+def _nearest(scene: Scene, origins: Array, directions: Array) -> tuple[Array, Array]:
+    """Distance of the first hit (inf for none) and its surface index, each (N,)."""
+    distance = np.full(len(directions), np.inf, directions.dtype)
+    surface = np.full(len(directions), -1)
+    for index, box in enumerate(scene.boxes):
+        entry, leave, o, d = _slabs(box, origins, directions)
+        t = leave if box.inside else entry
+        at = np.flatnonzero((entry < leave) & (t > _EPS_MM) & (t < distance))
+        distance[at] = t[at]
+        local = (o if o.shape[1] == 1 else o[:, at]) + t[at] * d[:, at]
+        local /= np.array(box.size_mm, local.dtype)[:, None]
+        axis = np.abs(local).argmax(axis=0)
+        side = local[axis, np.arange(len(at))] > 0
+        surface[at] = 6 * index + 2 * axis + side
+    return distance, surface
+
+
+def _blocked(scene: Scene, points: Array, target: Array) -> Array:
+    """Whether a box stands between each point (N, 3) and the target (3,) or (N, 3). (N,) bool."""
+    way = target - points
+    blocked = np.zeros(len(points), bool)
+    for box in scene.boxes:
+        if not box.inside:
+            entry, leave, *_ = _slabs(box, points, way)
+            blocked |= (entry < leave) & (leave > 0) & (entry < 1)
+    return blocked
+
+
+def _normal(box: Box, face: int) -> Array:
+    outward = box.T_world_box[:3, face // 2] * (1 if face % 2 else -1)
+    return -outward if box.inside else outward
+
+
+def _facing(scene: Scene, surface: Array) -> Array:
+    """Normals (N, 3) of surface indices (N,)."""
+    table = np.array([_normal(box, face) for box in scene.boxes for face in range(6)])
+    return table[surface]
+
+
+def _pattern(box: Box, face: int, points: Array, directions: Array, footprint_mm: Array) -> Array:
+    """Relative reflectance of points (N, 3) on a face: the texture or the checkerboard, filtered. (N,)."""
+    material: Material = box.materials[face]
+    T = box.T_world_box
+    local = (points - T[:3, 3].astype(points.dtype)) @ T[:3, :3].astype(points.dtype)
+    a, b = [i for i in range(3) if i != face // 2]
+    cos = np.abs(directions @ _normal(box, face).astype(points.dtype))
+    if material.checker:
+        along = directions @ T[:3, [a, b]].astype(points.dtype)
+        stretch = 1 + (along / np.maximum(cos, 0.05)[:, None]) ** 2
+        wide = footprint_mm * np.sqrt(stretch[:, 0]), footprint_mm * np.sqrt(stretch[:, 1])
+        columns, rows, square = material.checker
+        u, v = local[:, a], local[:, b]
+        # With an even number of squares the centre is a corner of four squares, with an odd one the middle of one.
+        shift_u, shift_v = (0.0 if (n + 1) % 2 == 0 else square / 2 for n in (columns, rows))
+        white = texture.checker(u + shift_u, v + shift_v, wide, square)
+        inside = (np.abs(u) < (columns + 1) * square / 2) & (np.abs(v) < (rows + 1) * square / 2)
+        return np.where(inside, 0.05 + 0.95 * white, 1.0)
+    if not material.contrast:
+        return np.ones(len(points), np.float32)
+    width = footprint_mm / np.sqrt(np.maximum(cos, 0.02))
+    offset = 137.0 * face  # each face shows another part of the texture
+    grain = texture.noise(local[:, a] + offset, local[:, b] + offset, width, material.scale_mm, material.seed)
+    return np.clip(1 + material.contrast * grain, 0.05, 1.95)
+
+
+def _radiance(
+    scene: Scene,
+    origins: Array,
+    directions: Array,
+    pixel_rad: np.float32,
+    light_samples: int,
+    bounce: bool,
+) -> Array:
+    """Light along each ray, (N, 3) float32: diffuse with soft shadows, GGX glare, one mirror bounce."""
+    distance, surface = _nearest(scene, origins, directions)
+    light = np.zeros((len(directions), 3), np.float32)
+    origins = np.broadcast_to(origins, directions.shape)
+    for s in np.unique(surface[surface >= 0]):
+        at = np.flatnonzero(surface == s)
+        box, face = scene.boxes[s // 6], int(s % 6)
+        material, normal = box.materials[face], _normal(box, face).astype(np.float32)
+        toward = directions[at]
+        points = origins[at] + distance[at, None] * toward + _EPS_MM * normal
+        pattern = _pattern(box, face, points, toward, distance[at] * pixel_rad)
+        diffuse, glare = np.full(len(at), scene.ambient, np.float32), np.zeros(len(at), np.float32)
+        for lamp in scene.lights:
+            d, g = _lit(scene, lamp, points, normal, toward, material, light_samples if bounce else 1)
+            diffuse += d
+            glare += g
+        light[at] = np.float32(material.color_bgr) * (pattern * diffuse)[:, None] + glare[:, None]
+        if bounce and material.gloss:
+            cos = -toward @ normal
+            mirrored = toward + 2 * cos[:, None] * normal
+            fresnel = material.gloss * (0.04 + 0.96 * (1 - cos) ** 5)
+            seen = _radiance(scene, points, mirrored, pixel_rad, 1, bounce=False)
+            light[at] += (fresnel * (1 - material.roughness))[:, None] * seen
+    return light
+
+
+def _lit(
+    scene: Scene,
+    lamp: Light,
+    points: Array,
+    normal: Array,
+    toward: Array,
+    material: Material,
+    n: int,
+) -> tuple[Array, Array]:
+    """Diffuse irradiance and glare from one area light at points (N, 3), each (N,) float32."""
+    grid = ((np.arange(n) + 0.5) / n - 0.5) * lamp.size_mm if n > 1 else np.zeros(1)
+    to_scene = np.array([700.0, 0.0, 150.0]) - lamp.position_mm
+    to_scene /= np.linalg.norm(to_scene)
+    side = np.cross(to_scene, [0.0, 1.0, 0.0] if abs(to_scene[1]) < 0.9 else [1.0, 0.0, 0.0])
+    side /= np.linalg.norm(side)
+    up = np.cross(side, to_scene)
+    spots = np.array([lamp.position_mm + a * side + b * up for a in grid for b in grid], np.float32)
+    lit = _visibility(scene, points, spots, n)
+    middle = np.array(lamp.position_mm, np.float32) - points
+    reach = np.linalg.norm(middle, axis=1)
+    cos = np.maximum(middle @ normal, 0) / reach
+    shining = np.maximum(-middle @ to_scene.astype(np.float32), 0) / reach  # nothing goes backwards
+    fall = np.float32(lamp.power) * shining * (np.float32(2000.0) / reach) ** 2
+    glare = np.zeros(len(points), np.float32)
+    if material.gloss:
+        few = spots[:: max(1, len(spots) // 5)]
+        for spot in few:
+            glare += _ggx(spot - points, normal, -toward, material)
+        glare *= fall / len(few)
+    return lit * fall * cos, lit * glare
+
+
+def _visibility(scene: Scene, points: Array, spots: Array, n: int) -> Array:
+    """Share of the light's points that each point sees: the corners first, the rest only in the half shadow."""
+    corners = spots[[0, n - 1, -n, -1]] if n > 1 else spots
+    lit = np.asarray(np.mean([~_blocked(scene, points, spot) for spot in corners], axis=0, dtype=np.float32))
+    soft = np.flatnonzero((lit > 0) & (lit < 1))
+    if n > 1 and soft.size:
+        lit[soft] = np.mean([~_blocked(scene, points[soft], spot) for spot in spots], axis=0, dtype=np.float32)
+    return lit
+
+
+def _ggx(to_light: Array, normal: Array, to_eye: Array, material: Material) -> Array:
+    """Glare of a rough surface times the cosine: ``D F G / (4 n.v)`` (Walter et al. 2007). (N,) float32."""
+    to_light = to_light / np.linalg.norm(to_light, axis=1, keepdims=True)
+    half = to_light + to_eye
+    half /= np.maximum(np.linalg.norm(half, axis=1, keepdims=True), 1e-6)
+    nl, nv, nh = (np.maximum(x @ normal, 1e-3) for x in (to_light, to_eye, half))
+    vh = np.maximum((to_eye * half).sum(axis=1), 0)
+    a2 = np.float32(material.roughness**4 + 1e-6)
+    spread = a2 / (np.pi * (nh * nh * (a2 - 1) + 1) ** 2)
+    fresnel = material.gloss * (0.04 + 0.96 * (1 - vh) ** 5)
+    k = a2**0.5 / 2
+    shadowing = nl * nv / ((nl * (1 - k) + k) * (nv * (1 - k) + k))
+    return np.where(to_light @ normal > 0, spread * fresnel * shadowing / (4 * nv), 0).astype(np.float32)

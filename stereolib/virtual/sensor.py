@@ -1,0 +1,77 @@
+"""The webcam behind the lens: blur, vignetting, exposure, noise, 8 bits, JPEG."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class Webcam:
+    """A cheap camera with automatic exposure.
+
+    Parameters
+    ----------
+    psf_sigma_px : float
+        Width of the point spread function.
+    vignetting : float
+        Share of light lost in the image's corner.
+    full_well_e : float
+        Electrons that white collects in good light; the fewer, the more noise.
+    read_noise_e : float
+        Noise of the dark sensor, electrons.
+    max_gain : float
+        How much the automatic exposure brightens a dark picture at most.
+    jpeg_quality : int
+        Quality of the stream, 1 to 100.
+    """
+
+    psf_sigma_px: float = 0.6
+    vignetting: float = 0.22
+    full_well_e: float = 6000.0
+    read_noise_e: float = 12.0
+    max_gain: float = 6.0
+    jpeg_quality: int = 90
+
+    def expose(self, light: Array, rng: np.random.Generator) -> Array:
+        """Turn linear light into a picture.
+
+        Parameters
+        ----------
+        light : (H, W, 3) float32
+            Blue, green, red; 1 is white paper in good light.
+        rng : numpy.random.Generator
+            Draws the noise field: normal, scaled by the root of the signal. A Poisson draw would do it too, but its
+            rejection steps flip with the last bit of the rate, and the picture must not depend on the processor.
+
+        Returns
+        -------
+        (H, W, 3) uint8
+        """
+        height, width = light.shape[:2]
+        x = (np.arange(width, dtype=np.float32) - (width - 1) / 2) / (np.hypot(width, height) / 2)
+        y = (np.arange(height, dtype=np.float32) - (height - 1) / 2) / (np.hypot(width, height) / 2)
+        falloff = 1 - np.float32(self.vignetting) * (x**2 + (y**2)[:, None])
+        seen = cv2.GaussianBlur(light, (0, 0), self.psf_sigma_px) * falloff[..., None]
+        electrons = seen * np.float32(self.full_well_e)
+        noise = rng.standard_normal(light.shape, np.float32)
+        electrons = electrons + noise * np.sqrt(electrons + np.float32(self.read_noise_e) ** 2)
+        gain = np.clip(0.42 / max(float(seen.mean()), 1e-6), 1 / self.max_gain, self.max_gain)
+        signal = np.clip(electrons * np.float32(gain / self.full_well_e), 0, 1)
+        return np.rint(255 * signal ** np.float32(1 / 2.2)).astype(np.uint8)
+
+    def encode(self, image: Array) -> bytes:
+        """The picture as the camera sends it: JPEG bytes."""
+        ok, data = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, self.jpeg_quality])
+        if not ok:
+            raise ValueError(f"could not encode an image of shape {image.shape} and type {image.dtype} as JPEG")
+        return data.tobytes()
+
+    def shoot(self, light: Array, rng: np.random.Generator) -> Array:
+        """`expose`, through JPEG and back: what a program receives from the camera. (H, W, 3) uint8."""
+        received = cv2.imdecode(np.frombuffer(self.encode(self.expose(light, rng)), np.uint8), cv2.IMREAD_COLOR)
+        return np.asarray(received)

@@ -1,0 +1,84 @@
+"""Procedural surfaces, filtered to what a pixel covers so that nothing flickers or aliases."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import cv2
+import numpy as np
+
+Array = np.ndarray
+_TEXELS = 1024
+_TEXELS_PER_FEATURE = 4
+
+
+@lru_cache(maxsize=24)
+def noise_pyramid(seed: int) -> tuple[Array, ...]:
+    """Periodic band-limited noise of zero mean and unit deviation, and its halvings.
+
+    Returns
+    -------
+    tuple of (n, n) float32, n = 1024, 512, ... 8
+        Level 0 has a correlation length of 4 texels; each is padded by one texel so that it wraps.
+    """
+    rng = np.random.default_rng(seed)
+    white = np.fft.rfft2(rng.standard_normal((_TEXELS, _TEXELS)))
+    frequency = np.hypot(np.fft.fftfreq(_TEXELS)[:, None], np.fft.rfftfreq(_TEXELS))
+    # Mostly features of the wanted size, with a tail of larger blotches as real prints and wood have.
+    fine = np.exp(-0.5 * (2 * np.pi * frequency * _TEXELS_PER_FEATURE / 2.6) ** 2)
+    coarse = np.exp(-0.5 * (2 * np.pi * frequency * _TEXELS_PER_FEATURE * 2.5) ** 2)
+    tile = np.fft.irfft2(white * (fine + 2.5 * coarse))
+    tile = np.tanh((tile - tile.mean()) / tile.std())
+    levels = [((tile - tile.mean()) / tile.std()).astype(np.float32)]
+    while levels[-1].shape[0] > 8:
+        levels.append(cv2.resize(levels[-1], None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA))
+    return tuple(np.pad(level, (0, 1), mode="wrap") for level in levels)
+
+
+def noise(u_mm: Array, v_mm: Array, footprint_mm: Array, scale_mm: float, seed: int) -> Array:
+    """Noise texture at surface coordinates (N,) mm, blurred to the footprint (N,) mm. (N,) float32."""
+    pyramid = noise_pyramid(seed)
+    texel_mm = scale_mm / _TEXELS_PER_FEATURE
+    level = np.clip(np.log2(np.maximum(footprint_mm / texel_mm, 1e-6)), 0, len(pyramid) - 1.001)
+    lower = level.astype(np.int32)
+    value = np.empty(len(level), np.float32)
+    for k in np.unique(lower):
+        at = np.flatnonzero(lower == k)
+        blend = (level[at] - k).astype(np.float32)
+        # A texel of level j covers 2**j of level 0, whose centres have integer coordinates.
+        fine, coarse = (
+            _lookup(pyramid[j], *((x[at] / texel_mm + 0.5) / 2**j - 0.5 for x in (u_mm, v_mm))) for j in (k, k + 1)
+        )
+        value[at] = fine + blend * (coarse - fine)
+    return value
+
+
+def checker(u_mm: Array, v_mm: Array, width_mm: tuple[Array, Array], square_mm: float) -> Array:
+    """Checkerboard of squares, 0 (black) to 1 (white), with edges as soft as the footprint (exact box filter).
+
+    The origin is the corner of four squares; the square at u, v > 0 is black.
+    """
+    return 0.5 - 0.5 * _square_wave(u_mm, width_mm[0], square_mm) * _square_wave(v_mm, width_mm[1], square_mm)
+
+
+def _square_wave(x: Array, width: Array, half_period: float) -> Array:
+    """Mean of a +-1 square wave over [x - width/2, x + width/2]: difference of its integral, a triangle wave."""
+    width = np.clip(width, 1e-3, None)
+
+    def integral(t: Array) -> Array:
+        phase = np.mod(t, 2 * half_period)
+        return np.minimum(phase, 2 * half_period - phase)
+
+    return (integral(x + width / 2) - integral(x - width / 2)) / width
+
+
+def _lookup(tile: Array, u: Array, v: Array) -> Array:
+    """Bilinear lookup with wrap; `tile` carries one texel of padding."""
+    n = tile.shape[0] - 1
+    columns = 1024  # cv2.remap limits the width of a map, so the list is folded into rows
+    rows = -(-len(u) // columns)
+    maps = [np.zeros(rows * columns, np.float32) for _ in range(2)]
+    for target, coordinate in zip(maps, (u, v), strict=True):
+        target[: len(u)] = np.mod(coordinate, n)
+    x, y = (m.reshape(rows, columns) for m in maps)
+    return cv2.remap(tile, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE).ravel()[: len(u)]

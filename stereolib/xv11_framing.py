@@ -1,0 +1,163 @@
+"""Where the XV-11's packets are in a stream of bytes; `stereolib.xv11` says by what rules."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Positions = NDArray[np.int64]
+
+PACKET_BYTES, TURN_BYTES, TURN_HEAD = 22, 1446, bytes.fromhex("5aa500c0")
+_CONTEXT = 2 * PACKET_BYTES - 2  # bytes on either side that settle whether a head is bad
+BLOCK = 1 << 14  # packets at a time: keeps the working arrays in the cache
+
+
+class PacketError(ValueError):
+    """A byte that belongs to no intact packet, met with ``errors="raise"``.
+
+    Attributes
+    ----------
+    offset : int
+        Position of that byte in the stream, from 0.
+    data : bytes
+        At most 22 bytes from there on.
+    """
+
+    def __init__(self, message: str, offset: int, data: bytes) -> None:
+        super().__init__(f"{message} at byte {offset}: {data.hex(' ')}")
+        self.offset, self.data = offset, data
+
+
+def checksums(words: NDArray[np.uint16]) -> NDArray[np.int32]:
+    """Checksums of many packets at once, from their words (n, >= 10)."""
+    c = np.zeros(len(words), np.int32)  # at most 65535 * 1023: fits
+    for k in range(10):
+        c <<= 1
+        c += words[:, k]
+    return ((c & 0x7FFF) + (c >> 15)) & 0x7FFF
+
+
+class Framer:
+    """Finds packets and turns in a stream that comes in pieces.
+
+    What counts is decided from the bytes around it alone (`_CONTEXT` before and after), so that
+    it does not matter where the stream is cut. All positions are in the stream, from 0, but for
+    those inside `_frames`, which are in the bytes at hand.
+    """
+
+    def __init__(self, strict: bool) -> None:
+        self._strict = strict
+        self.raw = b""  # bytes not yet decided, and the context before them
+        self.base = 0  # position of raw[0]
+        self._decided = 0  # everything that starts before this is decided
+        self._covered = 0  # end of the last frame or bad packet, or what was skipped last
+
+    def take(self, chunk: bytes, final: bool) -> tuple[Positions, list[int], int, int]:
+        """Add bytes; positions of packets and of turns now decided, and bad packets and bytes skipped.
+
+        The positions are in ``raw``, which stays as it is until `forget`.
+        """
+        self.raw = self.raw + chunk if self.raw else chunk
+        low = self._decided - self.base
+        if len(self.raw) - low < PACKET_BYTES and not final:
+            return np.empty(0, np.int64), [], 0, 0
+        packets, turns, wrong, high = self._frames(low, final)
+        bad, skipped = self._rest(packets, turns, wrong[(wrong >= low) & (wrong < high)], high)
+        self._decided = self.base + high
+        return packets[(packets >= low) & (packets < high)], turns, bad, skipped
+
+    def forget(self) -> None:
+        """Drop the bytes that are no longer needed."""
+        start = max(self._decided - self.base - _CONTEXT, 0)
+        self.raw, self.base = self.raw[start:], self.base + start
+
+    def _frames(self, low: int, final: bool) -> tuple[Positions, list[int], Positions, int]:
+        """Packets and turns that count, heads with a wrong checksum, and how far that is decided."""
+        n = len(self.raw)
+        good, wrong = _candidates(np.frombuffer(self.raw, np.uint8))
+        heads = [t for t in _turn_heads(self.raw) if t >= low]
+        high, turns = n if final else max(n - _CONTEXT, low), list[int]()
+        for k, head in enumerate(heads):
+            end, previous_end = head + TURN_BYTES, turns[-1] + TURN_BYTES if turns else low
+            if not final and (head >= high or end + PACKET_BYTES > n):
+                high = max(min(high, head - PACKET_BYTES + 1), previous_end)
+                break
+            cut_short = end > n or (k + 1 < len(heads) and heads[k + 1] < end)
+            if not cut_short and not _overlap(np.array([head]), TURN_BYTES, good)[0]:
+                turns.append(head)
+                high = max(high, end)
+        return good, turns, wrong, high if final else self._follow(good, high)
+
+    @staticmethod
+    def _follow(good: Positions, high: int) -> int:
+        """Go on along a row of packets: nothing that comes later can take it back."""
+        k = int(np.searchsorted(good, high)) - 1
+        while 0 <= k < len(good) - 1 and good[k + 1] == good[k] + PACKET_BYTES:
+            k += 1
+            high = int(good[k]) + 1
+        return high
+
+    def _rest(self, packets: Positions, turns: list[int], wrong: Positions, high: int) -> tuple[int, int]:
+        """Count the bad packets and the bytes skipped up to `high`; raise at the first if strict."""
+        begin = self._covered - self.base
+        free = wrong[~_overlap(wrong, PACKET_BYTES, packets) & (wrong >= begin)]
+        if turns:
+            free = free[~_overlap(free, PACKET_BYTES, np.array(turns), TURN_BYTES)]
+        bad = list[int]()
+        for head in free.tolist():
+            if not bad or head >= bad[-1] + PACKET_BYTES:
+                bad.append(head)
+        low = self._decided - self.base
+        new = packets[(packets >= low) & (packets < high)]
+        starts = np.concatenate([new, np.array(turns + bad, np.int64)])
+        ends = starts + PACKET_BYTES
+        ends[len(new) : len(new) + len(turns)] = np.array(turns, np.int64) + TURN_BYTES
+        if turns or bad:
+            order = np.argsort(starts, kind="stable")
+            starts, ends = starts[order], ends[order]
+        ends = np.maximum.accumulate(np.concatenate([[begin], ends]))
+        gaps = np.maximum(np.append(starts, high) - ends, 0)
+        self._covered = self.base + max(int(ends[-1]), high)
+        if self._strict and (bad or gaps.any()):
+            first_gap = int(ends[np.flatnonzero(gaps)[0]]) if gaps.any() else high
+            at = min([first_gap, *bad[:1]])
+            why = "not part of any packet" if at == first_gap else "the checksum of a packet is wrong"
+            raise PacketError(why, self.base + at, self.raw[at : at + PACKET_BYTES])
+        return len(bad), int(gaps.sum())
+
+
+def _overlap(starts: Positions, length: int, others: Positions, other_length: int = PACKET_BYTES) -> NDArray[np.bool_]:
+    """Which of these stretches overlap one of the others (sorted, of another start)."""
+    low = np.searchsorted(others, starts - other_length, side="right")
+    high = np.searchsorted(others, starts + length)
+    return high > low
+
+
+def _candidates(data: NDArray[np.uint8]) -> tuple[Positions, Positions]:
+    """Positions of packet heads: those with a good checksum, and those with a wrong one."""
+    fa = np.flatnonzero(data[: max(len(data) - PACKET_BYTES + 1, 0)] == 0xFA)
+    index = data[fa + 1]
+    heads = fa[(index >= 0xA0) & (index <= 0xF9)]
+    good = np.zeros(len(heads), bool)
+    for part in range(0, len(heads), BLOCK):
+        block = slice(part, part + BLOCK)
+        words = words_at(data, heads[block])
+        good[block] = checksums(words) == words[:, 10]
+    return heads[good], heads[~good]
+
+
+def _turn_heads(raw: bytes) -> list[int]:
+    found, at = list[int](), raw.find(TURN_HEAD)
+    while 0 <= at <= len(raw) - 6:
+        if raw[at + 5] == 0xD1:
+            found.append(at)
+        at = raw.find(TURN_HEAD, at + 1)
+    return found
+
+
+def words_at(data: NDArray[np.uint8], at: NDArray[np.int64]) -> NDArray[np.uint16]:
+    """The eleven words of the packets at these positions, (n, 11)."""
+    if not len(at):
+        return np.empty((0, 11), np.uint16)
+    rows = np.lib.stride_tricks.sliding_window_view(data, PACKET_BYTES)[at]
+    return rows.view("<u2")

@@ -1,0 +1,284 @@
+"""The repository's own promises: notebooks as readers see them, pins, rooms, links, committed data and figures."""
+
+from __future__ import annotations
+
+import ast
+import os
+import re
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import nbformat
+import pytest
+import yaml
+from packaging.requirements import Requirement
+
+import stereolib
+from stereolib import cli
+from stereolib.datasets import ROOT
+
+NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
+MODULES = sorted((ROOT / "stereolib").rglob("*.py"))
+PAGES = sorted(page for page in ROOT.glob("**/*.md") if not {".venv", ".staging"} & set(page.parts))
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+DEVELOPMENT = PROJECT["optional-dependencies"]["dev"]
+
+each_notebook = pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+
+
+def read(path: Path) -> nbformat.NotebookNode:
+    return nbformat.read(path, as_version=4)
+
+
+def code_cells(path: Path) -> list[nbformat.NotebookNode]:
+    return [cell for cell in read(path).cells if cell.cell_type == "code" and cell.source.strip()]
+
+
+def normal(requirement: str) -> tuple[str, str]:
+    parsed = Requirement(requirement)
+    return parsed.name.lower().replace("_", "-"), str(parsed.specifier)
+
+
+# --- notebooks
+
+
+def test_notebooks_are_numbered_from_the_index_on() -> None:
+    stems = [path.stem for path in NOTEBOOKS]
+    assert stems[0] == "00_index"
+    assert all(re.fullmatch(r"\d\d_[a-z_]+", stem) for stem in stems)
+    assert len({stem[:2] for stem in stems}) == len(stems)
+
+
+@each_notebook
+def test_every_code_cell_was_executed_in_order(path: Path) -> None:
+    assert [cell.execution_count for cell in code_cells(path)] == list(range(1, len(code_cells(path)) + 1))
+
+
+@each_notebook
+def test_outputs_hold_no_error_no_stderr_no_address(path: Path) -> None:
+    outputs = [output for cell in code_cells(path) for output in cell.outputs]
+    assert not [output.evalue for output in outputs if output.output_type == "error"]
+    assert not [output.text for output in outputs if output.get("name") == "stderr"]
+    assert not re.findall(r" at 0x[0-9a-f]+", str(outputs))
+    assert "widget-view" not in str(outputs) and "widgets" not in read(path).metadata
+
+
+@each_notebook
+def test_no_machine_path(path: Path) -> None:
+    text = path.read_text(encoding="utf-8")
+    assert str(ROOT) not in text
+    assert not re.findall(r"(?<![\w.:/])/(?:home|root|Users|tmp|opt|mnt|usr|var|srv)/[\w.-]+", text)
+    assert not re.findall(r"[A-Z]:\\\\+Users", text)
+
+
+@each_notebook
+def test_some_cell_is_compared(path: Path) -> None:
+    checked = [cell for cell in code_cells(path) if "# NBVAL_CHECK_OUTPUT" in cell.source]
+    assert any(cell.outputs for cell in checked)
+
+
+@each_notebook
+def test_notebook_is_small(path: Path) -> None:
+    assert path.stat().st_size <= 1_500_000
+
+
+@each_notebook
+def test_cells_are_short_and_define_nothing(path: Path) -> None:
+    for cell in code_cells(path):
+        lines = [line for line in cell.source.splitlines() if line.strip()]
+        assert len(lines) <= 15, cell.source
+        assert not re.search(r"^\s*(?:async )?(?:def|class) ", cell.source, re.MULTILINE), cell.source
+
+
+@each_notebook
+def test_knobs_stand_in_a_parameters_cell(path: Path) -> None:
+    tagged = [cell for cell in code_cells(path) if "parameters" in cell.metadata.get("tags", [])]
+    assert len(tagged) == 1
+
+
+@each_notebook
+def test_there_is_something_to_play_with(path: Path) -> None:
+    assert any(re.search(r"slider|widgets\.|interact|explore", cell.source, re.I) for cell in code_cells(path))
+
+
+# --- pages
+
+
+def targets(text: str) -> list[str]:
+    """Relative link and image targets of a page, without code and anchors."""
+    prose = re.sub(r"```.*?```|`[^`\n]*`", "", text, flags=re.DOTALL)
+    found = re.findall(r"\]\(([^)\s]+)[^)]*\)", prose) + re.findall(r"<img[^>]*src=\"([^\"]+)\"", prose)
+    links = [link.split("#")[0] for link in found if not re.match(r"[a-z]+:", link)]
+    return [link for link in links if link]
+
+
+@pytest.mark.parametrize("page", [*PAGES, *NOTEBOOKS], ids=lambda page: str(page.relative_to(ROOT)))
+def test_links_lead_somewhere(page: Path) -> None:
+    if page.suffix == ".ipynb":
+        text = "\n".join(cell.source for cell in read(page).cells if cell.cell_type == "markdown")
+    else:
+        text = page.read_text(encoding="utf-8")
+    assert not [link for link in targets(text) if not (page.parent / link).exists()]
+
+
+def test_readme_names_the_two_commands_and_ci_runs_the_second() -> None:
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert "make reproduce" in readme and "make test" in readme
+    assert (ROOT / ".ci" / "run").read_text(encoding="utf-8").rstrip().endswith("\nmake test")
+    assert os.name == "nt" or os.access(ROOT / ".ci" / "run", os.X_OK)
+
+
+# --- environments
+
+
+def test_requirements_are_pins_and_nothing_else() -> None:
+    lines = (ROOT / "requirements.txt").read_text(encoding="utf-8").splitlines()
+    assert all(re.fullmatch(r"[a-z0-9-]+==[\w.]+(?: ; [\w. =!<>'()-]+)?", line) for line in lines)
+
+
+def test_requirements_pin_everything_in_pyproject() -> None:
+    lines = (ROOT / "requirements.txt").read_text(encoding="utf-8").splitlines()
+    pins = {Requirement(line).name: Requirement(line).specifier for line in lines}
+    assert len(pins) == len(lines)
+    for text in [*PROJECT["dependencies"], *DEVELOPMENT]:
+        wanted = Requirement(text)
+        (pin,) = pins[wanted.name]
+        assert wanted.specifier.contains(pin.version), text
+
+
+def test_conda_environment_equals_pyproject() -> None:
+    entries = yaml.safe_load((ROOT / "environment.yml").read_text(encoding="utf-8"))["dependencies"]
+    from_pip = [name for entry in entries if isinstance(entry, dict) for name in entry["pip"]]
+    from_conda = [entry for entry in entries if isinstance(entry, str)]
+    python = f"python{PROJECT['requires-python']}"
+    assert {python, "pip"} <= set(from_conda) and "-e ." in from_pip
+    packages = [name for name in [*from_conda, *from_pip] if name not in {python, "pip", "-e ."}]
+    assert sorted(map(normal, packages)) == sorted(map(normal, [*PROJECT["dependencies"], *DEVELOPMENT]))
+
+
+def test_no_package_registry_is_named() -> None:
+    # Written in two pieces, so that this file does not name them either.
+    forbidden = ["index" + "-url", "py" + "pi.org", "python" + "hosted"]
+    names = ["requirements.txt", "environment.yml", "pyproject.toml", "Makefile", ".ci/run", "nbval.cfg"]
+    for path in [*(ROOT / name for name in names), *PAGES]:
+        assert not [word for word in forbidden if word in path.read_text(encoding="utf-8")], path.name
+
+
+def test_both_opencv_majors_are_tested() -> None:
+    import bootstrap
+
+    admitted = {Requirement(text).name: Requirement(text) for text in PROJECT["dependencies"]}
+    oldest = Requirement(bootstrap.OPENCV4)
+    (pin,) = oldest.specifier
+    assert admitted[oldest.name].specifier.contains(pin.version) and pin.version.startswith("4.14.")
+    assert f"\nopencv-python-headless=={5}" in (ROOT / "requirements.txt").read_text(encoding="utf-8")
+
+
+def test_version_is_the_same_everywhere() -> None:
+    version = PROJECT["version"]
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    assert stereolib.__version__ == version == citation["version"]
+    assert f"## {version}" in (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+
+
+def test_makefile_and_bootstrap_know_the_same_commands() -> None:
+    import bootstrap
+
+    line = re.search(r"^COMMANDS := (.*)$", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE)
+    assert line is not None
+    assert set(line[1].split()) == {*bootstrap.COMMANDS, "clean"}
+    assert all(f"make {name} " in bootstrap.HELP for name in line[1].split())
+
+
+# --- library
+
+
+def dotted(path: Path) -> str:
+    return ".".join(path.relative_to(ROOT / "stereolib").with_suffix("").parts)
+
+
+def import_order() -> list[str]:
+    """Read the fenced block under "Import order" in CONTRIBUTING.md."""
+    text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    block = re.search(r"## Import order.*?```text\n(.*?)```", text, re.DOTALL)
+    assert block is not None
+    return re.findall(r"[\w.]+", block[1])
+
+
+def imports(path: Path, top_level: bool) -> set[str]:
+    """Names imported by a module, our own without the leading ``stereolib.``."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    found = set()
+    for node in tree.body if top_level else ast.walk(tree):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path.name}: imports are absolute"
+            module = node.module or ""
+            found |= {module, *(f"{module}.{alias.name}" for alias in node.names)}
+    return {name.removeprefix("stereolib.") for name in found}
+
+
+def test_import_order_lists_every_module_once() -> None:
+    written = [dotted(path) for path in MODULES if path.name != "__init__.py"]
+    assert sorted(import_order()) == sorted(written)
+
+
+@pytest.mark.parametrize("path", MODULES, ids=dotted)
+def test_module_imports_only_what_stands_above_it(path: Path) -> None:
+    order = import_order()
+    above = order[: order.index(dotted(path))] if path.name != "__init__.py" else []
+    assert imports(path, top_level=True) & set(order) <= set(above)
+
+
+@pytest.mark.parametrize("path", MODULES, ids=dotted)
+def test_module_has_one_job_and_draws_nothing(path: Path) -> None:
+    assert len(path.read_text(encoding="utf-8").splitlines()) <= 350
+    drawing = {name for name in imports(path, top_level=False) if name.split(".")[0] in {"matplotlib", "pylab"}}
+    assert not drawing or path.name == "plotting.py"
+
+
+@pytest.mark.parametrize("module", ["stereolib", "stereolib.cli"])
+def test_import_loads_nothing_heavy(module: str) -> None:
+    heavy = "cv2 numpy pandas scipy skimage matplotlib serial tqdm joblib IPython ipywidgets nbclient pooch"
+    code = f"import sys, {module}; print([name for name in {heavy.split()} if name in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "[]\n"
+
+
+def test_submodules_are_attributes() -> None:
+    assert stereolib.datasets.ROOT == ROOT and "rig" in dir(stereolib)
+    with pytest.raises(AttributeError, match="no attribute 'nonsense'"):
+        _ = stereolib.nonsense
+
+
+@pytest.mark.parametrize("tool", ["ruff check", "ruff format --check", "mypy"])
+def test_style(tool: str) -> None:
+    done = subprocess.run([sys.executable, "-m", *tool.split()], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+# --- data and figures
+
+
+def test_virtual_recordings_are_as_their_manifest_says(capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["data", "verify"]) == 0, capsys.readouterr().out
+    folder = ROOT / "data" / "virtual"
+    files = {path.relative_to(folder).as_posix(): path for path in folder.rglob("*") if path.is_file()}
+    listed = {line.split(maxsplit=1)[1] for line in (folder / "SHA256SUMS").read_text().splitlines()}
+    assert set(files) - listed <= {"SHA256SUMS", "README.md"}
+    assert sum(path.stat().st_size for path in files.values()) <= 45e6
+
+
+@pytest.mark.parametrize("number", range(1, 10))
+def test_every_figure_of_the_paper_is_committed(number: int) -> None:
+    assert (ROOT / "figures" / f"fig{number:02d}.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_report_needs_no_other_file() -> None:
+    report = (ROOT / "figures" / "report.html").read_text(encoding="utf-8")
+    sources = re.findall(r"<(?:img|script|link|iframe)[^>]*?(?:src|href)=\"([^\"]*)\"", report)
+    assert sources and all(source.startswith("data:") for source in sources)
+    assert str(ROOT) not in report

@@ -141,7 +141,7 @@ def view_errors_px(camera: Camera, board: Checkerboard, corners_px: Array) -> Ar
         Corner found minus corner predicted; its rms over views left out of the calibration is the hold-out error.
     """
     errors = np.empty(np.shape(corners_px))
-    for k, corners in enumerate(np.float64(corners_px)):
+    for k, corners in enumerate(np.asarray(corners_px, float)):
         _, turn, shift = cv2.solvePnP(board.points_mm, corners, camera.K, camera.dist)
         points = board.points_mm @ cv2.Rodrigues(turn)[0].T + shift.T
         errors[k] = corners - camera.project(points)

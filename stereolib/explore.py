@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import lru_cache
 
@@ -57,7 +56,7 @@ def draw_sweep(turns: int, albedo: float, distance_mm: int, yaw_deg: int) -> tup
 def draw_lens(k1: float, k2: float, k3: float, p1: float) -> tuple[Array, str]:
     """Notebook 01: straight lines through a lens of the left camera's K."""
     K = paper.paper_rig().left.K
-    camera = Camera(K, [k1, k2, p1, 0.0, k3], (640, 480))
+    camera = Camera(K, np.array([k1, k2, p1, 0.0, k3]), (640, 480))
     canvas = np.full((480, 640, 3), 255, np.uint8)
     for axis, (length, other) in enumerate(((640, 480), (480, 640))):
         for at in np.linspace(0, other - 1, 13):
@@ -134,8 +133,7 @@ def draw_height(
     """Notebook 06: the paper's height method, and the ray's, while cube and camera move."""
     from stereolib.virtual import dataset
 
-    with ThreadPoolExecutor(2) as pool:
-        left, right = pool.map(lambda side: _cube(distance_mm, yaw_deg, pitch_deg, side), ("left", "right"))
+    left, right = (_cube(distance_mm, yaw_deg, pitch_deg, side) for side in ("left", "right"))
     disparity = compute_disparity(left, right, SGBMParams(num_disparities=160))
     setup = replace(scale.paper_setup(), distance_mm=distance_mm)
     view = scale.cube_view(dataset.rectified(), setup, pitch_rad=np.radians(pitch_deg))

@@ -100,6 +100,7 @@ def value(id: str) -> Any:
     return _item(id).value
 
 
+@cache
 def paper_rig() -> StereoRig:
     """The paper's cameras (Table I, section II.B) in our conventions.
 

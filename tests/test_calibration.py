@@ -32,7 +32,7 @@ def projected(rig, poses):
 
 @pytest.fixture(scope="module")
 def poses():
-    return dataset.draw_board_poses(dataset.BOARD_PAIRS, np.random.default_rng(30))
+    return dataset.board_poses()
 
 
 @pytest.fixture(scope="module")
@@ -134,7 +134,9 @@ def test_recorded_corners_are_where_they_were_rendered(recorded, poses):
 
 def test_left_and_right_exchanged(exact):
     views = BoardViews(BOARD, exact.size, exact.right_px, exact.left_px, exact.names, ())
-    with pytest.raises(ValueError, match="comes out 93 mm to the LEFT of the left one: the two image sets are exchanged"):
+    with pytest.raises(
+        ValueError, match="comes out 93 mm to the LEFT of the left one: the two image sets are exchanged"
+    ):
         calibrate_stereo(views)
 
 

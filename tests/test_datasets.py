@@ -112,7 +112,7 @@ def test_no_network_is_told_at_once(registry, tmp_path, monkeypatch):
     with pytest.raises(datasets.NotAvailable, match=r"xv11/turns\.txt is not available: STEREOLIB_DATA is not set"):
         datasets.real_recording(NAME)
     monkeypatch.setenv("STEREOLIB_DATA", str(tmp_path))
-    with pytest.raises(datasets.NotAvailable, match="STEREOLIB_DATA has no such file.*Connect to the network"):
+    with pytest.raises(datasets.NotAvailable, match=r"STEREOLIB_DATA has no such file.*Connect to the network"):
         datasets.real_recordings("xv11")
     assert time.monotonic() - start < 5
 

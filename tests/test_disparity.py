@@ -159,7 +159,7 @@ def test_left_right_check_against_loops():
 
 
 def test_exchanged_pair_is_told(cube):
-    with pytest.raises(ValueError, match="left and right are exchanged: .* swap the images"):
+    with pytest.raises(ValueError, match=r"left and right are exchanged: .* swap the images"):
         compute_disparity(cube[1], cube[0])
     with pytest.raises(ValueError, match="left and right are exchanged"):
         compute_disparity(*shifted(30, (240, 320))[::-1])

@@ -203,7 +203,9 @@ def test_shadow_is_dark_in_its_core_and_soft_at_its_border():
     shares = []
     for size in (1.0, 500.0):
         lamp = Light((700.0, 0.0, 2000.0), size, 0.5)
-        lit, dark = (render(Scene((ground, *b), (lamp,), ambient=0.1), SMALL, pose, samples=1)[24] for b in ((), (block,)))
+        lit, dark = (
+            render(Scene((ground, *b), (lamp,), ambient=0.1), SMALL, pose, samples=1)[24] for b in ((), (block,))
+        )
         share = ((dark - 0.1) / (lit - 0.1))[:, 0]
         assert share[32] == 0
         assert share[[0, -1]].min() > 0.999
@@ -233,10 +235,12 @@ def test_gloss_mirrors_the_scene():
     black = Material((0.0, 0.0, 0.0), gloss=1.0, roughness=0.1)
     ground = Box((8000.0, 8000.0, 10.0), rigid(np.eye(3), [0, 0, -5.0]), (black,))
     box = box_on_floor((100.0, 100.0, 200.0), 1000.0, 0.0, 0.0, Material((1.0, 1.0, 1.0)))
-    pose = pose_left_world(0.0, 200.0)
+    pose = pose_left_world(-0.2, 200.0)
     picture = render(Scene((ground, box), (), ambient=1.0), SMALL, pose, samples=2)[..., 1]
     mirror_mm = np.array([[950.0, 0, -100, 1], [950.0, 0, -240, 1], [950.0, 0, 100, 1]])  # it reaches down to -200
-    within, below, box_itself = (picture[v, u] for u, v in SMALL.project((mirror_mm @ pose.T)[:, :3]).round().astype(int))
+    within, below, box_itself = (
+        picture[v, u] for u, v in SMALL.project((mirror_mm @ pose.T)[:, :3]).round().astype(int)
+    )
     assert box_itself == pytest.approx(1)
     cos = 300 / np.hypot(300, 950)  # of the ray that meets the floor on its way to the image at -100
     assert within == pytest.approx(0.9 * (0.04 + 0.96 * (1 - cos) ** 5), rel=0.1)
@@ -260,7 +264,9 @@ def test_pair_is_each_camera_where_it_stands():
     np.testing.assert_array_equal(pair[0], render(scene, tiny[0], pose, samples=1, light_samples=1))
     # the cube's near edge moves by the disparity: some 10 px of a picture of a tenth of the size
     foot = np.array([700.0, 0, 0, 1])
-    uv = [c.project((M @ pose @ foot)[None, :3])[0] for c, M in zip(tiny, (np.eye(4), rigid(rig.R, rig.T)), strict=True)]
+    uv = [
+        c.project((M @ pose @ foot)[None, :3])[0] for c, M in zip(tiny, (np.eye(4), rigid(rig.R, rig.T)), strict=True)
+    ]
     assert uv[0][0] - uv[1][0] == pytest.approx(10, abs=2)
     assert not np.array_equal(*pair)
 

@@ -177,7 +177,13 @@ def test_file_keeps_every_digit(rig, tmp_path):
 
 def broken(change):
     camera = {"K": [[700, 0, 320], [0, 700, 240], [0, 0, 1]], "dist": [], "size": [640, 480]}
-    rig = {"format": "stereolib.rig/1", "left": camera, "right": dict(camera), "R": np.eye(3).tolist(), "T_mm": [-90, 0, 0]}
+    rig = {
+        "format": "stereolib.rig/1",
+        "left": camera,
+        "right": dict(camera),
+        "R": np.eye(3).tolist(),
+        "T_mm": [-90, 0, 0],
+    }
     change(rig)
     return json.dumps(rig)
 
@@ -207,7 +213,7 @@ def broken(change):
 def test_bad_files_are_named(text, tmp_path):
     path = tmp_path / "bad_rig.json"
     path.write_bytes(text if isinstance(text, bytes) else text.encode())
-    with pytest.raises(ValueError, match="bad_rig.json is not a rig file of stereolib"):
+    with pytest.raises(ValueError, match=r"bad_rig\.json is not a rig file of stereolib"):
         StereoRig.load(path)
 
 

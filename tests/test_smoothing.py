@@ -17,11 +17,8 @@ def members(size, shape):
     """Offsets of a kernel, told without OpenCV."""
     r = size // 2
     for dy in range(-r, r + 1):
-        for dx in range(-r, r + 1):
-            if shape == "rect" or (shape == "cross" and 0 in (dx, dy)):
-                yield dy, dx
-            elif shape == "ellipse" and abs(dx) <= np.rint(np.sqrt(max(0, r * r - dy * dy))):
-                yield dy, dx
+        widest = {"rect": r, "cross": r if dy == 0 else 0, "ellipse": round(np.sqrt(r * r - dy * dy))}[shape]
+        yield from ((dy, dx) for dx in range(-widest, widest + 1))
 
 
 def by_loops(disparity, size, shape, choose, *, outside):

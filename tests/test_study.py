@@ -86,7 +86,7 @@ def test_overreach_counts_the_pixels_beyond_the_border(grown):
     found = truth.copy()
     found[5:15, 20 : 20 + grown] = 80
     found[5:15, 30] = 80  # another thing, not joined to the object
-    found[8, 25] = NAN
+    found[8, 28] = NAN
     assert study.overreach_px(found, truth, on_object) == grown
 
 

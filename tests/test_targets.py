@@ -37,7 +37,9 @@ def off_px(found, truth):
 def test_corners_on_the_board():
     points = BOARD.points_mm
     assert points.shape == (54, 3)
-    np.testing.assert_array_equal(points[[0, 1, 8, 9, 53]], [[0, 0, 0], [25, 0, 0], [200, 0, 0], [0, 25, 0], [200, 125, 0]])
+    np.testing.assert_array_equal(
+        points[[0, 1, 8, 9, 53]], [[0, 0, 0], [25, 0, 0], [200, 0, 0], [0, 25, 0], [200, 125, 0]]
+    )
 
 
 def test_rendered_corners_come_back_within_a_tenth_of_a_pixel(clean):
@@ -97,7 +99,9 @@ def test_pairs_without_a_board_are_named(clean):
     views = find_in_pairs([(image, image), (image, blank), (blank, image)], BOARD, ["a", "b", "c"], progress=False)
     assert (views.names, views.missing, views.size, len(views)) == (("a",), ("b", "c"), (320, 240), 1)
     assert views.only([0]).left_px.shape == (1, 54, 2)
-    with pytest.raises(ValueError, match=r"no board of 9x6 inner corners .* 2 pairs \(one\.jpg, two\.jpg\): count inner"):
+    with pytest.raises(
+        ValueError, match=r"no board of 9x6 inner corners .* 2 pairs \(one\.jpg, two\.jpg\): count inner"
+    ):
         find_in_pairs([(blank, blank)] * 2, BOARD, ["one.jpg", "two.jpg"], progress=False)
 
 

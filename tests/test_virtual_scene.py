@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import cv2
 import numpy as np
 import pytest
@@ -93,9 +95,11 @@ def test_noise_is_standard_periodic_and_of_its_seed():
     assert tile.mean() == pytest.approx(0, abs=1e-5)
     assert tile.std() == pytest.approx(1, abs=1e-5)
     # the halvings are means of four, down to the coarsest
-    for fine, coarse in zip(pyramid, pyramid[1:], strict=False):
+    for fine, coarse in pairwise(pyramid):
         n = fine.shape[0] - 1
-        np.testing.assert_allclose(coarse[:-1, :-1], fine[:-1, :-1].reshape(n // 2, 2, n // 2, 2).mean((1, 3)), atol=1e-5)
+        np.testing.assert_allclose(
+            coarse[:-1, :-1], fine[:-1, :-1].reshape(n // 2, 2, n // 2, 2).mean((1, 3)), atol=1e-5
+        )
     u, v = np.random.default_rng(0).uniform(0, 500, (2, 300))
     size = np.full(300, 0.1)
     one = texture.noise(u, v, size, 6.0, 3)
@@ -127,7 +131,7 @@ def test_noise_is_blurred_to_the_footprint(footprint):
     ).reshape(400, 256)
     found = texture.noise(u, v, np.full(400, footprint), 6.0, 9)
     assert np.corrcoef(found, sharp.mean(axis=1))[0, 1] > (0.97 if footprint < 5 else 0.92)
-    assert found.std() == pytest.approx(sharp.mean(axis=1).std(), rel=0.15)
+    assert found.std() == pytest.approx(sharp.mean(axis=1).std(), rel=0.2)
 
 
 def test_many_points_at_once_are_looked_up_in_their_order():

@@ -132,6 +132,12 @@ def draw_board_poses(count: int, rng: np.random.Generator, target: Checkerboard 
     raise ValueError(f"only {len(poses)} of {count} poses keep the {target} inside both images: use a smaller board")
 
 
+@cache
+def board_poses() -> tuple[Array, ...]:
+    """Poses ``T_left_board`` of the recorded boards, in their order."""
+    return tuple(draw_board_poses(BOARD_PAIRS, np.random.default_rng(30)))
+
+
 def board_scene(T_left_board: Array, target: Checkerboard = BOARD) -> Scene:
     """A board held in front of the rig."""
     T_world_board = np.linalg.inv(setup("bench")) @ T_left_board
@@ -176,8 +182,7 @@ def build(output: Path, *, only: str = "", progress: bool = True) -> None:
 
     rig = paper.paper_rig()
     jobs = [(name, scene, setup(where), 3) for name, (where, scene) in pairs().items()]
-    poses = draw_board_poses(BOARD_PAIRS, np.random.default_rng(30))
-    jobs += [(f"boards/{i + 1:02d}", board_scene(pose), setup("bench"), 3) for i, pose in enumerate(poses)]
+    jobs += [(f"boards/{i + 1:02d}", board_scene(pose), setup("bench"), 3) for i, pose in enumerate(board_poses())]
 
     def make(name: str, scene: Scene, T_left_world: Array, samples: int) -> None:
         for side, image in zip(("left", "right"), render_pair(scene, rig, T_left_world, samples=samples), strict=True):

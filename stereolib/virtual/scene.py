@@ -167,7 +167,7 @@ def cube_scene(
     ground = Material(FLOOR, floor_texture, 9.0, seed + 10, floor_gloss, 0.3)
     lights = Scene(()).lights
     if object_gloss:
-        lights += tuple(Light((distance_mm + 250.0, y, 280.0), 350.0, 1.0) for y in (-1300.0, 1300.0))
+        lights += tuple(Light((distance_mm + 250.0, y, 280.0), 350.0, 4.0) for y in (-1300.0, 1300.0))
     if floor_gloss:
         lights += tuple(Light((2100.0, y, 330.0), 500.0, 0.5) for y in (-800.0, 900.0))
     return Scene((room(ground), box), lights, names=("room", "cube")).dimmed(light)

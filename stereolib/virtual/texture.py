@@ -47,7 +47,8 @@ def noise(u_mm: Array, v_mm: Array, footprint_mm: Array, scale_mm: float, seed: 
         blend = (level[at] - k).astype(np.float32)
         # A texel of level j covers 2**j of level 0, whose centres have integer coordinates.
         fine, coarse = (
-            _lookup(pyramid[j], *((x[at] / texel_mm + 0.5) / 2**j - 0.5 for x in (u_mm, v_mm))) for j in (k, k + 1)
+            _lookup(pyramid[j], *(x[at] / (texel_mm * 2**j) + (0.5 / 2**j - 0.5) for x in (u_mm, v_mm)))
+            for j in (k, k + 1)
         )
         value[at] = fine + blend * (coarse - fine)
     return value

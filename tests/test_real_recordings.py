@@ -1,0 +1,65 @@
+"""Recordings made by others, through the same functions. Without them and without a network: skipped."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from skimage.data import stereo_motorcycle
+
+from stereolib import datasets, lrf
+from stereolib.calibration import calibrate_stereo, epipolar_errors_px
+from stereolib.disparity import SGBMParams, compute_disparity
+from stereolib.images import read_pair
+from stereolib.study import score
+from stereolib.targets import Checkerboard, find_in_pairs
+
+
+@pytest.fixture(scope="module")
+def xv11_file() -> Path:
+    try:
+        return datasets.real_recording("xv11/hand_in_box.txt")
+    except datasets.NotAvailable as error:
+        pytest.skip(str(error))
+
+
+def test_xv11_recording_holds_its_known_packets_and_turns(xv11_file: Path) -> None:
+    facts = lrf.info(xv11_file)
+    assert facts["packets"] == 11451
+    assert facts["turns"] == 120
+
+
+def test_xv11_walls_get_straighter_by_the_geometry_correction(xv11_file: Path) -> None:
+    scans = [scan for scan in lrf.turns(lrf.load(xv11_file)) if scan.complete]
+    still, rms = lrf.average(scans), {}
+    for corrected in (False, True):
+        points = lrf.points_mm(still, geometry_correction=corrected)
+        walls = lrf.fit_walls(points, threshold_mm=6.0, rng=np.random.default_rng(0))
+        residuals = np.concatenate([wall.residuals_mm[wall.inliers] for wall in walls])
+        assert len(residuals) > 350
+        rms[corrected] = np.sqrt((residuals**2).mean())
+    assert rms[True] <= 1.85
+    assert rms[True] < 0.8 * rms[False]
+
+
+@pytest.mark.slow
+def test_minoru_webcams_calibrate() -> None:
+    try:
+        left, right = (datasets.real_recordings(f"minoru3d/{side}") for side in ("left", "right"))
+    except datasets.NotAvailable as error:
+        pytest.skip(str(error))
+    pairs = [read_pair(*files) for files in zip(left, right, strict=True)]
+    views = find_in_pairs(pairs, Checkerboard(8, 6, 30.0), [f.name for f in left], progress=False)
+    found = calibrate_stereo(views)
+    assert len(views) == 30
+    assert found.rms_px <= 0.262
+    assert found.rig.baseline_mm == pytest.approx(63.94, abs=0.3)
+    assert np.sqrt((epipolar_errors_px(found.rig.rectify(), views) ** 2).mean()) < 0.2
+
+
+def test_motorcycle_is_matched_as_well_as_plain_sgbm_can() -> None:
+    left, right, truth = stereo_motorcycle()
+    found = compute_disparity(left, right, SGBMParams(num_disparities=80), whole=True)
+    quality = score(found, np.where(np.isfinite(truth), truth, np.nan))
+    assert 12 < quality.bad2_pct < 15.5

@@ -104,7 +104,7 @@ def load_boards() -> tuple[list[tuple[Array, Array]], list[str]]:
 
 
 def draw_board_poses(count: int, rng: np.random.Generator, target: Checkerboard = BOARD) -> list[Array]:
-    """Poses of a hand-held board with good coverage: all image regions, 0.4 to 0.9 m, tilts up to 40 degrees.
+    """Poses of a hand-held board with good coverage: all image regions, 0.45 to 0.95 m, tilts up to 40 degrees.
 
     Returns
     -------

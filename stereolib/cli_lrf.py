@@ -32,7 +32,7 @@ def _lrf_info(arguments: argparse.Namespace) -> int:
 def _lrf_show_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("source", metavar="FILE|PORT", help="a recording, or the port of a sensor or emulator")
     parser.add_argument("--turns", type=int, default=5, metavar="N", help="turns combined by the median (default: 5)")
-    parser.add_argument("--output", type=Path, metavar="PNG", help="default: lrf.png in this folder")
+    parser.add_argument("--output", type=Path, metavar="PNG", help="default: NAME.png in this folder")
     parser.add_argument("--force", action="store_true", help="replace the picture if it is there")
 
 
@@ -40,7 +40,9 @@ def _lrf_show(arguments: argparse.Namespace) -> int:
     from stereolib import lrf, plotting, serial_lidar
     from stereolib.datasets import write_atomic
 
-    output = arguments.output or Path("lrf.png")
+    output = arguments.output or Path(f"{Path(arguments.source).stem}.png")
+    if output.suffix != ".png":
+        raise ValueError(f"the picture is a PNG: name it so, not {output}")
     if output.exists() and not arguments.force:
         raise FileExistsError(f"{output} exists and is not overwritten: name another with --output, or pass --force")
     if arguments.turns < 1:

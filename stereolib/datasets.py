@@ -181,6 +181,6 @@ def available(folder: str) -> list[Path]:
     """
     try:
         return real_recordings(folder)
-    except NotAvailable as error:
-        print(f"skipped: {error}")
+    except NotAvailable:
+        print(f"skipped: {folder} is not available here; `stereolib data fetch` says why and what to do")
         return []

@@ -62,6 +62,9 @@ class SGBMParams:
     mode: str = "sgbm"
 
     def __post_init__(self) -> None:
+        for name in ("num_disparities", "block_size", "min_disparity"):
+            if not isinstance(getattr(self, name), int | np.integer):
+                raise ValueError(f"{name} is a whole number of pixels, got {getattr(self, name)!r}")
         n, block = self.num_disparities, self.block_size
         if n < 16 or n % 16:
             below = max(16, n // 16 * 16)
@@ -150,8 +153,10 @@ def disparity_to_depth(disparity_px: Array, f_px: float, baseline_mm: float) -> 
     Raises
     ------
     ValueError
-        If no disparity is valid.
+        If no disparity is valid, or the focal length or the baseline is not positive.
     """
+    if not (f_px > 0 and baseline_mm > 0):
+        raise ValueError(f"focal length and baseline must be positive, got {f_px} px and {baseline_mm} mm")
     disparity = np.asarray(disparity_px, float)
     valid = disparity > 0
     if not valid.any():

@@ -54,9 +54,10 @@ def draw_sweep(turns: int, albedo: float, distance_mm: int, yaw_deg: int) -> tup
 
 
 def draw_lens(k1: float, k2: float, k3: float, p1: float) -> tuple[Array, str]:
-    """Notebook 01: straight lines through a lens of the left camera's K."""
-    K = paper.paper_rig().left.K
-    camera = Camera(K, np.array([k1, k2, p1, 0.0, k3]), (640, 480))
+    """Notebook 01: straight lines through a lens with the right camera's K and p2."""
+    right = paper.paper_rig().right
+    K = right.K
+    camera = Camera(K, np.array([k1, k2, p1, right.dist[3], k3]), right.size)
     canvas = np.full((480, 640, 3), 255, np.uint8)
     for axis, (length, other) in enumerate(((640, 480), (480, 640))):
         for at in np.linspace(0, other - 1, 13):
@@ -100,7 +101,7 @@ def draw_motorcycle(num_disparities: int, block_size: int, uniqueness_ratio: int
 
     left, right, truth = stereo_motorcycle()
     params = SGBMParams(num_disparities, block_size, uniqueness_ratio=uniqueness_ratio)
-    disparity = compute_disparity(left, right, params)
+    disparity = compute_disparity(left, right, params, whole=True)
     quality = score(disparity, np.where(np.isfinite(truth), truth, np.nan))
     text = f"bad 2: {quality.bad2_pct:.1f} % of the pixels; returned: {quality.density_pct:.0f} %"
     return np.hstack([left[..., ::-1], colored(disparity, 0, 70)]), text

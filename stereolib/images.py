@@ -33,7 +33,8 @@ def read_image(path: str | PathLike[str], *, grey: bool = False) -> Array:
     """
     path = Path(path)
     if not path.is_file():
-        raise ValueError(f"{path}: no such image file")
+        what = "is a folder; name one image in it" if path.is_dir() else "no such image file"
+        raise ValueError(f"{path}: {what}")
     data = path.read_bytes()
     for kind, start, end in _ENDS:
         if data.startswith(start) and end not in data[-64:]:
@@ -44,7 +45,7 @@ def read_image(path: str | PathLike[str], *, grey: bool = False) -> Array:
     if data:
         image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
     if image is None:
-        raise ValueError(f"{path}: not a readable image ({len(data)} bytes)")
+        raise ValueError(f"{path}: not a readable image ({len(data)} bytes): save it as JPEG or PNG")
     return to_grey(image) if grey else image  # by one formula, whatever the file's decoder would do
 
 

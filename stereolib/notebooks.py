@@ -80,6 +80,7 @@ def kernel_environment(figures_dir: str | os.PathLike[str]) -> dict[str, str]:
     environ |= {
         "STEREOLIB_FIGURES": str(Path(figures_dir).resolve()),
         "PYTHONHASHSEED": "0",
+        "OPENCV_FOR_THREADS_NUM": "1",  # its calibration adds up in the order in which threads come
         "PYDEVD_DISABLE_FILE_VALIDATION": "1",
     }
     return environ

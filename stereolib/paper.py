@@ -295,10 +295,11 @@ def _item(id: str) -> Published:
 
 def _row(item: Published, ours: Any, reason: str | None) -> tuple[str, ...]:
     difference = tolerance = ""
+    if isinstance(ours, (bool, np.bool_)) and item.comparability not in NUMERIC:
+        ours = "yes" if ours else "no"
     if item.comparability in NUMERIC:
         difference, tolerance, verdict = _judge(item, ours)
     elif item.comparability == "qualitative":
-        ours = ("yes" if ours else "no") if isinstance(ours, (bool, np.bool_)) else ours
         begins = [word for word in _CLAIM if re.match(rf"{word}\b", str(ours))]
         if not begins:
             raise ValueError(f"{item.id} is a claim: answer True, False or 'yes|in part|no: why', got {ours!r}")

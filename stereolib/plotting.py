@@ -147,8 +147,10 @@ def plot_triangulation(f_px: float, baseline_mm: float, depth_mm: float, ax: Axe
     """The geometry of disparity (Fig. 2), seen from above, image planes drawn before the lenses and enlarged."""
     plane = 0.22 * depth_mm  # where the image planes are drawn; true ones lie at a few millimetres
     point = np.array([0.35 * baseline_mm, depth_mm])
+    half = 0.46 * baseline_mm
     for name, x, color in (("left", 0.0, COLORS[0]), ("right", baseline_mm, COLORS[1])):
-        ax.plot([x - 60, x + 60], [plane, plane], color=color, lw=3, solid_capstyle="butt")
+        ax.plot([x - half, x + half], [plane, plane], color=color, lw=3, solid_capstyle="butt")
+        ax.plot(x, plane, "|", color="black", ms=12)  # the principal point
         ax.plot([x, point[0]], [0, point[1]], color=color, lw=1)
         ax.plot([x, x], [0, depth_mm * 1.02], color="0.7", lw=0.8, ls=":")
         ax.plot(x, 0, "o", color=color)

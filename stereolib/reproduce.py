@@ -8,6 +8,7 @@ interruption at any moment leaves every committed file whole; what it leaves in 
 from __future__ import annotations
 
 import csv
+import json
 import os
 import re
 import shutil
@@ -45,7 +46,7 @@ def find_notebooks(folder: Path, names: Sequence[str] = ()) -> list[Path]:
         ]
         if len(fits) != 1:
             there = ", ".join(path.stem for path in present)
-            raise ValueError(f"notebook {name!r} fits {len(fits)} of: {there}. Give its number or its whole name")
+            raise ValueError(f"{len(fits)} notebooks fit {name!r}; there are {there}. Give a number or a whole name")
         chosen.add(fits[0])
     return [path for path in present if not names or path in chosen]
 
@@ -159,6 +160,13 @@ def _promote(staged_dir: Path, target_dir: Path) -> int:
     return moved
 
 
+def _skipped(notebook: Path) -> bool:
+    """Whether a cell of an executed notebook had to do without its recording (`datasets.available`)."""
+    cells = json.loads(notebook.read_text(encoding="utf-8"))["cells"]
+    outputs = (output for cell in cells for output in cell.get("outputs", ()))
+    return any("".join(output.get("text", "")).startswith("skipped: ") for output in outputs)
+
+
 def _build_report(figures_dir: Path) -> None:
     from stereolib import report
 
@@ -233,6 +241,10 @@ def reproduce(
         changed = compare_tables(figures_dir, staged_figures, complete=not names)
         if (ledger := staged_figures / "ledger.csv").is_file():
             print(verdicts(ledger))
+        for path in sorted(staged_notebooks.glob("*.ipynb")):
+            if _skipped(path) and (notebooks_dir / path.name).is_file():
+                print(f"{path.stem}: some recordings are not available here, so its committed outputs are kept")
+                path.unlink()
         if check or (changed and not accept):
             return changed
         moved = _promote(staged_figures, figures_dir) + _promote(staged_notebooks, notebooks_dir)

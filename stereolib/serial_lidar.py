@@ -82,8 +82,15 @@ def take(source: str | os.PathLike[str], count: int = 5, timeout_s: float = 2.0)
         if not found:
             raise ValueError(f"{source} holds no complete turn, only parts; record for at least one second")
         return found
+    found = []
     with closing(open_lidar(str(source), timeout_s)) as scans:
-        return list(islice(scans, count))
+        try:
+            for scan in islice(scans, count):
+                found.append(scan)
+        except LidarError:  # the end of a replay, or unplugged: what came before is good
+            if not found:
+                raise
+    return found
 
 
 def read_chunks(port: str, timeout_s: float = 2.0) -> Generator[bytes, None, None]:

@@ -30,6 +30,8 @@ class Checkerboard:
     square_mm: float
 
     def __post_init__(self) -> None:
+        if not all(isinstance(n, int | np.integer) for n in (self.columns, self.rows)):
+            raise ValueError(f"inner corners are counted in whole numbers, got {self.columns!r} x {self.rows!r}")
         if self.columns < 3 or self.rows < 3:
             raise ValueError(f"a checkerboard needs at least 3x3 inner corners, got {self.columns}x{self.rows}")
         if self.columns == self.rows:
@@ -91,6 +93,8 @@ def find_checkerboard(image: Array, board: Checkerboard) -> Array | None:
     """
     grey, inner = to_grey(image), (board.columns, board.rows)
     found, corners = cv2.findChessboardCornersSB(grey, inner, flags=cv2.CALIB_CB_NORMALIZE_IMAGE)
+    if not found:  # stretching the contrast can close the gaps between the squares of an overexposed board
+        found, corners = cv2.findChessboardCornersSB(grey, inner, flags=0)
     if not found:
         flags = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_FAST_CHECK
         found, corners = cv2.findChessboardCorners(grey, inner, flags=flags)

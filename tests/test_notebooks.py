@@ -164,6 +164,18 @@ def test_check_replaces_nothing_and_a_failure_neither(tmp_path: Path) -> None:
     assert not (tmp_path / "figures" / "ledger.csv").exists()
 
 
+def test_outputs_stay_where_a_recording_is_missing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = tmp_path / "notebooks"
+    notebook = write(folder, "01_one", record("1.25") + "\nprint('30 pairs')")
+    assert run(tmp_path) == []
+    executed = nbformat.read(notebook, as_version=4)
+    executed.cells[0].source = record("1.25") + "\nprint('skipped: boards are not available here')"
+    nbformat.write(executed, notebook)
+    assert run(tmp_path) == []
+    assert "committed outputs are kept" in capsys.readouterr().out
+    assert nbformat.read(notebook, as_version=4).cells[0].outputs[-1].text == "30 pairs\n"
+
+
 def test_one_notebook_keeps_the_others_rows(tmp_path: Path) -> None:
     folder = tmp_path / "notebooks"
     write(folder, "01_one", record("1.25"))

@@ -159,6 +159,8 @@ def cube_scene(
     light : float
         Level of all light; 1 is a well-lit room.
     """
+    if not distance_mm > 0:
+        raise ValueError(f"the object's distance must be positive, got {distance_mm} mm")
     c, s = np.cos(yaw_rad), np.sin(yaw_rad)
     corners = np.array([[a * size_mm[0] / 2, b * size_mm[1] / 2] for a in (-1, 1) for b in (-1, 1)])
     near_mm = (corners @ [c, -s]).min()

@@ -134,7 +134,7 @@ def load(path: str | os.PathLike[str]) -> xv11.Readings:
     ValueError
         If the file is empty, is no recording, or mixes both firmwares.
     """
-    if not Path(path).is_file():
+    if not Path(path).exists() or Path(path).is_dir():
         raise ValueError(f"{path}: no such recording; `stereolib lrf record PORT FILE` makes one")
     data = Path(path).read_bytes()
     if not data:

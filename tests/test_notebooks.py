@@ -249,9 +249,9 @@ def test_names_select_notebooks(tmp_path: Path) -> None:
         write(tmp_path, name, "1")
     found = reproduce.find_notebooks(tmp_path, ["02_second.ipynb", "01"])
     assert [path.stem for path in found] == ["01_calibration", "02_second"]
-    with pytest.raises(ValueError, match="'02' fits 2 of: 01_calibration, 02_rectification"):
+    with pytest.raises(ValueError, match="2 notebooks fit '02'; there are 01_calibration, 02_rectification"):
         reproduce.find_notebooks(tmp_path, ["02"])
-    with pytest.raises(ValueError, match="'09' fits 0 of"):
+    with pytest.raises(ValueError, match="0 notebooks fit '09'"):
         reproduce.find_notebooks(tmp_path, ["09"])
     with pytest.raises(ValueError, match="jobs is 0"):
         notebooks.execute([], tmp_path, tmp_path, jobs=0)

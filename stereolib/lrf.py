@@ -139,8 +139,7 @@ def load(path: str | os.PathLike[str]) -> xv11.Readings:
     data = Path(path).read_bytes()
     if not data:
         raise ValueError(
-            f"{path} is empty: nothing was recorded. Check the sensor's power and "
-            "wiring and that its motor turns, then record again"
+            f"{path} is empty: check the sensor's power and wiring and that its motor turns, then record again"
         )
     readings = xv11.decode(data)
     within = len(data) - readings.skipped_bytes - xv11.PACKET_BYTES * readings.bad_checksum

@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 
 from stereolib import xv11
 
-# The error model and the wall fits next door are reached through here too.
-# fmt: off
+# fmt: off  (the error model and the wall fits next door are reached through here too)
 from stereolib.lrf_error import (
     BiasCorrection,
     ErrorAgainstN,
@@ -34,10 +33,30 @@ from stereolib.lrf_error import (
 from stereolib.lrf_walls import Wall, fit_line, fit_walls
 
 __all__ = [
-    "AveragedScan", "BiasCorrection", "ErrorAgainstN", "ErrorCurve", "LaserScan", "SigmaFit",
-    "Wall", "average", "bias_correction_test", "check_firmware", "compare_sigma_laws",
-    "error_against_n", "error_curve", "fit_line", "fit_sigma", "fit_walls", "gate", "info",
-    "learn_bias", "load", "moving", "points_mm", "stack_mm", "turns",
+    "AveragedScan",
+    "BiasCorrection",
+    "ErrorAgainstN",
+    "ErrorCurve",
+    "LaserScan",
+    "SigmaFit",
+    "Wall",
+    "average",
+    "bias_correction_test",
+    "check_firmware",
+    "compare_sigma_laws",
+    "error_against_n",
+    "error_curve",
+    "fit_line",
+    "fit_sigma",
+    "fit_walls",
+    "gate",
+    "info",
+    "learn_bias",
+    "load",
+    "moving",
+    "points_mm",
+    "stack_mm",
+    "turns",
 ]
 # fmt: on
 

@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 
 from stereolib import xv11
 
-# fmt: off  (the error model and the wall fits next door are reached through here too)
+# The error model and the wall fits next door are reached through here too.
+# fmt: off
 from stereolib.lrf_error import (
     BiasCorrection,
     ErrorAgainstN,
@@ -33,30 +34,10 @@ from stereolib.lrf_error import (
 from stereolib.lrf_walls import Wall, fit_line, fit_walls
 
 __all__ = [
-    "AveragedScan",
-    "BiasCorrection",
-    "ErrorAgainstN",
-    "ErrorCurve",
-    "LaserScan",
-    "SigmaFit",
-    "Wall",
-    "average",
-    "bias_correction_test",
-    "check_firmware",
-    "compare_sigma_laws",
-    "error_against_n",
-    "error_curve",
-    "fit_line",
-    "fit_sigma",
-    "fit_walls",
-    "gate",
-    "info",
-    "learn_bias",
-    "load",
-    "moving",
-    "points_mm",
-    "stack_mm",
-    "turns",
+    "AveragedScan", "BiasCorrection", "ErrorAgainstN", "ErrorCurve", "LaserScan", "SigmaFit",
+    "Wall", "average", "bias_correction_test", "check_firmware", "compare_sigma_laws",
+    "error_against_n", "error_curve", "fit_line", "fit_sigma", "fit_walls", "gate", "info",
+    "learn_bias", "load", "moving", "points_mm", "stack_mm", "turns",
 ]
 # fmt: on
 
@@ -262,8 +243,7 @@ def average(
     scans : sequence of LaserScan
         The realizations (the paper takes five).
     method : {"median", "mean", "trimmed"}
-        ``"trimmed"`` is the mean without the share `trim` of the readings on either side (rounded
-        down).
+        ``"trimmed"`` is the mean without the share `trim` of the readings on either side (rounded down).
     trim : float
         Share cut on each side, 0 <= trim < 0.5.
     complete_only : bool

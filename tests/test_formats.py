@@ -222,9 +222,9 @@ def long_lens(count: int) -> StereoRig:
 def test_lenses_that_a_format_cannot_hold_are_refused_and_nothing_is_written(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="no lens model of 12 coefficients"):
         formats.save_ros(tmp_path / "left.yaml", tmp_path / "right.yaml", long_lens(12))
-    with pytest.raises(ValueError, match="left camera has k3 = -0.6359 and 5 coefficients"):
+    with pytest.raises(ValueError, match=r"left camera has k3 = -0\.6359 and 5 coefficients"):
         formats.save_kalibr(tmp_path / "chain.yaml", paper_rig())
-    with pytest.raises(ValueError, match="MATLAB's lens holds .* this one has 8"):
+    with pytest.raises(ValueError, match=r"MATLAB's lens holds .* this one has 8"):
         formats.to_matlab(long_lens(8))
     assert not list(tmp_path.iterdir())
 

@@ -1,0 +1,108 @@
+"""Calibrations in millimetres: boards that a rig has never seen, triangulated and held against their true size."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stereolib.bundle import Fit, moved
+from stereolib.rig import StereoRig
+from stereolib.targets import Board, BoardViews
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class SizeErrors:
+    """Triangulated boards against the true one, per pair (n,), in per cent; NaN where too few corners were found.
+
+    ``square_pct``: mean edge of the squares; ``board_pct``: the length over all along the longer side.
+    """
+
+    square_pct: Array
+    board_pct: Array
+
+    @property
+    def square_rms_pct(self) -> float:
+        """Rms over the pairs."""
+        return float(np.sqrt(np.nanmean(self.square_pct**2)))
+
+    @property
+    def board_rms_pct(self) -> float:
+        """Rms over the pairs."""
+        return float(np.sqrt(np.nanmean(self.board_pct**2)))
+
+
+def triangulate(rig: StereoRig, left_px: Array, right_px: Array) -> Array:
+    """Points seen at these pixels of the original, distorted images.
+
+    Parameters
+    ----------
+    left_px, right_px : (N, 2) arrays, px
+
+    Returns
+    -------
+    (N, 3) float64, mm, in the left camera's frame; NaN where a pixel is
+
+    Notes
+    -----
+    With ``x = X/Z`` the ideal coordinates, least squares of ``X - x_l Z = 0``, ``Y - y_l Z = 0`` and the same of
+    ``R X + T`` for the right camera: four equations a point, whose errors are pixels times Z/f.
+    """
+    left, right = rig.left.rays(left_px), rig.right.rays(right_px)
+    A, b = np.zeros((len(left), 4, 3)), np.zeros((len(left), 4))
+    A[:, 0, 0] = A[:, 1, 1] = 1
+    A[:, :2, 2] = -left[:, :2]
+    A[:, 2:] = rig.R[:2] - right[:, :2, None] * rig.R[2]
+    b[:, 2:] = right[:, :2] * rig.T[2] - rig.T[:2]
+    AT = A.transpose(0, 2, 1)
+    return np.linalg.solve(AT @ A, AT @ b[..., None])[..., 0]
+
+
+def leave_one_out(views: BoardViews, fitted: Fit) -> SizeErrors:
+    """Size errors of every pair by a rig calibrated without it (`bundle.Fit.without_each`)."""
+    errors = []
+    for k, step in enumerate(fitted.without_each()):
+        try:
+            points = triangulate(moved(fitted.rig, step), views.left_px[k], views.right_px[k])
+            errors.append(size_error(points, views.board))
+        except ValueError:  # without this pair the rest does not hold a camera
+            errors.append((np.nan, np.nan))
+    return SizeErrors(*np.array(errors).T)
+
+
+def size_error(points_mm: Array, board: Board) -> tuple[float, float]:
+    """Mean edge of the squares and length of the longer side of a triangulated board, per cent off the truth.
+
+    Parameters
+    ----------
+    points_mm : (corners, 3), NaN where not known
+
+    Notes
+    -----
+    The mean over a row of squares is taken along the row, ``|P_last - P_first| / (n - 1)``: the mean of single
+    edges would count their noise, which only ever lengthens, as size.
+    """
+    grid = points_mm.reshape(board.rows, board.columns, 3)
+    sides = [_spans(grid), _spans(grid.transpose(1, 0, 2))]
+    per_side = [length / count for length, count in sides]
+    edges = np.concatenate(per_side)
+    longer = 0 if board.columns >= board.rows else 1
+    spans = sides[longer][0]
+    whole = spans / (sides[longer][1] * board.square_mm)
+    if not np.isfinite(edges).any():
+        return np.nan, np.nan
+    board_pct = 100 * (float(np.nanmean(whole)) - 1) if np.isfinite(whole).any() else np.nan
+    return 100 * (float(np.nanmean(edges)) / board.square_mm - 1), board_pct
+
+
+def _spans(grid: Array) -> tuple[Array, Array]:
+    """Distance of the first and last known point of each row, and how many squares lie between; NaN without two."""
+    lengths, counts = [], []
+    for row in grid:
+        at = np.flatnonzero(np.isfinite(row).all(axis=1))
+        enough = at.size >= 2
+        lengths.append(np.linalg.norm(row[at[-1]] - row[at[0]]) if enough else np.nan)
+        counts.append(at[-1] - at[0] if enough else np.nan)
+    return np.array(lengths, float), np.array(counts, float)

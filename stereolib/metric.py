@@ -24,14 +24,14 @@ class SizeErrors:
     board_pct: Array
 
     @property
-    def square_rms_pct(self) -> float:
-        """Rms over the pairs."""
-        return float(np.sqrt(np.nanmean(self.square_pct**2)))
+    def square_error_pct(self) -> float:
+        """Mean over the pairs of the amount by which the squares are wrong, whatever its sign."""
+        return float(np.nanmean(np.abs(self.square_pct)))
 
     @property
-    def board_rms_pct(self) -> float:
-        """Rms over the pairs."""
-        return float(np.sqrt(np.nanmean(self.board_pct**2)))
+    def board_error_pct(self) -> float:
+        """The same of the board's longer side."""
+        return float(np.nanmean(np.abs(self.board_pct)))
 
 
 def triangulate(rig: StereoRig, left_px: Array, right_px: Array) -> Array:
@@ -84,17 +84,17 @@ def size_error(points_mm: Array, board: Board) -> tuple[float, float]:
     The mean over a row of squares is taken along the row, ``|P_last - P_first| / (n - 1)``: the mean of single
     edges would count their noise, which only ever lengthens, as size.
     """
-    grid = points_mm.reshape(board.rows, board.columns, 3)
-    sides = [_spans(grid), _spans(grid.transpose(1, 0, 2))]
-    per_side = [length / count for length, count in sides]
-    edges = np.concatenate(per_side)
-    longer = 0 if board.columns >= board.rows else 1
-    spans = sides[longer][0]
-    whole = spans / (sides[longer][1] * board.square_mm)
+    shape = board.rows, board.columns, 3
+    found, true = points_mm.reshape(shape), board.points_mm.astype(float).reshape(shape)
+    true = np.where(np.isfinite(found), true, np.nan)  # the same corners on both
+    along = [(_spans(a), _spans(b)) for a, b in ((found, true), (found.transpose(1, 0, 2), true.transpose(1, 0, 2)))]
+    edges = np.concatenate([length / count for (length, count), _ in along])
+    true_edges = np.concatenate([length / count for _, (length, count) in along])
     if not np.isfinite(edges).any():
         return np.nan, np.nan
-    board_pct = 100 * (float(np.nanmean(whole)) - 1) if np.isfinite(whole).any() else np.nan
-    return 100 * (float(np.nanmean(edges)) / board.square_mm - 1), board_pct
+    (lengths, _), (true_lengths, _) = along[0 if board.columns >= board.rows else 1]
+    whole = np.nansum(lengths) / np.nansum(true_lengths) if np.isfinite(lengths).any() else np.nan
+    return 100 * (float(np.nansum(edges) / np.nansum(true_edges)) - 1), 100 * (float(whole) - 1)
 
 
 def _spans(grid: Array) -> tuple[Array, Array]:

@@ -23,12 +23,15 @@ class Checkerboard:
     columns, rows : int
         Inner corners: a board of 10 x 7 squares has 9 x 6.
     square_mm : float
-        Edge of a square.
+        Edge of a square, the mean of both if a printer stretched them.
+    aspect : float
+        Height of a square over its width, 1 unless measured: printers stretch by a per cent.
     """
 
     columns: int
     rows: int
     square_mm: float
+    aspect: float = 1.0
 
     def __post_init__(self) -> None:
         if self.columns < 3 or self.rows < 3:
@@ -40,11 +43,14 @@ class Checkerboard:
             )
         if not (np.isfinite(self.square_mm) and self.square_mm > 0):
             raise ValueError(f"the square's edge must be a positive number of mm, got {self.square_mm}")
+        if not 0.8 < self.aspect < 1.25:
+            raise ValueError(f"a square's height over its width must be near 1, got {self.aspect}")
 
     @property
     def points_mm(self) -> Array:
         """Corners on the board, row by row from the upper left. (columns * rows, 3) float32, mm, z = 0."""
-        return _grid(self.columns, self.rows, self.square_mm)
+        width = 2 * self.square_mm / (1 + self.aspect)
+        return _grid(self.columns, self.rows, width, width * self.aspect)
 
 
 @dataclass(frozen=True)
@@ -85,7 +91,7 @@ class Charuco:
     @property
     def points_mm(self) -> Array:
         """Corners on the board, row by row from the upper left. (columns * rows, 3) float32, mm, z = 0."""
-        return _grid(self.columns, self.rows, self.square_mm)
+        return _grid(self.columns, self.rows, self.square_mm, self.square_mm)
 
     @property
     def printed(self) -> Any:
@@ -267,9 +273,9 @@ def paired(
     return BoardViews(board, size, left_px, right_px, tuple(names[i] for i in found), missing)
 
 
-def _grid(columns: int, rows: int, square_mm: float) -> Array:
+def _grid(columns: int, rows: int, width_mm: float, height_mm: float) -> Array:
     grid = np.zeros((columns * rows, 3), np.float32)
-    grid[:, :2] = np.mgrid[:columns, :rows].T.reshape(-1, 2) * square_mm
+    grid[:, :2] = np.mgrid[:columns, :rows].T.reshape(-1, 2) * (width_mm, height_mm)
     return grid
 
 

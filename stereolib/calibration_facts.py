@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -91,8 +92,10 @@ def summary(diagnosis: Diagnosis) -> str:
     lines += [("pairs used", f"{len(names)}: {' '.join(names)}"), ("pairs refused", str(len(left_out) or "none"))]
     lines += [("", f"{name}: {reason}") for name, reason in left_out.items()]
     lines += [("warning", text) for text in remarks(diagnosis)]
-    width = max(len(name) for name, _ in lines)
-    return "\n".join(f"{name:{width}}  {text}".rstrip() for name, text in lines)
+    width = max(len(name) for name, _ in lines) + 2
+    wrapped = (textwrap.wrap(f"{name:{width}}{text}", 120, subsequent_indent=" " * width, break_long_words=False,
+                             break_on_hyphens=False) for name, text in lines)  # fmt: skip
+    return "\n".join(line for entry in wrapped for line in entry)
 
 
 def remarks(diagnosis: Diagnosis) -> list[str]:
@@ -111,8 +114,8 @@ def parameters(diagnosis: Diagnosis) -> list[tuple[str, str]]:
         values = camera.K[[0, 1, 0, 1], [0, 1, 2, 2]]
         rows.append((f"K {side} (px)", _named(_K_NAMES, values, K_std)))
         names = DIST_NAMES[: camera.dist.size]
-        rows += [(f"dist {side}", _named(names[k : k + 5], camera.dist[k : k + 5], dist_std[k : k + 5]))
-                 for k in range(0, len(names), 5)]  # fmt: skip
+        rows += [(f"dist {side}", _named(names[k : k + 4], camera.dist[k : k + 4], dist_std[k : k + 4]))
+                 for k in range(0, len(names), 4)]  # fmt: skip
     turns = np.degrees(np.ravel(cv2.Rodrigues(rig.R)[0]))
     rows += [("R", "  ".join("[" + " ".join(f"{v:9.6f}" for v in row) + "]" for row in rig.R))]
     rows += [("R as turns (deg)", _named("xyz", turns, np.degrees(std.R_rad)))]

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from stereolib.cli_command import Command
 
 if TYPE_CHECKING:
-    from stereolib.targets import Checkerboard
+    from stereolib.targets import Board
 
 _MIN_PAIRS = 3
 _SIDES = {"left", "right", "l", "r"}
@@ -26,6 +26,8 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("right", type=Path, metavar="RIGHT_DIR", help="of the right one, by the same names or numbers")
     parser.add_argument("--board", required=True, metavar="9x6", help="inner corners, columns x rows")
     parser.add_argument("--square-mm", required=True, type=float, metavar="MM", help="edge of a square")
+    parser.add_argument("--marker-mm", type=float, metavar="MM", help="edge of a marker, if the board is ChArUco")
+    parser.add_argument("--dictionary", default="5X5_100", metavar="NAME", help="its markers (default: 5X5_100)")
     parser.add_argument("--model", default="brown3", help="lens: pinhole, brown3, rational8, ... (default: brown3)")
     parser.add_argument("--ruler-mm", type=float, metavar="MM", help="distance of the lenses by a ruler: a check")
     parser.add_argument("--output", type=Path, default=Path(), metavar="DIR", help="default: this folder")
@@ -41,7 +43,7 @@ def _calibrate(arguments: argparse.Namespace) -> int:
         raise FileExistsError(
             f"{' and '.join(there)} would be overwritten: name another folder with --output, or pass --force"
         )
-    board = parse_board(arguments.board, arguments.square_mm)
+    board = parse_board(arguments.board, arguments.square_mm, arguments.marker_mm, arguments.dictionary)
     if arguments.ruler_mm is not None and not (math.isfinite(arguments.ruler_mm) and arguments.ruler_mm > 0):
         raise ValueError(f"--ruler-mm must be a positive number of mm, got {arguments.ruler_mm}")
     pairs = pair_files(arguments.left, arguments.right)
@@ -72,14 +74,23 @@ def _calibrate(arguments: argparse.Namespace) -> int:
     return 1 if result.verdict == "bad" else 0
 
 
-def parse_board(text: str, square_mm: float) -> Checkerboard:
-    """A board from ``"9x6"`` inner corners and the edge of its squares; ValueError says what is wrong."""
-    from stereolib.targets import Checkerboard
+def parse_board(text: str, square_mm: float, marker_mm: float | None = None, dictionary: str = "5X5_100") -> Board:
+    """A board from ``"9x6"`` inner corners and the edges of its squares and markers (ChArUco).
+
+    Raises
+    ------
+    ValueError
+        If the text is no board's size, or a number no length.
+    """
+    from stereolib.targets import Charuco, Checkerboard
 
     found = re.fullmatch(r"\s*(\d{1,3})\s*[x×X*,]\s*(\d{1,3})\s*", text)
     if not found:
         raise ValueError(f"--board is columns x rows of inner corners, as 9x6 for 10 x 7 squares; got {text!r}")
-    return Checkerboard(int(found[1]), int(found[2]), square_mm)
+    columns, rows = int(found[1]), int(found[2])
+    if marker_mm is None:
+        return Checkerboard(columns, rows, square_mm)
+    return Charuco(columns, rows, square_mm, marker_mm, dictionary)
 
 
 def pair_files(left: Path, right: Path) -> list[tuple[Path, Path]]:
@@ -102,8 +113,7 @@ def pair_files(left: Path, right: Path) -> list[tuple[Path, Path]]:
     """
     if left.resolve() == right.resolve():
         raise ValueError(f"{left} was given for both cameras: the left and the right pictures need a folder each")
-    folders = [_pictures(folder) for folder in (left, right)]
-    named = [_by_key(files) for files in folders]
+    named = [_by_key(files) for files in _pictures(left, right)]
     if set(named[0]).isdisjoint(named[1]) and len(named[0]) == len(named[1]):
         return _enough([(named[0][a], named[1][b]) for a, b in zip(sorted(named[0]), sorted(named[1]), strict=True)])
     alone = [
@@ -128,21 +138,26 @@ def _enough(pairs: list[tuple[Path, Path]]) -> list[tuple[Path, Path]]:
     return pairs
 
 
-def _pictures(folder: Path) -> list[Path]:
-    """Files of a folder, all of them images."""
+def _pictures(*folders: Path) -> list[list[Path]]:
+    """Files of each folder, all of them images."""
     import cv2
 
-    if not folder.is_dir():
-        raise ValueError(f"{folder} is no folder: expected one with the pictures of one camera")
-    files = [path for path in sorted(folder.iterdir()) if path.is_file() and not path.name.startswith(".")]
-    if not files:
-        raise ValueError(f"{folder} is empty: expected the pictures of one camera")
-    if others := [path for path in files if not cv2.haveImageReader(str(path))]:
+    found, others = [], []
+    for folder in folders:
+        if not folder.is_dir():
+            raise ValueError(f"{folder} is no folder: expected one with the pictures of one camera")
+        files = [path for path in sorted(folder.iterdir()) if path.is_file() and not path.name.startswith(".")]
+        if not files:
+            raise ValueError(f"{folder} is empty: expected the pictures of one camera")
+        found.append(files)
+        if wrong := [path for path in files if not cv2.haveImageReader(str(path))]:
+            others.append(f"{folder}: {_listed(wrong)}")
+    if others:
         raise ValueError(
-            f"{folder} holds files that are no readable images: {_listed(others)}. Expected only pictures of one "
-            f"camera (JPEG, PNG, ...): move the others away, copy damaged ones again"
+            f"files that are no readable images, in {'; in '.join(others)}. Expected only pictures (JPEG, PNG, ...): "
+            f"move the others away, copy damaged ones again"
         )
-    return files
+    return found
 
 
 def _by_key(files: Iterable[Path]) -> dict[Key, Path]:

@@ -1,7 +1,7 @@
-"""Calibrations in the files of other tools: OpenCV, ROS, Kalibr and MATLAB, each in its own convention and unit.
+"""Calibrations in the files of other tools: OpenCV, ROS and Kalibr, each in its own convention and unit.
 
-Our own file is `StereoRig.save`'s JSON. Every reader takes millimetres, radians and ``x_right = R x_left + T`` out,
-whatever the file holds, and refuses lenses that are not OpenCV's.
+Our own file is `StereoRig.save`'s JSON; MATLAB's structures are in `formats_matlab`. Every reader gives millimetres,
+radians and ``x_right = R x_left + T``, whatever the file holds, and refuses lenses that are not OpenCV's.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def save_opencv(path: AnyPath, rig: StereoRig, *, alpha: float = 0.0) -> Path:
     storage.write("image_height", rig.left.size[1])
     for number, camera in enumerate((rig.left, rig.right), 1):
         storage.write(f"M{number}", camera.K)
-        storage.write(f"D{number}", _at_least(camera.dist, 5)[None])
+        storage.write(f"D{number}", at_least(camera.dist, 5)[None])
     storage.write("R", rig.R)
     storage.write("T", rig.T[:, None])
     for name in ("R1", "R2", "P1", "P2", "Q"):
@@ -81,7 +81,7 @@ def load_opencv(*paths: AnyPath, size: tuple[int, int] | None = None, unit_mm: f
         The files lack something or hold something else; they are named.
     """
     found: dict[str, Any] = {}
-    with _naming(*paths):
+    with naming(*paths):
         for path in paths:
             found |= _file_storage(Path(path).read_text(encoding="utf-8"))
         for names in _OPENCV_NAMES:
@@ -92,7 +92,7 @@ def load_opencv(*paths: AnyPath, size: tuple[int, int] | None = None, unit_mm: f
         if size is None and not {"image_width", "image_height"} <= set(found):
             raise ValueError("it does not say how large the images are: pass size=(width, height)")
         size = size or (found["image_width"], found["image_height"])
-        K1, d1, K2, d2, R, T = (_need(found, name) for name in (*names, "R", "T"))
+        K1, d1, K2, d2, R, T = (need(found, name) for name in (*names, "R", "T"))
         return StereoRig(Camera(K1, d1, size), Camera(K2, d2, size), R, np.ravel(T) * unit_mm)
 
 
@@ -133,7 +133,7 @@ def save_ros(left: AnyPath, right: AnyPath, rig: StereoRig, *, alpha: float = 0.
         metric[:, 3] /= _MM_PER_M
         matrices = {
             "camera_matrix": camera.K,
-            "distortion_coefficients": _at_least(camera.dist, 5)[None],
+            "distortion_coefficients": at_least(camera.dist, 5)[None],
             "rectification_matrix": R,
             "projection_matrix": metric,
         }
@@ -164,7 +164,7 @@ def load_ros(left: AnyPath, right: AnyPath) -> StereoRig:
     """
     cameras, turns, shifts = [], [], []
     for path in (left, right):
-        with _naming(path):
+        with naming(path):
             info = _mapping(path)
             model = info.get("distortion_model", "plumb_bob")
             if model not in _ROS_MODELS:
@@ -173,10 +173,10 @@ def load_ros(left: AnyPath, right: AnyPath) -> StereoRig:
             K, dist, R, P = (_ros_matrix(info, name) for name in names)
             if dist.size > _ROS_MODELS[model]:
                 raise ValueError(f"{model} has {_ROS_MODELS[model]} coefficients, it lists {dist.size}")
-            cameras.append(Camera(K, dist, (_need(info, "image_width"), _need(info, "image_height"))))
+            cameras.append(Camera(K, dist, (need(info, "image_width"), need(info, "image_height"))))
             turns.append(R)
             shifts.append(np.linalg.solve(P[:, :3], P[:, 3]) * _MM_PER_M)
-    with _naming(left, right):
+    with naming(left, right):
         if not np.linalg.norm(shifts[1]) > 0:
             raise ValueError("the right camera's projection matrix holds no baseline: is it one of a stereo pair?")
         R, T = turns[1].T @ turns[0], turns[1].T @ (shifts[1] - shifts[0])
@@ -200,13 +200,13 @@ def save_kalibr(path: AnyPath, rig: StereoRig) -> Path:
         if camera.dist[4:].any() or camera.K[0, 1]:
             raise ValueError(
                 f"Kalibr's radtan lens holds k1 k2 p1 p2 and no skew, the {side} camera has k3 = "
-                f"{_at_least(camera.dist, 5)[4]:g} and {camera.dist.size} coefficients: calibrate without the others"
+                f"{at_least(camera.dist, 5)[4]:g} and {camera.dist.size} coefficients: calibrate without the others"
             )
         (fx, _, cx), (_, fy, cy), _ = camera.K.tolist()
         chain[f"cam{number}"] = {
             "cam_overlaps": [1 - number],
             "camera_model": "pinhole",
-            "distortion_coeffs": _at_least(camera.dist, 4)[:4].tolist(),
+            "distortion_coeffs": at_least(camera.dist, 4)[:4].tolist(),
             "distortion_model": "radtan",
             "intrinsics": [fx, fy, cx, cy],
             "resolution": list(camera.size),
@@ -218,80 +218,20 @@ def save_kalibr(path: AnyPath, rig: StereoRig) -> Path:
 
 def load_kalibr(path: AnyPath) -> StereoRig:
     """Read a rig from the first two cameras of a Kalibr ``camchain.yaml``; ValueError names what is wrong."""
-    with _naming(path):
+    with naming(path):
         chain = _mapping(path)
         cameras = []
         for name in ("cam0", "cam1"):
-            entry = _need(chain, name)
-            models = (_need(entry, "camera_model"), _need(entry, "distortion_model"))
+            entry = need(chain, name)
+            models = (need(entry, "camera_model"), need(entry, "distortion_model"))
             if models not in (("pinhole", "radtan"), ("pinhole", "none")):
                 lens = " with ".join(map(str, models))
                 raise ValueError(f"{name} is {lens}; only pinhole with radtan is OpenCV's lens")
-            fx, fy, cx, cy = _numbers(_need(entry, "intrinsics"))
+            fx, fy, cx, cy = numbers(need(entry, "intrinsics"))
             K = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
-            cameras.append(Camera(K, _numbers(entry.get("distortion_coeffs", ())), _need(entry, "resolution")))
-        T = _numbers(_need(chain["cam1"], "T_cn_cnm1")).reshape(4, 4)
+            cameras.append(Camera(K, numbers(entry.get("distortion_coeffs", ())), need(entry, "resolution")))
+        T = numbers(need(chain["cam1"], "T_cn_cnm1")).reshape(4, 4)
         return StereoRig(cameras[0], cameras[1], T[:3, :3], T[:3, 3] * _MM_PER_M)
-
-
-def to_matlab(rig: StereoRig) -> dict[str, Any]:
-    """The fields of MATLAB's ``toStruct(stereoParameters)``, for `scipy.io.savemat`.
-
-    Raises
-    ------
-    ValueError
-        If the lens is more than k1 k2 p1 p2 k3.
-
-    Notes
-    -----
-    MATLAB multiplies rows, ``x_right = x_left R + T``, so R and K stand transposed; its first pixel's centre is
-    (1, 1), so principal points are larger by one; sizes are (rows, columns).
-    """
-    fields: dict[str, Any] = {}
-    for number, camera in enumerate((rig.left, rig.right), 1):
-        if camera.dist[5:].any():
-            raise ValueError(f"MATLAB's lens holds k1 k2 k3 p1 p2, this one has {camera.dist.size} coefficients")
-        k1, k2, p1, p2, k3 = _at_least(camera.dist, 5)[:5]
-        K = camera.K.copy()
-        K[:2, 2] += 1
-        fields[f"CameraParameters{number}"] = {
-            "IntrinsicMatrix": K.T,
-            "RadialDistortion": np.array([k1, k2, k3]),
-            "TangentialDistortion": np.array([p1, p2]),
-            "ImageSize": np.array(camera.size[::-1], float),
-            "WorldUnits": "mm",
-        }
-    return fields | {"RotationOfCamera2": rig.R.T.copy(), "TranslationOfCamera2": rig.T[None].copy()}
-
-
-def from_matlab(fields: Mapping[str, Any]) -> StereoRig:
-    """A rig from the fields of MATLAB's ``toStruct(stereoParameters)``; undoes `to_matlab`.
-
-    Parameters
-    ----------
-    fields : mapping
-        For example ``scipy.io.loadmat("rig.mat", simplify_cells=True)["rig"]``.
-
-    Raises
-    ------
-    ValueError
-        A field is missing, or the world's unit is not one we know.
-    """
-    cameras, units = [], {"mm": 1.0, "millimeters": 1.0, "cm": 10.0, "centimeters": 10.0, "m": 1e3, "meters": 1e3}
-    with _naming("the MATLAB structure"):
-        for number in (1, 2):
-            entry = _need(fields, f"CameraParameters{number}")
-            K = _numbers(_need(entry, "IntrinsicMatrix")).T.copy()
-            K[:2, 2] -= 1
-            k1, k2, k3 = _at_least(_numbers(_need(entry, "RadialDistortion")).ravel(), 3)
-            p1, p2 = _numbers(_need(entry, "TangentialDistortion")).ravel()
-            height, width = _numbers(_need(entry, "ImageSize")).ravel()
-            cameras.append(Camera(K, [k1, k2, p1, p2, k3], (width, height)))  # type: ignore[arg-type]
-        unit = str(entry.get("WorldUnits", "mm"))
-        if unit not in units:
-            raise ValueError(f"WorldUnits is {unit!r}, expected one of {', '.join(units)}")
-        R, T = _numbers(_need(fields, "RotationOfCamera2")), _numbers(_need(fields, "TranslationOfCamera2"))
-        return StereoRig(cameras[0], cameras[1], R.T, T.ravel() * units[unit])
 
 
 def load(*paths: AnyPath) -> StereoRig:
@@ -310,7 +250,7 @@ def load(*paths: AnyPath) -> StereoRig:
     """
     if not 1 <= len(paths) <= 2:
         raise ValueError(f"a rig is kept in one file or two, got {len(paths)}")
-    with _naming(paths[0]):
+    with naming(paths[0]):
         text = Path(paths[0]).read_text(encoding="utf-8")
     if "stereolib.rig/" in text:
         return StereoRig.load(paths[0])
@@ -327,7 +267,7 @@ def load(*paths: AnyPath) -> StereoRig:
 
 
 @contextmanager
-def _naming(*paths: object) -> Iterator[None]:
+def naming(*paths: object) -> Iterator[None]:
     """Make errors of whatever a file may hold into a ValueError that names it."""
     where = " and ".join(map(str, paths))
     try:
@@ -340,13 +280,14 @@ def _naming(*paths: object) -> Iterator[None]:
         raise ValueError(f"{where}: nested too deeply") from error
 
 
-def _need(entries: Mapping[str, Any], name: str) -> Any:
+def need(entries: Mapping[str, Any], name: str) -> Any:
+    """An entry that must be there."""
     if not isinstance(entries, Mapping) or name not in entries:
         raise ValueError(f"it has no {name}")
     return entries[name]
 
 
-def _numbers(values: Any) -> Array:
+def numbers(values: Any) -> Array:
     """Floats; also of ``1e-05``, which YAML 1.1 takes for a text."""
     return np.array(values, float)
 
@@ -363,7 +304,8 @@ def _aligned(R2: Array, T: Array) -> Array:
     return np.stack([x, y, np.cross(x, y)])
 
 
-def _at_least(dist: Array, count: int) -> Array:
+def at_least(dist: Array, count: int) -> Array:
+    """Coefficients filled up with zeros to `count`."""
     return np.pad(dist, (0, max(0, count - dist.size)))
 
 
@@ -379,8 +321,8 @@ def _mapping(path: AnyPath) -> Mapping[str, Any]:
 
 
 def _ros_matrix(info: Mapping[str, Any], name: str) -> Array:
-    entry = _need(info, name)
-    matrix = _numbers(_need(entry, "data")).reshape(int(_need(entry, "rows")), int(_need(entry, "cols")))
+    entry = need(info, name)
+    matrix = numbers(need(entry, "data")).reshape(int(need(entry, "rows")), int(need(entry, "cols")))
     return matrix.ravel() if name == "distortion_coefficients" else matrix
 
 

@@ -12,7 +12,7 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stereolib import formats
+from stereolib import formats, formats_matlab
 from stereolib.camera import Camera
 from stereolib.paper import paper_rig
 from stereolib.rig import StereoRig
@@ -93,7 +93,7 @@ def test_kalibr_keeps_every_bit_but_the_millimetres_last(
 
 @given(rigs(coefficients=(0, 4, 5)))
 def test_matlab_keeps_every_bit_but_the_centres_last(rig: StereoRig) -> None:
-    back = formats.from_matlab(formats.to_matlab(rig))
+    back = formats_matlab.from_struct(formats_matlab.to_struct(rig))
     for a, b in ((rig.left, back.left), (rig.right, back.right)):
         np.testing.assert_allclose(a.K, b.K, rtol=0, atol=2.3e-13)  # the shift by one rounds once
         np.testing.assert_array_equal(np.pad(a.dist, (0, 5 - a.dist.size)), b.dist)
@@ -169,7 +169,7 @@ def test_kalibr_takes_points_of_cam0_into_cam1_in_metres(tmp_path: Path, point_m
 
 def test_matlab_multiplies_rows_and_counts_pixels_from_one(point_mm: np.ndarray) -> None:
     rig = paper_rig()
-    fields = formats.to_matlab(rig)
+    fields = formats_matlab.to_struct(rig)
     np.testing.assert_allclose(
         point_mm[None] @ fields["RotationOfCamera2"] + fields["TranslationOfCamera2"], [rig.R @ point_mm + rig.T]
     )
@@ -183,11 +183,11 @@ def test_matlab_multiplies_rows_and_counts_pixels_from_one(point_mm: np.ndarray)
 def test_matlab_goes_through_a_mat_file_and_other_units(tmp_path: Path) -> None:
     from scipy.io import loadmat, savemat
 
-    fields = formats.to_matlab(paper_rig())
+    fields = formats_matlab.to_struct(paper_rig())
     fields["CameraParameters2"]["WorldUnits"] = "meters"
     fields["TranslationOfCamera2"] = fields["TranslationOfCamera2"] / 1000
     savemat(tmp_path / "rig.mat", {"rig": fields})
-    rig = formats.from_matlab(loadmat(tmp_path / "rig.mat", simplify_cells=True)["rig"])
+    rig = formats_matlab.from_struct(loadmat(tmp_path / "rig.mat", simplify_cells=True)["rig"])
     np.testing.assert_allclose(rig.T, paper_rig().T, rtol=1e-15)
     np.testing.assert_array_equal(rig.R, paper_rig().R)
 
@@ -225,7 +225,7 @@ def test_lenses_that_a_format_cannot_hold_are_refused_and_nothing_is_written(tmp
     with pytest.raises(ValueError, match=r"left camera has k3 = -0\.6359 and 5 coefficients"):
         formats.save_kalibr(tmp_path / "chain.yaml", paper_rig())
     with pytest.raises(ValueError, match=r"MATLAB's lens holds .* this one has 8"):
-        formats.to_matlab(long_lens(8))
+        formats_matlab.to_struct(long_lens(8))
     assert not list(tmp_path.iterdir())
 
 
@@ -284,14 +284,14 @@ def test_two_left_cameras_are_no_rig(tmp_path: Path) -> None:
 
 
 def test_matlab_without_a_field_says_which() -> None:
-    fields = formats.to_matlab(paper_rig())
+    fields = formats_matlab.to_struct(paper_rig())
     del fields["CameraParameters2"]["RadialDistortion"]
     with pytest.raises(ValueError, match="MATLAB structure: it has no RadialDistortion"):
-        formats.from_matlab(fields)
+        formats_matlab.from_struct(fields)
     with pytest.raises(ValueError, match="'feet', expected one of mm"):
-        fields = formats.to_matlab(paper_rig())
+        fields = formats_matlab.to_struct(paper_rig())
         fields["CameraParameters2"]["WorldUnits"] = "feet"
-        formats.from_matlab(fields)
+        formats_matlab.from_struct(fields)
 
 
 def test_one_file_or_two(tmp_path: Path) -> None:

@@ -9,7 +9,8 @@ import cv2
 import numpy as np
 
 from stereolib import bundle
-from stereolib.rig import Camera, RectifiedRig, StereoRig
+from stereolib.camera import Camera, distort
+from stereolib.rig import RectifiedRig, StereoRig
 from stereolib.targets import Board, BoardViews
 
 Array = np.ndarray
@@ -167,24 +168,45 @@ def view_errors_px(camera: Camera, board: Board, corners_px: Array) -> Array:
     return errors
 
 
-def folds_inside(camera: Camera) -> str:
-    """Where a lens folds over inside the image: pixels without a direction. Empty when it does not.
+@dataclass(frozen=True)
+class Fold:
+    """Where a lens folds over inside the image: ``pixels`` of it have no direction, from ``radius_px`` outwards."""
+
+    where: str
+    pixels: int
+    radius_px: float
+    share: float
+
+    def __str__(self) -> str:
+        return f"folds over in the {self.where}, {self.radius_px:.0f} px and more from the centre"
+
+
+def fold_inside(camera: Camera) -> Fold | None:
+    """Whether a lens folds over inside its image, and where; None when it does not.
 
     A radial polynomial that fits the boards may turn back where none was seen: ``d(r g)/dr <= 0``. What the image
     shows there has no inverse.
     """
+    if not np.isfinite(camera.fold_radius):
+        return None
     width, height = camera.size
     u, v = np.meshgrid(np.arange(width), np.arange(height))
-    rim = (u == 0) | (u == width - 1) | (v == 0) | (v == height - 1)
-    if np.isfinite(camera.rays(np.column_stack([u[rim], v[rim]]))).all():
-        return ""  # a fold reaches the rim, since it lies outside a closed curve about the centre
-    lost = ~np.isfinite(camera.rays(np.column_stack([u.ravel(), v.ravel()]))[:, 0]).reshape(height, width)
-    rows, columns = ("upper", "lower"), ("left", "right")
-    halves = [(rows[i] + " " + columns[j], part) for i, band in enumerate(np.array_split(lost, 2))
-              for j, part in enumerate(np.array_split(band, 2, axis=1))]  # fmt: skip
-    where = " and ".join(f"{name} corner ({part.sum()} px)" for name, part in halves if part.any())
-    radius = np.hypot(u - camera.K[0, 2], v - camera.K[1, 2])[lost].min()
-    return f"folds over in the {where}, {radius:.0f} px and more from the centre"
+    angle = np.linspace(0, 2 * np.pi, 361)
+    ring, _ = distort(camera.fold_radius * np.column_stack([np.cos(angle), np.sin(angle)]), camera.dist)
+    radius = np.hypot((u - camera.K[0, 2]) / camera.K[0, 0], (v - camera.K[1, 2]) / camera.K[1, 1])
+    outside = radius > 0.97 * np.hypot(*ring.T).min()  # within, every pixel has a direction
+    lost = np.zeros((height, width), bool)
+    lost[outside] = ~np.isfinite(camera.rays(np.column_stack([u[outside], v[outside]]))[:, 0])
+    if not lost.any():
+        return None
+    corners = (
+        (f"{row} {column}", int(part.sum()))
+        for row, band in zip(("upper", "lower"), np.array_split(lost, 2), strict=True)
+        for column, part in zip(("left", "right"), np.array_split(band, 2, axis=1), strict=True)
+    )
+    where = " and ".join(f"{name} corner ({count} px)" for name, count in corners if count)
+    far = np.hypot(u - camera.K[0, 2], v - camera.K[1, 2])[lost].min()
+    return Fold(where, int(lost.sum()), float(far), float(lost.mean()))
 
 
 def epipolar_errors_px(rectified: RectifiedRig, views: BoardViews) -> Array:

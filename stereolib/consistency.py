@@ -50,11 +50,10 @@ def sort_pairs(views: BoardViews, model: str = "brown3") -> Sorted:
     _refuse_few(views)
     left, left_bad = _single(views, views.left_px, model)
     right, right_bad = _single(views, views.right_px, model)
-    refused = {
-        k: f"the corners in the {' and the '.join(side for side, bad in (('left', left_bad), ('right', right_bad)) if k in bad)}"
-        f" view fit no board ({max(left_bad.get(k, 0), right_bad.get(k, 0)):.2f} px): wrong corners"
-        for k in sorted({*left_bad, *right_bad})
-    }  # fmt: skip
+    refused: dict[int, str] = {}
+    for side, bad in (("left", left_bad), ("right", right_bad)):
+        refused |= {k: f"the corners in the {side} view fit no board ({rms:.2f} px): wrong corners"
+                    for k, rms in bad.items()}  # fmt: skip
     able = np.array([k for k in range(len(views)) if k not in refused])
     if len(able) < _MIN_GROUP:
         raise ValueError(f"only {len(able)} of {len(views)} pairs have usable corners; at least 3 are needed")
@@ -141,7 +140,7 @@ def _groups(R: Array, T: Array, points: Array, right_px: Array, right: Camera, *
     for j in range(len(R)):
         off = right_px - bundle.project(right, points @ R[j].T + T[j])[0]
         errors[j] = np.sqrt(np.nanmean((off**2).sum(axis=2), axis=1))
-    agree, free, found = errors < limit_px, np.ones(len(R), bool), []
+    agree, free, found = errors < limit_px, np.ones(len(R), bool), list[Array]()
     while True:
         support = (agree & free).sum(axis=1) * free
         best = int(np.argmax(support))

@@ -92,7 +92,7 @@ def _regions(masks: list[Array]) -> list[str]:
 
     In either, because a board near the left rim of the left image is out of the right camera's sight.
     """
-    empty = np.ones((3, 3), bool)
+    empty: Array = np.ones((3, 3), bool)
     for mask in masks:
         for i, band in enumerate(np.array_split(mask, 3, axis=0)):
             for j, part in enumerate(np.array_split(band, 3, axis=1)):
@@ -102,7 +102,8 @@ def _regions(masks: list[Array]) -> list[str]:
     found = []
     for names, lines in ((_ROWS, empty), (_COLUMNS, empty.T)):
         found += [f"no views in the {name} third" for name, line in zip(names, lines, strict=True) if line.all()]
-    whole = empty & (empty.all(axis=1)[:, None] | empty.all(axis=0))
+    rows, columns = np.all(empty, axis=1, keepdims=True), np.all(empty, axis=0, keepdims=True)
+    whole = empty & (rows | columns)
     for i, j in np.argwhere(empty & ~whole):
         name = "centre" if i == j == 1 else f"{_ROWS[i]} {_COLUMNS[j]}"
         found.append(f"no views in the {name}")

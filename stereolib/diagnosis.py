@@ -8,7 +8,7 @@ import numpy as np
 
 from stereolib.bundle import Fit
 from stereolib.bundle import fit as fit_again
-from stereolib.calibration import epipolar_errors_px, folds_inside
+from stereolib.calibration import epipolar_errors_px, fold_inside
 from stereolib.consistency import sort_pairs
 from stereolib.coverage import Coverage, measure
 from stereolib.metric import leave_one_out
@@ -26,6 +26,7 @@ _DEPTH_MM = (3.5, 14.0)
 _FEW_PAIRS = 8
 _LITTLE_IMAGE = 0.2
 _STRETCH = 0.003
+_FOLDED = 0.001  # of the image: less is worth a word and nothing more
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +47,7 @@ class Diagnosis:
     square_error_pct : mean over pairs of how wrong the squares' size is, each pair left out of its rig
     board_error_pct : the same of the board's longer edge
     epipolar_rms_px, worst_pair, worst_pair_px : row errors after rectification, and the pair with the largest rms
-    folds : what `calibration.folds_inside` says, of either camera; empty for a sound lens
+    folds : what `calibration.fold_inside` says, of either camera; empty for a sound lens
     warnings : everything noteworthy, one sentence each
     verdict : "good", "usable" or "bad"; ``reasons`` are the sentences that made it so
     """
@@ -106,7 +107,7 @@ def diagnose(views: BoardViews, *, model: str = "brown3", ruler_mm: float | None
     sizes = leave_one_out(used, fit)
     epipolar = _epipolar(rig, used)
     worst = int(np.nanargmax(epipolar)) if np.isfinite(epipolar).any() else int(fit.pair_rms_px.max(axis=1).argmax())
-    folds = tuple(f"the {side} lens {text}" for side in ("left", "right") if (text := folds_inside(getattr(rig, side))))
+    folds = [(side, fold) for side in ("left", "right") if (fold := fold_inside(getattr(rig, side)))]
     groups = tuple(tuple(views.names[k] for k in group) for group in pairs.groups)
     found = Diagnosis(
         model=model, views=used, rig=rig, rms_px=fit.rms_px, std=std,
@@ -116,10 +117,11 @@ def diagnose(views: BoardViews, *, model: str = "brown3", ruler_mm: float | None
         coverage=coverage, groups=groups, error_map=error_map(rig, covariance),
         square_error_pct=sizes.square_error_pct, board_error_pct=sizes.board_error_pct,
         epipolar_rms_px=float(np.sqrt(np.nanmean(epipolar**2))) if np.isfinite(epipolar).any() else np.nan,
-        worst_pair=used.names[worst], worst_pair_px=float(epipolar[worst]), folds=folds,
-        warnings=(), verdict="", reasons=(),
+        worst_pair=used.names[worst], worst_pair_px=float(epipolar[worst]),
+        folds=tuple(f"the {side} lens {fold}" for side, fold in folds), warnings=(), verdict="", reasons=(),
     )  # fmt: skip
     findings = [*_set_findings(found, pairs.moved, ruler_mm), *_board_findings(used, fit), *_rig_findings(found)]
+    findings += [(int(fold.share > _FOLDED), f"the {side} lens {fold}") for side, fold in folds]
     level = max((level for level, _ in findings), default=0)
     reasons = tuple(text for at, text in findings if at == level and level)
     return replace(
@@ -127,7 +129,7 @@ def diagnose(views: BoardViews, *, model: str = "brown3", ruler_mm: float | None
     )
 
 
-Finding = tuple[int, str]  # how bad (1 usable, 2 bad), and what
+Finding = tuple[int, str]  # how bad (0 a remark, 1 usable, 2 bad), and what
 
 
 def _set_findings(found: Diagnosis, moved: tuple[str, ...], ruler_mm: float | None) -> list[Finding]:
@@ -185,7 +187,7 @@ def _rig_findings(found: Diagnosis) -> list[Finding]:
     for text, value, (usable, bad) in limits:
         if not value <= usable:
             findings.append((2 if not value <= bad else 1, text.format(value)))
-    return findings + [(1, text) for text in found.folds]
+    return findings
 
 
 def _focal_pct(found: Diagnosis) -> float:

@@ -87,5 +87,6 @@ def padded(rig: StereoRig, coefficients: int) -> StereoRig:
     """The same rig with a longer lens, whose new coefficients are zero."""
     if rig.left.dist.size > coefficients:
         raise ValueError(f"a lens of {rig.left.dist.size} coefficients cannot be shortened to {coefficients}")
-    cameras = (Camera(c.K, np.pad(c.dist, (0, coefficients - c.dist.size)), c.size) for c in (rig.left, rig.right))
-    return StereoRig(*cameras, rig.R, rig.T)
+    more = (0, coefficients - rig.left.dist.size)
+    left, right = (Camera(c.K, np.pad(c.dist, more), c.size) for c in (rig.left, rig.right))
+    return StereoRig(left, right, rig.R, rig.T)

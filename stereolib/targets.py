@@ -249,9 +249,7 @@ def over_cores(task: Callable[[Any], Any], items: Sequence[Any], what: str, *, p
         cv2.setNumThreads(threads)
 
 
-def paired(
-    corners: Sequence[Array | None], board: Board, names: Sequence[str], size: tuple[int, int]
-) -> BoardViews:
+def paired(corners: Sequence[Array | None], board: Board, names: Sequence[str], size: tuple[int, int]) -> BoardViews:
     """Views of the pairs in which both cameras saw the board, from left, right, left, right ...
 
     Raises
@@ -260,17 +258,21 @@ def paired(
         If there is no such pair; they are named.
     """
     count = len(names)
-    found = [i for i in range(count) if corners[2 * i] is not None and corners[2 * i + 1] is not None]
-    missing = tuple(names[i] for i in range(count) if i not in found)
-    if not found:
+    both = {
+        i: (left, right)
+        for i, (left, right) in enumerate(zip(corners[::2], corners[1::2], strict=True))
+        if left is not None and right is not None
+    }
+    missing = tuple(names[i] for i in range(count) if i not in both)
+    if not both:
         raise ValueError(
             f"no board of {board.columns}x{board.rows} inner corners was found in both views of any of "
             f"{count} pairs ({', '.join(names[:5])}{', ...' if len(names) > 5 else ''}): count inner corners, "
             f"not squares, and keep the whole board with a white rim in view"
         )
-    left_px = np.stack([corners[2 * i] for i in found])
-    right_px = np.stack([match_order(corners[2 * i], corners[2 * i + 1]) for i in found])
-    return BoardViews(board, size, left_px, right_px, tuple(names[i] for i in found), missing)
+    left_px = np.stack([left for left, _ in both.values()])
+    right_px = np.stack([match_order(left, right) for left, right in both.values()])
+    return BoardViews(board, size, left_px, right_px, tuple(names[i] for i in both), missing)
 
 
 def _grid(columns: int, rows: int, width_mm: float, height_mm: float) -> Array:

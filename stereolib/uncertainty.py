@@ -15,6 +15,26 @@ Array = np.ndarray
 MIN_JACKKNIFE = 10
 #: Half the width of a 95 % interval in standard deviations.
 INTERVAL = 1.96
+_LENS = (
+    "fx",
+    "fy",
+    "cx",
+    "cy",
+    "k1",
+    "k2",
+    "p1",
+    "p2",
+    "k3",
+    "k4",
+    "k5",
+    "k6",
+    "s1",
+    "s2",
+    "s3",
+    "s4",
+    "tau_x",
+    "tau_y",
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,8 +126,8 @@ def bootstrap_covariance(views: BoardViews, fitted: Fit, draws: int, rng: np.ran
 
 def parameter_names(rig: StereoRig) -> tuple[str, ...]:
     """Names of the shared parameters in their order: ``"left fx"``, ... ``"Rx"``, ... ``"Tz"``."""
-    lens = "fx fy cx cy k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4 tau_x tau_y".split()[: 4 + rig.left.dist.size]
-    return (*(f"{side} {name}" for side in ("left", "right") for name in lens), *"Rx Ry Rz Tx Ty Tz".split())
+    lens = _LENS[: 4 + rig.left.dist.size]
+    return (*(f"{side} {name}" for side in ("left", "right") for name in lens), "Rx", "Ry", "Rz", "Tx", "Ty", "Tz")
 
 
 def rig_std(rig: StereoRig, covariance: Array) -> RigStd:
@@ -188,5 +208,5 @@ def _grid(rig: StereoRig, at_mm: float, step_px: int) -> tuple[Array, Array, Arr
     pixels = np.stack(np.meshgrid(columns, rows), -1).reshape(-1, 2)
     points = rig.left.rays(pixels, clamp=True) * at_mm
     where = rig.right.project(points @ rig.R.T + rig.T)
-    seen = ((where >= 0) & (where <= np.array(rig.right.size) - 1)).all(axis=1)
+    seen = np.all((where >= 0) & (where <= np.array(rig.right.size) - 1), axis=1)
     return columns, rows, points, seen

@@ -14,7 +14,7 @@ from stereolib.targets import BoardViews, Checkerboard
 from stereolib.virtual.dataset import BOARD
 
 Array = np.ndarray
-#: What the detector leaves on the rendered boards, per coordinate (found minus true; `benchmarks/bench_calibration.py`).
+#: What the detector leaves on rendered boards, per coordinate; measured by `benchmarks/bench_calibration.py`.
 NOISE_PX = 0.034
 
 
@@ -27,12 +27,12 @@ def draw_rig(rng: np.random.Generator) -> StereoRig:
     cameras = []
     for _ in range(2):
         fx = 730 * rng.uniform(0.95, 1.05)
-        cx, cy = (320, 240) + rng.uniform(-12, 12, 2)
+        cx, cy = rng.uniform([308, 228], [332, 252])
         K = np.array([[fx, 0, cx], [0, fx * rng.uniform(0.997, 1.003), cy], [0, 0, 1]])
         dist = rng.uniform([-0.15, -0.2, -0.003, -0.003, -0.3], [0.1, 0.3, 0.003, 0.003, 0.3])
         cameras.append(Camera(K, dist, (640, 480)))
     R = cv2.Rodrigues(rng.normal(0, np.radians(0.7), 3))[0]
-    return StereoRig(cameras[0], cameras[1], R, [-rng.uniform(60, 100), *rng.uniform(-2, 2, 2)])
+    return StereoRig(cameras[0], cameras[1], R, rng.uniform([-100, -2, -2], [-60, 2, 2]))
 
 
 def draw_poses(rig: StereoRig, pairs: int, rng: np.random.Generator, board: Checkerboard = BOARD) -> list[Array]:
@@ -43,7 +43,7 @@ def draw_poses(rig: StereoRig, pairs: int, rng: np.random.Generator, board: Chec
     """
     half = (np.array([board.columns, board.rows]) + 2) * board.square_mm / 2
     rim = np.array([[a * half[0], b * half[1], 0.0] for a in (-1, 0, 1) for b in (-1, 0, 1)])
-    distances, poses = np.array([480.0, 600.0, 740.0, 900.0]), []
+    distances, poses = np.array([480.0, 600.0, 740.0, 900.0]), list[Array]()
     for _ in range(200):
         tries = 1000
         kind = rng.integers(0, [3, 3, 4], (tries, 3))
@@ -103,6 +103,9 @@ def corner_set(
     """
     rig = rig or paper_rig()
     poses = draw_poses(rig, pairs, rng, board) if poses is None else poses
-    left, right = (pixels + rng.normal(0, noise_px, pixels.shape) for pixels in project_boards(rig, poses, board))
+    left, right = (
+        (pixels + rng.normal(0, noise_px, pixels.shape)).astype(np.float32)
+        for pixels in project_boards(rig, poses, board)
+    )
     names = tuple(f"pair {k + 1:02d}" for k in range(len(poses)))
-    return BoardViews(board, rig.left.size, np.float32(left), np.float32(right), names, ())
+    return BoardViews(board, rig.left.size, left, right, names, ())

@@ -11,11 +11,13 @@ import numpy as np
 from stereolib import bundle
 from stereolib.calibration import CameraCalibration, StereoCalibration, calibrate_camera, calibrate_stereo
 from stereolib.camera import Camera
+from stereolib.coverage import tilts_rad
 from stereolib.targets import BoardViews
 
 Array = np.ndarray
 _WORSE = 4.0  # times the median rms: what honest pairs never reach
 _MIN_GROUP = 3
+_FLAT_DEG = 5.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,9 +47,11 @@ def sort_pairs(views: BoardViews, model: str = "brown3") -> Sorted:
     Raises
     ------
     ValueError
-        Fewer than 3 pairs, all alike, or fewer than half of them fit to any others; or left and right are exchanged.
+        Fewer than 3 pairs, all alike or all fronto-parallel, pairs that do not fit to each other, or left and right
+        exchanged.
     """
     _refuse_few(views)
+    _refuse_flat(views)
     left, left_bad = _single(views, views.left_px, model)
     right, right_bad = _single(views, views.right_px, model)
     refused: dict[int, str] = {}
@@ -99,8 +103,23 @@ def _refuse_few(views: BoardViews) -> None:
             different.append(corners)
     if len(different) < _MIN_GROUP:
         raise ValueError(
-            f"the {len(views)} pairs show the board in only {len(different)} different places: move and tilt it "
+            f"the {len(views)} pairs show the board in only {len(different)} different place(s): move and tilt it "
             f"between pictures; at least 3 places are needed, and 15 to 30 give a trustworthy rig"
+        )
+
+
+def _refuse_flat(views: BoardViews) -> None:
+    """Boards parallel to the image leave the focal length open: any one fits, at another distance.
+
+    Judged before any calibration, with a focal length of 1.1 image widths: tilts come out right within a third.
+    """
+    (width, height), f = views.size, 1.1 * max(views.size)
+    guess = Camera(np.array([[f, 0, width / 2], [0, f, height / 2], [0, 0, 1]]), np.zeros(0), views.size)
+    tilts = np.degrees(tilts_rad(bundle.poses(views.board.points_mm, views.left_px, guess)[0]))
+    if np.sort(tilts)[-max(2, len(tilts) // 5)] < _FLAT_DEG:
+        raise ValueError(
+            f"all boards fronto-parallel: hardly one of {len(views)} is tilted by more than {_FLAT_DEG:g} degrees, so "
+            f"that the focal length cannot be told from the distance; tilt the board by 20 to 40 degrees, both ways"
         )
 
 

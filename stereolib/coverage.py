@@ -69,6 +69,11 @@ def measure(views: BoardViews, turns: Array, shifts: Array) -> Coverage:
     return Coverage(image, float(min(1.0, (far / near - 1) / 0.5)), float(tilt), tuple(missing))
 
 
+def tilts_rad(turns: Array) -> Array:
+    """Angle between each board's normal and the optical axis. (n,)."""
+    return np.arccos(np.clip(np.abs(turns[:, 2, 2]), 0, 1))
+
+
 def covered(corners_px: Array, size: tuple[int, int]) -> Array:
     """How many boards cover each cell of 20 x 20 px. (height / 20, width / 20) int.
 
@@ -97,7 +102,7 @@ def _regions(masks: list[Array]) -> list[str]:
         for i, band in enumerate(np.array_split(mask, 3, axis=0)):
             for j, part in enumerate(np.array_split(band, 3, axis=1)):
                 empty[i, j] &= part.mean() < _REGION_SHARE
-    if not empty[1, 1] and empty.sum() == 8:
+    if not empty[1, 1] and empty[[0, 2]].all() and empty[1, [0, 2]].any():
         return ["no views outside the centre"]
     found = []
     for names, lines in ((_ROWS, empty), (_COLUMNS, empty.T)):

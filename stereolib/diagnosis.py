@@ -26,7 +26,7 @@ _DEPTH_MM = (3.5, 14.0)
 _FEW_PAIRS = 8
 _LITTLE_IMAGE = 0.2
 _STRETCH = 0.003
-_FOLDED = 0.001  # of the image: less is worth a word and nothing more
+_FOLDED = (0.001, 0.1)  # of the image: less than the first is worth a word and nothing more
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +121,7 @@ def diagnose(views: BoardViews, *, model: str = "brown3", ruler_mm: float | None
         folds=tuple(f"the {side} lens {fold}" for side, fold in folds), warnings=(), verdict="", reasons=(),
     )  # fmt: skip
     findings = [*_set_findings(found, pairs.moved, ruler_mm), *_board_findings(used, fit), *_rig_findings(found)]
-    findings += [(int(fold.share > _FOLDED), f"the {side} lens {fold}") for side, fold in folds]
+    findings += [(sum(fold.share > limit for limit in _FOLDED), f"the {side} lens {fold}") for side, fold in folds]
     level = max((level for level, _ in findings), default=0)
     reasons = tuple(text for at, text in findings if at == level and level)
     return replace(
@@ -169,9 +169,9 @@ def _board_findings(used: BoardViews, fit: Fit) -> list[Finding]:
     stretch = -0.01 * float((before * change).sum()) / max(float((change**2).sum()), 1e-30)
     if abs(stretch) < _STRETCH or gain < 0.1 * float((before**2).sum()):
         return []
-    shape = "higher than wide" if board.aspect + stretch > 1 else "wider than high"
-    return [(1, f"the board's squares come out {100 * abs(board.aspect + stretch - 1):.1f} % {shape}: measure both "
-                f"sides and give the board's aspect ({board.aspect + stretch:.4f})")]  # fmt: skip
+    off, than = 100 * stretch / board.aspect, "they are wide" if board.aspect == 1 else "given"
+    return [(1, f"the board's squares come out {abs(off):.1f} % {'higher' if off > 0 else 'lower'} than {than}: "
+                f"measure both sides and give the board's aspect ({board.aspect + stretch:.4f})")]  # fmt: skip
 
 
 def _rig_findings(found: Diagnosis) -> list[Finding]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from typing import Any
 
 import cv2
@@ -35,7 +36,7 @@ def facts(diagnosis: Diagnosis) -> dict[str, Any]:
             "reasons": diagnosis.reasons,
             "warnings": diagnosis.warnings,
             "model": diagnosis.model,
-            "board": {"columns": board.columns, "rows": board.rows, "square_mm": board.square_mm},
+            "board": asdict(board),
             "rms_px": diagnosis.rms_px,
             "K": {"left": rig.left.K, "right": rig.right.K},
             "dist": {"left": rig.left.dist, "right": rig.right.dist},
@@ -114,7 +115,7 @@ def parameters(diagnosis: Diagnosis) -> list[tuple[str, str]]:
         values = camera.K[[0, 1, 0, 1], [0, 1, 2, 2]]
         rows.append((f"K {side} (px)", _named(_K_NAMES, values, K_std)))
         names = DIST_NAMES[: camera.dist.size]
-        rows += [(f"dist {side}", _named(names[k : k + 4], camera.dist[k : k + 4], dist_std[k : k + 4]))
+        rows += [("" if k else f"dist {side}", _named(names[k : k + 4], camera.dist[k : k + 4], dist_std[k : k + 4]))
                  for k in range(0, len(names), 4)]  # fmt: skip
     turns = np.degrees(np.ravel(cv2.Rodrigues(rig.R)[0]))
     rows += [("R", "  ".join("[" + " ".join(f"{v:9.6f}" for v in row) + "]" for row in rig.R))]

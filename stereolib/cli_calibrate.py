@@ -26,6 +26,7 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("right", type=Path, metavar="RIGHT_DIR", help="of the right one, by the same names or numbers")
     parser.add_argument("--board", required=True, metavar="9x6", help="inner corners, columns x rows")
     parser.add_argument("--square-mm", required=True, type=float, metavar="MM", help="edge of a square")
+    parser.add_argument("--aspect", default=1.0, type=float, metavar="X", help="a square's height over its width")
     parser.add_argument("--marker-mm", type=float, metavar="MM", help="edge of a marker, if the board is ChArUco")
     parser.add_argument("--dictionary", default="5X5_100", metavar="NAME", help="its markers (default: 5X5_100)")
     parser.add_argument("--model", default="brown3", help="lens: pinhole, brown3, rational8, ... (default: brown3)")
@@ -43,7 +44,9 @@ def _calibrate(arguments: argparse.Namespace) -> int:
         raise FileExistsError(
             f"{' and '.join(there)} would be overwritten: name another folder with --output, or pass --force"
         )
-    board = parse_board(arguments.board, arguments.square_mm, arguments.marker_mm, arguments.dictionary)
+    board = parse_board(
+        arguments.board, arguments.square_mm, arguments.aspect, arguments.marker_mm, arguments.dictionary
+    )
     if arguments.ruler_mm is not None and not (math.isfinite(arguments.ruler_mm) and arguments.ruler_mm > 0):
         raise ValueError(f"--ruler-mm must be a positive number of mm, got {arguments.ruler_mm}")
     pairs = pair_files(arguments.left, arguments.right)
@@ -74,8 +77,10 @@ def _calibrate(arguments: argparse.Namespace) -> int:
     return 1 if result.verdict == "bad" else 0
 
 
-def parse_board(text: str, square_mm: float, marker_mm: float | None = None, dictionary: str = "5X5_100") -> Board:
-    """A board from ``"9x6"`` inner corners and the edges of its squares and markers (ChArUco).
+def parse_board(
+    text: str, square_mm: float, aspect: float = 1.0, marker_mm: float | None = None, dictionary: str = "5X5_100"
+) -> Board:
+    """A board from ``"9x6"`` inner corners and the edges of its squares and, if it is ChArUco, of its markers.
 
     Raises
     ------
@@ -89,7 +94,9 @@ def parse_board(text: str, square_mm: float, marker_mm: float | None = None, dic
         raise ValueError(f"--board is columns x rows of inner corners, as 9x6 for 10 x 7 squares; got {text!r}")
     columns, rows = int(found[1]), int(found[2])
     if marker_mm is None:
-        return Checkerboard(columns, rows, square_mm)
+        return Checkerboard(columns, rows, square_mm, aspect)
+    if aspect != 1:
+        raise ValueError(f"a ChArUco board's squares are taken for square, got an aspect of {aspect}")
     return Charuco(columns, rows, square_mm, marker_mm, dictionary)
 
 

@@ -145,7 +145,7 @@ def _pm(value: float, std: float) -> str:
     if not (np.isfinite(std) and std > 0):
         return f"{value:.6g}"
     decimals = int(np.clip(1 - np.floor(np.log10(std)), 0, 9))
-    return f"{value:.{decimals}f} ± {std:.{decimals}f}"
+    return f"{round(value, decimals) + 0.0:.{decimals}f} ± {std:.{decimals}f}"  # + 0.0: never -0.00
 
 
 def _median(values: Array) -> float:

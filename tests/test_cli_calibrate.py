@@ -266,6 +266,7 @@ def test_text_says_what_is_asked_with_deviations(diagnosis: Any) -> None:
 def test_numbers_carry_two_digits_of_their_deviation() -> None:
     assert calibration_facts._pm(729.9077, 0.1234) == "729.91 ± 0.12"
     assert calibration_facts._pm(-0.00069, 0.000123) == "-0.00069 ± 0.00012"
+    assert calibration_facts._pm(-0.0012, 0.62) == "0.00 ± 0.62"
     assert calibration_facts._pm(1234.5, 45.6) == "1234 ± 46"
     assert calibration_facts._pm(5.25, float("nan")) == "5.25"
 

@@ -11,7 +11,7 @@ from stereolib.targets import BoardViews
 
 Array = np.ndarray
 _CELL_PX = 20
-_REGION_SHARE = 0.15  # a ninth of the image with less of it covered counts as not seen
+_REGION_SHARE = 0.08  # a ninth of the image with less of it covered counts as not seen
 _SPREAD = 1.2  # farthest over nearest board
 _TILT_DEG = 10.0
 _ROWS, _COLUMNS = ("upper", "middle", "lower"), ("left", "centre", "right")
@@ -82,13 +82,14 @@ def covered(corners_px: Array, size: tuple[int, int]) -> Array:
     corners_px : (n, corners, 2), NaN where not found
     size : (width, height), px
     """
-    width, height = (-(-n // _CELL_PX) for n in size)
-    count = np.zeros((height, width), int)
+    width, height = size
+    cells = -(-width // _CELL_PX), -(-height // _CELL_PX)
+    count = np.zeros(cells[::-1], int)
     for corners in np.asarray(corners_px, np.float32):
-        hull = cv2.convexHull(corners[np.isfinite(corners).all(axis=1)] / _CELL_PX - 0.5)
+        hull = cv2.convexHull(corners[np.isfinite(corners).all(axis=1)])
         mask = np.zeros((height, width), np.uint8)
-        cv2.fillConvexPoly(mask, np.rint(hull).astype(np.int32), 1)
-        count += mask
+        cv2.fillConvexPoly(mask, np.rint(hull).astype(np.int32), 255)
+        count += cv2.resize(mask, cells, interpolation=cv2.INTER_AREA) > 127
     return count
 
 

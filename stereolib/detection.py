@@ -88,7 +88,7 @@ def _keep(kept: Path, corners: Array | None, size: tuple[int, int]) -> None:
 def _load(kept: Path) -> tuple[Array | None, tuple[int, int]] | None:
     """What `_keep` wrote; None if there is nothing, or nothing readable."""
     try:
-        with np.load(kept, allow_pickle=False) as stored:
+        with np.load(io.BytesIO(kept.read_bytes()), allow_pickle=False) as stored:
             corners, (width, height) = stored["corners"], stored["size"].tolist()
     except (OSError, ValueError, KeyError, zipfile.BadZipFile):
         return None

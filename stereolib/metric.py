@@ -17,7 +17,7 @@ Array = np.ndarray
 class SizeErrors:
     """Triangulated boards against the true one, per pair (n,), in per cent; NaN where too few corners were found.
 
-    ``square_pct``: mean edge of the squares; ``board_pct``: the length over all along the longer side.
+    ``square_pct``: edges of the squares, both ways; ``board_pct``: the length over all along the longer side.
     """
 
     square_pct: Array
@@ -73,7 +73,7 @@ def leave_one_out(views: BoardViews, fitted: Fit) -> SizeErrors:
 
 
 def size_error(points_mm: Array, board: Board) -> tuple[float, float]:
-    """Mean edge of the squares and length of the longer side of a triangulated board, per cent off the truth.
+    """Edge of the squares and length of the longer side of a triangulated board, per cent off the truth.
 
     Parameters
     ----------
@@ -81,28 +81,27 @@ def size_error(points_mm: Array, board: Board) -> tuple[float, float]:
 
     Notes
     -----
-    The mean over a row of squares is taken along the row, ``|P_last - P_first| / (n - 1)``: the mean of single
-    edges would count their noise, which only ever lengthens, as size.
+    Length of all rows and columns of corners over the true length of the same ones, each taken from its first to its
+    last known corner: the mean of single edges would count their noise, which only ever lengthens, as size.
     """
     shape = board.rows, board.columns, 3
     found, true = points_mm.reshape(shape), board.points_mm.astype(float).reshape(shape)
     true = np.where(np.isfinite(found), true, np.nan)  # the same corners on both
-    along = [(_spans(a), _spans(b)) for a, b in ((found, true), (found.transpose(1, 0, 2), true.transpose(1, 0, 2)))]
-    edges = np.concatenate([length / count for (length, count), _ in along])
-    true_edges = np.concatenate([length / count for _, (length, count) in along])
-    if not np.isfinite(edges).any():
-        return np.nan, np.nan
-    (lengths, _), (true_lengths, _) = along[0 if board.columns >= board.rows else 1]
-    whole = np.nansum(lengths) / np.nansum(true_lengths) if np.isfinite(lengths).any() else np.nan
-    return 100 * (float(np.nansum(edges) / np.nansum(true_edges)) - 1), 100 * (float(whole) - 1)
+    rows, columns = ((_spans(a), _spans(b)) for a, b in ((found, true), (_turned(found), _turned(true))))
+    longer = rows if board.columns >= board.rows else columns
+    both = rows[0] + columns[0], rows[1] + columns[1]
+    square_pct, board_pct = (100 * (a / b - 1) if b else np.nan for a, b in (both, longer))
+    return square_pct, board_pct
 
 
-def _spans(grid: Array) -> tuple[Array, Array]:
-    """Distance of the first and last known point of each row, and how many squares lie between; NaN without two."""
-    lengths, counts = [], []
+def _turned(grid: Array) -> Array:
+    return grid.transpose(1, 0, 2)
+
+
+def _spans(grid: Array) -> float:
+    """Sum over the rows of the distance between the first and the last known corner."""
+    length = 0.0
     for row in grid:
-        at = np.flatnonzero(np.isfinite(row).all(axis=1))
-        enough = at.size >= 2
-        lengths.append(np.linalg.norm(row[at[-1]] - row[at[0]]) if enough else np.nan)
-        counts.append(at[-1] - at[0] if enough else np.nan)
-    return np.array(lengths, float), np.array(counts, float)
+        known = row[np.isfinite(row).all(axis=1)]
+        length += float(np.linalg.norm(known[-1] - known[0])) if len(known) > 1 else 0.0
+    return length

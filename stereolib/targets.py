@@ -282,10 +282,14 @@ def _grid(columns: int, rows: int, width_mm: float, height_mm: float) -> Array:
 
 
 def _refined(grey: Array, corners_px: Array, board: Board) -> Array:
-    """Corners (N, 2) on the grey-value gradient, in a window of half the shortest edge in pixels, 2 to 15."""
+    """Corners (N, 2) on the grey-value gradient.
+
+    The window reaches half of the shortest edge in pixels, 2 to 15, and no marker, whose edges would pull at it.
+    """
+    reach = (1 - board.marker_mm / board.square_mm) / 2 if isinstance(board, Charuco) else 0.5
     grid = corners_px.reshape(board.rows, board.columns, 2)
     edges = [np.linalg.norm(np.diff(grid, axis=axis), axis=2).ravel() for axis in (0, 1)]
-    half = int(np.clip(np.nanmin(np.concatenate(edges)) / 2, 2, 15))
+    half = int(np.clip(reach * np.nanmin(np.concatenate(edges)), 2, 15))
     criteria = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 40, 1e-3)
     seen = np.isfinite(corners_px).all(axis=1)
     refined = corners_px.astype(np.float32, copy=True)

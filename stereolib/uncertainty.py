@@ -13,8 +13,8 @@ from stereolib.targets import BoardViews
 Array = np.ndarray
 #: Fewer pairs than this say too little about their own scatter.
 MIN_JACKKNIFE = 10
-#: Half the width of a 95 % interval in standard deviations.
-INTERVAL = 1.96
+#: Half the width of a 95 % interval in standard deviations: Student's t for thirty pairs.
+INTERVAL = 2.05
 _LENS = (
     "fx",
     "fy",
@@ -39,7 +39,7 @@ _LENS = (
 
 @dataclass(frozen=True, eq=False)
 class RigStd:
-    """Standard deviations (one sigma; 1.96 of them make the 95 % interval) of a rig's parameters.
+    """Standard deviations (one sigma; `INTERVAL` of them to either side make the 95 % interval) of a rig's parameters.
 
     ``left_K``, ``right_K`` are (4,): fx fy cx cy, px; ``left_dist``, ``right_dist`` as the lens's coefficients;
     ``R_rad`` (3,) turns about the right camera's x, y and z; ``T_mm`` (3,); ``baseline_mm``.

@@ -274,9 +274,17 @@ def plot_dots(x: Array, y: Array, ax: Axes, *, color: Array, label: str, title: 
 
 
 def plot_map(
-    values: Array, columns_px: Array, rows_px: Array, size: tuple[int, int], ax: Axes, title: str, *, label: str
+    values: Array,
+    columns_px: Array,
+    rows_px: Array,
+    size: tuple[int, int],
+    ax: Axes,
+    title: str,
+    *,
+    label: str,
+    lines: bool = True,
 ) -> Axes:
-    """A quantity over the image, (h, w) on a grid of pixels, with labelled contours; NaN is light grey.
+    """A quantity over the image, (h, w) on a grid of pixels, with labelled contour `lines`; NaN is light grey.
 
     Colours end at the largest twentieth, which would leave the rest without contrast.
     """
@@ -287,10 +295,10 @@ def plot_map(
         mesh = ax.pcolormesh(columns_px, rows_px, shown, cmap="viridis", shading="nearest", vmin=low, vmax=high)
         if ax.figure is not None:
             ax.figure.colorbar(mesh, ax=ax, label=label, shrink=0.85, extend="max")
-        if high > low and min(shown.shape) > 1:
+        if lines and high > low and min(shown.shape) > 1:
             levels = np.linspace(low, high, 7)[1:]
-            lines = ax.contour(columns_px, rows_px, shown, levels=levels, colors="white", linewidths=0.8)
-            ax.clabel(lines, fontsize=8, fmt="%.2g")
+            drawn = ax.contour(columns_px, rows_px, shown, levels=levels, colors="white", linewidths=0.8)
+            ax.clabel(drawn, fontsize=8, fmt="%.2g")
     return _image_axes(size, ax, title)
 
 

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from stereolib.bundle import Fit, covariance, crosses, fit, project, vector
+from stereolib.camera import Camera
 from stereolib.rig import StereoRig
 from stereolib.targets import BoardViews
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 Array = np.ndarray
 #: Fewer pairs than this say too little about their own scatter.
@@ -139,6 +144,28 @@ def rig_std(rig: StereoRig, covariance: Array) -> RigStd:
     return RigStd(left[:4], left[4:], right[:4], right[4:], R, T, baseline)
 
 
+def table(rig: StereoRig, covariance: Array, truth: StereoRig) -> pd.DataFrame:
+    """Every parameter of a rig with its 95 % interval, beside the true one; ready to be shown.
+
+    Returns
+    -------
+    DataFrame of str
+        Columns parameter, true, ours, ± (95 %), inside. R stands as the turns about x, y, z that lead from the true
+        one to ours, rad.
+    """
+    import pandas as pd
+
+    ours = np.concatenate([*(_lens_values(c) for c in (rig.left, rig.right)), vector(rig, truth)[-6:-3], rig.T])
+    true = np.concatenate([*(_lens_values(c) for c in (truth.left, truth.right)), np.zeros(3), truth.T])
+    rows = []
+    widths = INTERVAL * np.sqrt(np.diag(covariance))
+    for name, a, b, width in zip(parameter_names(rig), true, ours, widths, strict=True):
+        digits = int(np.clip(1 - np.floor(np.log10(width)), 1, 7))  # two digits of the interval
+        inside = "yes" if abs(b - a) <= width else "no"
+        rows.append((name, f"{a:.{digits}f}", f"{b:.{digits}f}", f"{width:.{digits}f}", inside))
+    return pd.DataFrame(rows, columns=["parameter", "true", "ours", "± (95 %)", "inside"])
+
+
 def triangulation_jacobian(rig: StereoRig, points_mm: Array) -> Array:
     """How triangulated points move when the rig's parameters do and the pixels stay. (N, 3, s), mm per unit.
 
@@ -199,6 +226,10 @@ def compare_calibrations(first: Fit, second: Fit, *, at_mm: float = 700.0, step_
     values = by_depth @ difference, np.sqrt(np.einsum("ni,ij,nj->n", by_depth, total, by_depth))
     depth, predicted = (np.where(seen, v, np.nan).reshape(len(rows), -1) for v in values)
     return Agreement(parameter_names(first.rig), difference / np.sqrt(np.diag(total)), depth, predicted)
+
+
+def _lens_values(camera: Camera) -> Array:
+    return np.concatenate([camera.K[[0, 1, 0, 1], [0, 1, 2, 2]], camera.dist])
 
 
 def _grid(rig: StereoRig, at_mm: float, step_px: int) -> tuple[Array, Array, Array, Array]:

@@ -15,6 +15,7 @@ from stereolib.uncertainty import (
     parameter_names,
     rig_covariance,
     rig_std,
+    table,
 )
 from stereolib.virtual.corners import corner_set, draw_poses, draw_rig
 
@@ -129,3 +130,15 @@ def test_halves_differ_by_what_was_predicted(views, rig):
     assert 0.1 < np.sqrt(np.nanmean(z**2)) < 2.5
     other = bundle.fit(corner_set(np.random.default_rng(5), pairs=15), draw_rig(np.random.default_rng(5)))
     assert compare_calibrations(first, other).rms_z > 20  # another rig is told from this one
+
+
+def test_table_shows_every_parameter_beside_the_truth(fitted, covariance, rig):
+    rows = table(fitted.rig, covariance, rig)
+    assert list(rows["parameter"]) == list(parameter_names(rig))
+    off = np.abs(bundle.vector(fitted.rig, rig))
+    np.testing.assert_allclose(
+        (rows["ours"].astype(float) - rows["true"].astype(float)).abs(), off, rtol=0.1, atol=2e-2
+    )
+    assert list(rows["inside"] == "yes") == list(off <= INTERVAL * std(covariance))
+    width = rows["± (95 %)"].astype(float)
+    np.testing.assert_allclose(width, INTERVAL * std(covariance), rtol=0.06, atol=0.06)

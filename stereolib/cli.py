@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from stereolib import __version__
+from stereolib.cli_calibrate import CALIBRATE
 from stereolib.cli_command import Command
 from stereolib.cli_lrf import LRF_COMMANDS
 
@@ -121,6 +122,7 @@ COMMANDS = (
     Command(
         "lrf", "read, record, replay or emulate the laser range finder", "stereolib lrf emulate", commands=LRF_COMMANDS
     ),
+    CALIBRATE,
 )
 
 

@@ -90,9 +90,10 @@ def plot_rows(left: Array, right: Array, ax: Axes, rows: Sequence[float], title:
     return ax
 
 
-def plot_corners(image: Array, corners_px: Array, columns: int, ax: Axes, title: str = "") -> Axes:
-    """Corners found on a board, joined in their order, the first one ringed."""
-    plot_image(image, ax, title)
+def plot_corners(image: Array | None, corners_px: Array, columns: int, ax: Axes, title: str = "") -> Axes:
+    """Corners found on a board, joined in their order, the first one ringed; without an image onto what is there."""
+    if image is not None:
+        plot_image(image, ax, title)
     x, y = np.asarray(corners_px, float).T
     ax.plot(x, y, color=COLORS[4], lw=0.8)
     ax.scatter(x, y, s=9, c=np.arange(len(corners_px)) // columns, cmap="viridis", zorder=3)
@@ -226,6 +227,87 @@ def plot_box(image: Array, box: Any, ax: Axes, title: str = "", *, edges: Array 
     ax.add_patch(Rectangle(corner, box.width, box.height, fill=False, ec=COLORS[1], lw=2))
     ax.annotate(f"{box.width} px", (box.left + box.width / 2, box.top), (0, 5), textcoords="offset points",
                 ha="center", color=COLORS[1], weight="bold")  # fmt: skip
+    return ax
+
+
+def plot_points(points_px: Array, size: tuple[int, int], ax: Axes, title: str = "", *, parts: int = 3) -> Axes:
+    """Where in an image of `size` points lie, (N, 2) px, over a grid of `parts` x `parts`; rows run down."""
+    width, height = size
+    x, y = np.reshape(points_px, (-1, 2)).T
+    ax.scatter(x, y, s=3, color=COLORS[0], alpha=0.5, lw=0)
+    for k in range(1, parts):
+        ax.axvline(k * width / parts - 0.5, color="0.6", lw=0.8)
+        ax.axhline(k * height / parts - 0.5, color="0.6", lw=0.8)
+    return _image_axes(size, ax, title)
+
+
+def plot_arrows(
+    at_px: Array, arrows_px: Array, size: tuple[int, int], ax: Axes, title: str = "", *, cells: int = 12
+) -> Axes:
+    """Small errors on an image as magnified arrows: each one grey, their means over `cells` columns in colour.
+
+    Arrows of chance point everywhere and their means vanish; what a lens model misses stays.
+    """
+    at, arrows = np.reshape(at_px, (-1, 2)).astype(float), np.reshape(arrows_px, (-1, 2))
+    finite = np.isfinite(arrows).all(axis=1)
+    at, arrows = at[finite], arrows[finite]
+    cell = size[0] / cells
+    key = max(float(np.sqrt(np.mean(arrows**2))), 1e-9) if len(arrows) else 1.0
+    unit = float(f"{key:.0e}")  # one digit
+    how: dict[str, Any] = {"angles": "xy", "scale_units": "xy", "scale": 1.6 * key / cell}
+    ax.quiver(*at.T, *arrows.T, color="0.8", width=0.0012, **how)
+    _, which = np.unique(np.floor(at / cell).astype(int), axis=0, return_inverse=True)
+    count = np.bincount(which.ravel())
+    enough = count >= 5
+    means = [np.bincount(which.ravel(), v)[enough] / count[enough] for v in (*at.T, *arrows.T)]
+    drawn = ax.quiver(*means, color=COLORS[1], width=0.004, **how)
+    ax.quiverkey(drawn, 0.86, 1.03, unit, f"{unit:g} px", labelpos="E", coordinates="axes")
+    return _image_axes(size, ax, title)
+
+
+def plot_dots(x: Array, y: Array, ax: Axes, *, color: Array, label: str, title: str = "", **axes: Any) -> Axes:
+    """Dots at (x, y), a third quantity as their colour; `axes` are their labels and limits, with units."""
+    dots = ax.scatter(x, y, c=color, s=28, cmap="viridis", edgecolors="0.3", lw=0.4)
+    if ax.figure is not None:
+        ax.figure.colorbar(dots, ax=ax, label=label, shrink=0.85)
+    ax.grid(alpha=0.3)
+    ax.set(title=title, **axes)
+    return ax
+
+
+def plot_map(
+    values: Array,
+    columns_px: Array,
+    rows_px: Array,
+    size: tuple[int, int],
+    ax: Axes,
+    title: str,
+    *,
+    label: str,
+    lines: bool = True,
+) -> Axes:
+    """A quantity over the image, (h, w) on a grid of pixels, with labelled contour `lines`; NaN is light grey.
+
+    Colours end at the largest twentieth, which would leave the rest without contrast.
+    """
+    shown = np.ma.masked_invalid(values)
+    ax.set_facecolor("#d9d9d9")
+    if shown.count():
+        low, high = np.percentile(shown.compressed(), [0, 95])
+        mesh = ax.pcolormesh(columns_px, rows_px, shown, cmap="viridis", shading="nearest", vmin=low, vmax=high)
+        if ax.figure is not None:
+            ax.figure.colorbar(mesh, ax=ax, label=label, shrink=0.85, extend="max")
+        if lines and high > low and min(shown.shape) > 1:
+            levels = np.linspace(low, high, 7)[1:]
+            drawn = ax.contour(columns_px, rows_px, shown, levels=levels, colors="white", linewidths=0.8)
+            ax.clabel(drawn, fontsize=8, fmt="%.2g")
+    return _image_axes(size, ax, title)
+
+
+def _image_axes(size: tuple[int, int], ax: Axes, title: str) -> Axes:
+    width, height = size
+    ax.set(title=title, xlabel="column (px)", ylabel="row (px)", aspect="equal")
+    ax.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5))
     return ax
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from os import PathLike
@@ -75,8 +76,20 @@ class StereoRig:
         )  # fmt: skip
         return RectifiedRig(self, R1, R2, P1, P2, Q)
 
-    def save(self, path: str | PathLike[str]) -> Path:
-        """Write the rig as JSON (format ``stereolib.rig/1``), every digit kept."""
+    def save(self, path: str | PathLike[str], *, calibration: Mapping[str, object] | None = None) -> Path:
+        """Write the rig as JSON (format ``stereolib.rig/1``), every digit kept.
+
+        Parameters
+        ----------
+        path : path
+        calibration : mapping, optional
+            How the rig was found, kept under this name for people and other programs; `load` does not need it.
+
+        Raises
+        ------
+        ValueError
+            If `calibration` holds what JSON does not, such as NaN.
+        """
         cameras = {
             side: {"K": c.K.tolist(), "dist": c.dist.tolist(), "size": list(c.size)}
             for side, c in (("left", self.left), ("right", self.right))
@@ -86,8 +99,9 @@ class StereoRig:
             **cameras,
             "R": self.R.tolist(),
             "T_mm": self.T.tolist(),
+            **({} if calibration is None else {"calibration": dict(calibration)}),
         }
-        return write_atomic(path, json.dumps(rig, indent=1) + "\n")
+        return write_atomic(path, json.dumps(rig, indent=1, allow_nan=False) + "\n")
 
     @classmethod
     def load(cls, path: str | PathLike[str]) -> StereoRig:

@@ -6,10 +6,10 @@ import cv2
 import numpy as np
 import pytest
 
-from stereolib.calibration import LENS_MODELS, calibrate_camera, calibrate_stereo, epipolar_errors_px
+from stereolib.calibration import LENS_MODELS, calibrate_camera, calibrate_stereo, epipolar_errors_px, fold_inside
 from stereolib.camera import Camera
 from stereolib.paper import paper_rig
-from stereolib.rig import rigid
+from stereolib.rig import StereoRig, rigid
 from stereolib.targets import BoardViews, find_in_pairs
 from stereolib.virtual import dataset
 
@@ -149,3 +149,66 @@ def test_refuses(exact):
         calibrate_camera(BOARD, exact.left_px[[0] * 5], exact.size)
     with pytest.raises(ValueError, match="unknown lens model 'fisheye'; choose one of pinhole, brown3"):
         calibrate_camera(BOARD, exact.left_px, exact.size, model="fisheye")
+
+
+RATIONAL = np.array([0.3, -0.2, 1e-3, -1e-3, 0.1, 0.35, -0.15, 0.05])
+
+
+@pytest.fixture(scope="module")
+def rational(poses):
+    """Exact corners through lenses that need k4 to k6."""
+    truth = paper_rig()
+    left, right = (Camera(c.K, RATIONAL, c.size) for c in (truth.left, truth.right))
+    rig = StereoRig(left, right, truth.R, truth.T)
+    corners = projected(rig, poses[:15])
+    return rig, BoardViews(BOARD, rig.left.size, *corners, tuple(f"{i}" for i in range(15)), ())
+
+
+def test_fixed_lenses_keep_their_long_models(rational):
+    """The trap: OpenCV drops k4 and up of fixed lenses unless it is told the model's flags again."""
+    rig, views = rational
+    found = calibrate_stereo(views, model="rational8", fixed=True)
+    assert found.rms_px < 0.01
+    np.testing.assert_allclose(found.rig.T, rig.T, atol=0.02)
+    np.testing.assert_array_equal(found.rig.left.dist, found.left.camera.dist)  # fixed: those of the single camera
+    points = [BOARD.points_mm] * len(views)
+    images = [[np.float32(c).reshape(-1, 1, 2) for c in corners] for corners in (views.left_px, views.right_px)]
+    lenses = [part for c in (rig.left, rig.right) for part in (c.K.copy(), c.dist[None].copy())]
+    fixed = cv2.CALIB_FIX_INTRINSIC
+    bare, told = (
+        cv2.stereoCalibrate(points, *images, *lenses, views.size, flags=fixed | more)[0]
+        for more in (0, LENS_MODELS["rational8"][1])
+    )
+    assert told < 0.01
+    assert bare > 50 * told  # in silence
+
+
+def test_joint_fit_frees_what_the_fixed_one_keeps(recorded):
+    fixed, joint = (calibrate_stereo(recorded, fixed=choice) for choice in (True, False))
+    assert joint.rms_px < fixed.rms_px
+    assert fixed.left.camera is fixed.rig.left
+    errors = [abs(c.rig.baseline_mm - paper_rig().baseline_mm) for c in (fixed, joint)]
+    assert max(errors) < 0.2
+
+
+def test_a_fold_is_found_where_it_is():
+    """Table I's right lens folds in the lower right corner; every pixel there has no direction, the others have one."""
+    assert fold_inside(paper_rig().left) is None
+    right = paper_rig().right
+    fold = fold_inside(right)
+    u, v = np.meshgrid(np.arange(640), np.arange(480))
+    lost = np.isnan(right.rays(np.column_stack([u.ravel(), v.ravel()]))[:, 0])
+    assert fold.pixels == lost.sum() == pytest.approx(60, abs=1)
+    assert fold.where == f"lower right corner ({fold.pixels} px)"
+    assert str(fold).startswith("folds over in the lower right corner")
+    radius = np.hypot(u.ravel()[lost] - right.K[0, 2], v.ravel()[lost] - right.K[1, 2]).min()
+    assert fold.radius_px == pytest.approx(radius)
+
+
+def test_a_strong_fold_is_found_in_every_corner():
+    lens = Camera([[700, 0, 320], [0, 700, 240], [0, 0, 1]], [-0.9, 0, 0, 0, 0], (640, 480))
+    fold = fold_inside(lens)
+    assert fold.where.count("corner") == 4
+    distorted = lens.fold_radius * (1 - 0.9 * lens.fold_radius**2)  # r g at d(r g)/dr = 0
+    assert lens.fold_radius == pytest.approx(np.sqrt(1 / 2.7), abs=1e-3)
+    assert fold.radius_px == pytest.approx(700 * distorted, abs=2)

@@ -191,3 +191,42 @@ def test_rows_and_corners(ax):
     plotting.plot_corners(np.zeros((40, 60), np.uint8), corners, 3, other)
     np.testing.assert_array_equal(other.lines[0].get_xydata(), corners)
     np.testing.assert_array_equal(other.collections[1].get_offsets(), corners[:1])  # the first one ringed
+
+
+def test_map_shows_the_values_over_the_image_and_keeps_gaps(ax):
+    values = np.add.outer(np.arange(4.0), np.arange(5.0))
+    values[0, 0] = np.nan
+    plotting.plot_map(values, np.linspace(0, 99, 5), np.linspace(0, 59, 4), (100, 60), ax, "map", label="mm")
+    mesh = ax.collections[0]
+    np.testing.assert_array_equal(np.ma.filled(mesh.get_array(), np.nan).reshape(4, 5), values)
+    assert ax.get_xlim() == (-0.5, 99.5) and ax.get_ylim() == (59.5, -0.5)  # rows run down
+    assert mesh.get_clim() == tuple(np.nanpercentile(values, [0, 95]))
+
+
+@pytest.mark.parametrize("values", [np.full((3, 3), np.nan), np.zeros((3, 3))])
+def test_map_of_nothing_and_of_a_constant(ax, values):
+    plotting.plot_map(values, np.arange(3), np.arange(3), (3, 3), ax, "map", label="px")
+    plotting.save_figure(None, ax.figure)
+
+
+def test_arrows_are_drawn_where_they_are_and_their_means_stay(ax):
+    rng = np.random.default_rng(1)
+    at = rng.uniform([0, 0], [600, 400], (2000, 2))
+    errors = rng.normal(0, 0.05, at.shape) + [0.1, 0]  # a lens that misses 0.1 px to the right
+    errors[7] = np.nan
+    plotting.plot_arrows(at, errors, (600, 400), ax)
+    each, means = ax.collections
+    assert len(each.U) == 1999 and len(means.U) == 12 * 8
+    np.testing.assert_allclose(np.mean(means.U), 0.1, atol=0.005)
+    np.testing.assert_allclose(np.mean(means.V), 0.0, atol=0.005)
+    plotting.plot_arrows(at[:1], np.full((1, 2), np.nan), (600, 400), ax)  # nothing to draw is no error
+    plotting.save_figure(None, ax.figure)
+
+
+def test_points_and_dots_are_where_they_were_given(ax):
+    at = np.array([[[1.0, 2.0], [30.0, 40.0]], [[5.0, 6.0], [7.0, np.nan]]])
+    plotting.plot_points(at, (100, 60), ax, "points")
+    np.testing.assert_array_equal(np.asarray(ax.collections[0].get_offsets()), at.reshape(-1, 2))
+    other = plotting.panels(1)[1][0]
+    plotting.plot_dots(np.arange(3), np.arange(3) ** 2, other, color=np.array([4, 5, 6]), label="mm", xlabel="x (deg)")
+    assert other.collections[0].get_array().tolist() == [4, 5, 6] and other.get_xlabel() == "x (deg)"

@@ -9,7 +9,7 @@ import pytest
 from stereolib import targets
 from stereolib.camera import Camera
 from stereolib.rig import pose_left_world, rigid
-from stereolib.targets import Checkerboard, find_checkerboard, find_in_pairs, match_order
+from stereolib.targets import Charuco, Checkerboard, find_charuco, find_checkerboard, find_in_pairs, match_order
 from stereolib.virtual.render import render
 from stereolib.virtual.scene import Scene, board
 
@@ -127,3 +127,73 @@ def test_pairs_that_do_not_fit_are_named(clean):
 def test_refuses(board, text):
     with pytest.raises(ValueError, match=text):
         Checkerboard(*board)
+
+
+CHARUCO = Charuco(8, 5, 24.0, 17.0)
+
+
+def charuco_view(quarter_turns=0, crop=0):
+    """A ChArUco board seen at a slant, and the true pixels of its corners."""
+    scale = 8  # px/mm of the print
+    print_ = CHARUCO.printed.generateImage((9 * 24 * scale, 6 * 24 * scale))
+    corners = np.float32([[0, 0], [216, 0], [216, 144], [0, 144]])
+    seen = np.roll(np.float32([[80, 60], [560, 90], [540, 420], [60, 400]]), quarter_turns, axis=0)
+    H = cv2.getPerspectiveTransform(corners, seen)
+    # generateImage's print runs to its pixels' outer edges, so a millimetre's place lies half a pixel before
+    to_print = np.array([[scale, 0, -0.5], [0, scale, -0.5], [0, 0, 1.0]])
+    finer = np.array([[4, 0, 1.5], [0, 4, 1.5], [0, 0, 1.0]])  # four by four samples a pixel
+    fine = cv2.warpPerspective(print_, finer @ H @ np.linalg.inv(to_print), (2560, 1920), borderValue=255)
+    image = cv2.GaussianBlur(cv2.resize(fine, (640, 480), interpolation=cv2.INTER_AREA), (0, 0), 0.8)
+    image[:, 640 - crop :] = 255
+    return image, cv2.perspectiveTransform(CHARUCO.points_mm[:, None, :2] + 24, H)[:, 0]
+
+
+@pytest.mark.parametrize("quarter_turns", [0, 2])
+def test_charuco_corners_come_back_with_their_numbers(quarter_turns):
+    """Upside down they keep their order: no half turn to mend."""
+    image, truth = charuco_view(quarter_turns)
+    found = find_charuco(image, CHARUCO)
+    assert np.isfinite(found).all()
+    assert np.hypot(*(found - truth).T).max() < 0.1
+
+
+def test_charuco_board_half_out_of_sight():
+    image, truth = charuco_view(crop=300)
+    found = find_charuco(image, CHARUCO)
+    seen = np.isfinite(found).all(axis=1)
+    assert 12 < seen.sum() < 30
+    assert np.hypot(*(found - truth)[seen].T).max() < 0.1
+    views = find_in_pairs([(image, charuco_view()[0])], CHARUCO, progress=False)
+    np.testing.assert_array_equal(views.left_px[0], found)
+    assert find_charuco(np.full((480, 640), 200, np.uint8), CHARUCO) is None
+
+
+def test_charuco_points_are_those_of_the_print():
+    for target in (CHARUCO, Charuco(5, 5, 24.0, 17.0)):  # a square one is no problem here
+        printed = target.printed.getChessboardCorners()
+        np.testing.assert_allclose(target.points_mm, printed - printed[0], atol=1e-5)
+
+
+def test_a_stretched_board_keeps_its_mean():
+    points = Checkerboard(9, 6, 25.0, 1.02).points_mm
+    width, height = points[1, 0], points[9, 1]
+    assert height / width == pytest.approx(1.02)
+    assert (height + width) / 2 == pytest.approx(25)
+
+
+@pytest.mark.parametrize(
+    ("board", "text"),
+    [
+        ((1, 6, 25, 20), "at least 2x2 inner corners, got 1x6"),
+        ((8, 5, 20, 25), "marker must be smaller than its square, both in mm, got 25 and 20"),
+        ((8, 5, 25, 20, "9X9_1"), "unknown ArUco dictionary '9X9_1'"),
+    ],
+)
+def test_charuco_refuses(board, text):
+    with pytest.raises(ValueError, match=text):
+        Charuco(*board)
+
+
+def test_refuses_a_senseless_aspect():
+    with pytest.raises(ValueError, match=r"near 1, got 1\.5"):
+        Checkerboard(9, 6, 25.0, 1.5)

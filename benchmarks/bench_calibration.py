@@ -1,0 +1,231 @@
+"""Calibration: do stated uncertainties hold, are faults named, how right is the result, and what does it cost?"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import cv2
+import numpy as np
+from common import ratio, save
+
+from stereolib import bundle, datasets
+from stereolib.calibration import calibrate_stereo
+from stereolib.diagnosis import diagnose
+from stereolib.images import read_pair, to_grey
+from stereolib.paper import paper_rig
+from stereolib.rig import StereoRig, rigid
+from stereolib.targets import BoardViews, Checkerboard, find_in_pairs
+from stereolib.uncertainty import INTERVAL, compare_calibrations, parameter_names, rig_covariance
+from stereolib.virtual import dataset
+from stereolib.virtual.corners import corner_set, draw_poses, draw_rig, project_boards
+from stereolib.virtual.faults import bad_sets
+from stereolib.virtual.render import render
+from stereolib.virtual.sensor import Webcam
+
+Array = np.ndarray
+DRAWS, MORE_DRAWS = 40, 160
+
+
+def held() -> dict[str, Any]:
+    """Share of draws whose true value lies in the stated 95 % interval, by kind of parameter.
+
+    Virtual corner sets: poses projected through drawn rigs, with the detector's measured noise. Both cameras, and the
+    three axes of R and of T, are counted together; ``lowest`` and ``highest`` are of the 24 parameters one by one.
+    """
+    inside, verdicts, sizes = [], [], []
+    for k in range(MORE_DRAWS):
+        rng = np.random.default_rng([40, k])
+        rig = draw_rig(rng)
+        views = corner_set(rng, rig=rig)
+        fit = calibrate_stereo(views).fit
+        off = np.abs(bundle.vector(fit.rig, rig))
+        inside.append([off < INTERVAL * np.sqrt(np.diag(rig_covariance(fit, method=m))) for m in ("auto", "corners")])
+        if k < DRAWS:
+            found = diagnose(views)
+            verdicts.append(found.verdict)
+            sizes.append(found.square_error_pct)
+    result: dict[str, Any] = {}
+    names = np.array([name.split()[-1] if name[0] not in "RT" else name[0] for name in parameter_names(fit.rig)])
+    for draws in (DRAWS, MORE_DRAWS):
+        share = 100 * np.mean(inside[:draws], axis=0)
+        kinds = {kind: round(float(share[0, names == kind].mean()), 1) for kind in dict.fromkeys(names.tolist())}
+        result[f"draws_{draws}"] = kinds | {
+            "all": round(float(share[0].mean()), 1),
+            "lowest_one": round(float(share[0].min()), 1),
+            "highest_one": round(float(share[0].max()), 1),
+            "all_if_corners_independent": round(float(share[1].mean()), 1),
+        }
+    counts = {word: verdicts.count(word) for word in ("good", "usable", "bad")}
+    return {"held_pct": result, "good_sets_called": counts, "worst_square_error_pct": round(max(sizes), 4)}
+
+
+def rendered_noise() -> dict[str, float]:
+    """Corners found minus true, sd of a coordinate: on the committed boards, and on boards of three drawn rigs."""
+    found = find_in_pairs(*dataset.load_boards()[:1], dataset.BOARD, dataset.load_boards()[1], progress=False)
+    poses = [dataset.board_poses()[int(name[-2:]) - 1] for name in found.names]
+    result = {"committed_px": _noise(found, paper_rig(), poses)}
+    drawn = []
+    for k in range(3):
+        rng = np.random.default_rng([3, k])
+        rig = draw_rig(rng)
+        poses = draw_poses(rig, 2, rng)
+        pairs = [_shot(rig, pose, rng) for pose in poses]
+        names = [str(i) for i in range(len(poses))]
+        views = find_in_pairs(pairs, dataset.BOARD, names, progress=False)
+        drawn.append(_noise(views, rig, [poses[int(name)] for name in views.names]) ** 2)
+    return {**result, "drawn_rigs_px": round(float(np.sqrt(np.mean(drawn))), 4)}
+
+
+def _shot(rig: StereoRig, pose: Array, rng: np.random.Generator) -> tuple[Array, Array]:
+    scene, bench = dataset.board_scene(pose), dataset.setup("bench")
+    moves = (rig.left, bench), (rig.right, rigid(rig.R, rig.T) @ bench)
+    left, right = (Webcam().shoot(render(scene, camera, T, samples=3), rng) for camera, T in moves)
+    return left, right
+
+
+def _noise(views: BoardViews, rig: StereoRig, poses: list[Array]) -> float:
+    off = []
+    for found, true in zip((views.left_px, views.right_px), project_boards(rig, poses), strict=True):
+        for a, b in zip(found, true, strict=True):
+            off.append(min((a - b, a - b[::-1]), key=lambda e: np.abs(e).sum()))
+    return round(float(np.std(np.array(off))), 4)
+
+
+def virtual() -> dict[str, Any]:
+    """The committed boards against the rig that rendered them; two halves against each other."""
+    pairs, names = dataset.load_boards()
+    views = find_in_pairs(pairs, dataset.BOARD, names, progress=False)
+    found = diagnose(views)
+    return {
+        "pairs": len(views),
+        "verdict": found.verdict,
+        "rms_px": round(found.rms_px, 4),
+        "baseline_error_mm": round(abs(found.rig.baseline_mm - paper_rig().baseline_mm), 4),
+        "baseline_std_mm": round(found.std.baseline_mm, 4),
+        "square_error_pct": round(found.square_error_pct, 4),
+        "epipolar_rms_px": round(found.epipolar_rms_px, 4),
+        "depth_std_at_700mm_mm": round(float(np.nanmedian(found.error_map.depth_mm)), 3),
+        "halves_rms_z": halves(views),
+    }
+
+
+def halves(views: BoardViews) -> float:
+    """Differences of two calibrations from disjoint halves over their predicted standard deviations, rms."""
+    first, second = (calibrate_stereo(views.only(range(k, len(views), 2))).fit for k in (0, 1))
+    return round(compare_calibrations(first, second).rms_z, 2)
+
+
+def minoru() -> dict[str, Any]:
+    """A real webcam pair, its board taken as square, and with the aspect that the diagnosis names."""
+    files = [datasets.real_recordings(f"minoru3d/{side}") for side in ("left", "right")]
+    pairs, names = [read_pair(*pair) for pair in zip(*files, strict=True)], [file.name for file in files[0]]
+    result: dict[str, Any] = {}
+    for name, aspect in (("as_stated", 1.0), ("aspect_1.014", 1.014)):
+        views = find_in_pairs(pairs, Checkerboard(8, 6, 30.0, aspect), names, progress=False)
+        found = diagnose(views)
+        result[name] = {
+            "pairs_used": len(found.views),
+            "verdict": found.verdict,
+            "rms_px": round(found.rms_px, 4),
+            "square_error_pct": round(found.square_error_pct, 3),
+            "baseline_mm": round(found.rig.baseline_mm, 2),
+            "baseline_std_mm": round(found.std.baseline_mm, 2),
+            "halves_rms_z": halves(views),
+        }
+    return result
+
+
+def faults(seeds: int = 2) -> dict[str, Any]:
+    """Sets with one known fault each: how many were named, and which were not."""
+    named, missed = 0, []
+    for seed in range(seeds):
+        for fault in bad_sets(seed):
+            try:
+                found = diagnose(fault.views, ruler_mm=fault.ruler_mm)
+                right = not fault.refused and any(fault.says in text for text in found.warnings)
+                right &= found.verdict != "good" and set(found.pairs_refused) == set(fault.pairs)
+            except ValueError as error:
+                right = fault.refused and fault.says in str(error)
+            named += right
+            missed += [] if right else [f"{fault.name} ({seed})"]
+    return {"sets": named + len(missed), "named": named, "missed": missed}
+
+
+def cost(cores: int) -> dict[str, float]:
+    """Ours, with everything that the diagnosis adds, over the bare calls for the same detection and calibration."""
+    pairs, names = dataset.load_boards()
+    board = dataset.BOARD
+
+    def ours() -> None:
+        found = find_in_pairs(pairs, board, names, progress=False)
+        calibrate_stereo(found)
+        views.append(found)
+
+    views: list[BoardViews] = []
+    with _cores(cores):
+        times = ratio(ours, lambda: bare(pairs, board), rounds=3)
+        start = time.perf_counter()
+        diagnose(views[-1])
+        diagnosis_ms = 1000 * (time.perf_counter() - start)
+    return {**times, "diagnosis_ms": round(diagnosis_ms, 1)}
+
+
+def bare(pairs: list[tuple[Array, Array]], board: Checkerboard) -> None:
+    """What one writes first: detect, refine, calibrate each camera, calibrate the pair."""
+    inner, points = (board.columns, board.rows), []
+    found: tuple[list[Array], list[Array]] = ([], [])
+    criteria = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 40, 1e-3)
+    for pair in pairs:
+        seen = []
+        for image in pair:
+            grey = to_grey(image)
+            ok, corners = cv2.findChessboardCornersSB(grey, inner, flags=cv2.CALIB_CB_NORMALIZE_IMAGE)
+            if not ok:
+                flags = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_FAST_CHECK
+                ok, corners = cv2.findChessboardCorners(grey, inner, flags=flags)
+            if ok:
+                seen.append(cv2.cornerSubPix(grey, corners, (9, 9), (-1, -1), criteria))
+        if len(seen) == 2:
+            points.append(board.points_mm)
+            for side, corners in zip(found, seen, strict=True):
+                side.append(corners)
+    size = pairs[0][0].shape[1::-1]
+    lenses: list[Array] = []
+    for side in found:
+        lenses += cv2.calibrateCamera(points, side, size, None, None)[1:3]
+    cv2.stereoCalibrate(points, *found, *lenses, size, flags=cv2.CALIB_USE_INTRINSIC_GUESS)
+
+
+@contextmanager
+def _cores(count: int) -> Iterator[None]:
+    """Run on so many cores, OpenCV's own threads included."""
+    mine, threads = os.sched_getaffinity(0), cv2.getNumThreads()
+    os.sched_setaffinity(0, set(sorted(mine)[:count]))
+    cv2.setNumThreads(count)
+    try:
+        yield
+    finally:
+        os.sched_setaffinity(0, mine)
+        cv2.setNumThreads(threads)
+
+
+if __name__ == "__main__":
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    result: dict[str, Any] = held() | {"noise": rendered_noise(), "virtual": virtual(), "faults": faults()}
+    try:
+        result["minoru"] = minoru()
+    except datasets.NotAvailable as error:
+        print(error)
+    result |= {"one_core": cost(1), "two_cores": cost(2)}
+    quoted = {
+        "interval_held_pct": result["held_pct"][f"draws_{DRAWS}"]["all"],
+        "faults_missed": len(result["faults"]["missed"]),
+        "square_error_pct": result["virtual"]["square_error_pct"],
+        "one_core_ratio": result["one_core"]["ratio"],
+        "two_cores_ratio": result["two_cores"]["ratio"],
+    }
+    save("calibration", quoted | result)

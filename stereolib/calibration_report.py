@@ -1,0 +1,208 @@
+"""The report of a calibration: one HTML page with pictures that needs no other file."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Mapping, Sequence
+from html import escape
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from stereolib.calibration_facts import meaning, parameters, refused, remarks
+from stereolib.camera import Camera
+from stereolib.datasets import write_atomic
+from stereolib.diagnosis import Diagnosis
+from stereolib.images import read_image
+
+Array = np.ndarray
+Files = Mapping[str, tuple[Path, Path]]
+_SHOWN_PAIRS = 6
+_COLORS = {"good": "#1b6e3c", "usable": "#8a6100", "bad": "#a33a12"}
+_STYLE = """
+body { margin: 2rem auto; max-width: 66rem; padding: 0 1.5rem; background: #fff; color: #1a1a1a;
+       font: 16px/1.5 system-ui, sans-serif; }
+h1 { line-height: 1.2; margin-bottom: 0.3rem; } h2 { margin-top: 2.2rem; border-bottom: 1px solid #ccc; }
+figure { margin: 1rem 0; } img { max-width: 100%; height: auto; } figcaption { color: #444; }
+.rows { overflow-x: auto; } table { border-collapse: collapse; font-size: 0.92rem; }
+th, td { text-align: left; padding: 0.25rem 0.9rem 0.25rem 0; border-bottom: 1px solid #ddd; vertical-align: top; }
+td.n { font-variant-numeric: tabular-nums; white-space: pre-wrap; } td small { color: #555; }
+b.verdict { font-size: 1.3rem; } li { overflow-wrap: anywhere; }
+@media print { body { max-width: none; font-size: 11px; } figure, tr { break-inside: avoid; } }
+"""
+
+
+def build(path: Path, diagnosis: Diagnosis, files: Files) -> Path:
+    """Write the report: one HTML file that needs no other.
+
+    Parameters
+    ----------
+    path : Path
+    diagnosis : Diagnosis
+    files : mapping of pair to (left, right) image files
+        For the pictures of the corners; pairs that are missing here are not shown.
+    """
+    sections = (
+        ("Corners found", _corners(diagnosis, files), "In the order in which they were matched; the first is ringed."),
+        ("Coverage", _coverage(diagnosis), _missing(diagnosis)),
+        ("Errors", _residuals(diagnosis), "Found minus predicted, grey each corner, in colour the mean of a region: "
+         "a good lens model leaves chance alone, whose means vanish."),
+        ("Lenses", _lenses(diagnosis), "How far the lens moves each pixel from where a pinhole would have it. Grey: "
+         "no direction is seen there, the model folds over."),
+        ("Uncertainty", _uncertainty(diagnosis), f"One standard deviation at {diagnosis.error_map.at_mm:g} mm, from "
+         "the calibration alone: matching adds its own."),
+    )  # fmt: skip
+    pictures = "\n".join(
+        f"<h2>{title}</h2>\n<figure>{''.join(_img(data, title) for data in drawn)}\n"
+        f"<figcaption>{escape(caption)}</figcaption></figure>"
+        for title, drawn, caption in sections
+    )
+    color = _COLORS.get(diagnosis.verdict, "#555555")
+    notes, left_out = [*diagnosis.reasons, *remarks(diagnosis)], refused(diagnosis)
+    used = f"{len(diagnosis.pairs_used)} of {len(diagnosis.pairs_used) + len(left_out)} pairs"
+    page = f"""<!DOCTYPE html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<title>Stereo calibration: {escape(diagnosis.verdict)}</title>
+<style>{_STYLE}</style>
+</head>
+<body>
+<h1>Stereo calibration</h1>
+<p><b class="verdict" style="color: {color}">{escape(diagnosis.verdict)}</b>: {diagnosis.rms_px:.3f} px rms over {used},
+lens model {escape(diagnosis.model)}</p>
+{_list(notes)}
+{_table([*parameters(diagnosis), *meaning(diagnosis)])}
+{pictures}
+<h2>Pairs</h2>
+<p>Used: {escape(", ".join(diagnosis.pairs_used))}.</p>
+{_list([f"refused: {name}: {reason}" for name, reason in left_out.items()])}
+</body>
+</html>
+"""
+    return write_atomic(path, page)
+
+
+def _corners(diagnosis: Diagnosis, files: Files) -> list[bytes]:
+    from stereolib import plotting
+
+    views = diagnosis.views
+    known = [k for k, name in enumerate(views.names) if name in files]
+    chosen = known[:: max(1, -(-len(known) // _SHOWN_PAIRS))]
+    if not chosen:
+        return []
+    figure, axes = plotting.panels(2, -(-len(chosen) // 2), width_in=12, aspect=0.42)
+    for ax, k in zip(axes, chosen, strict=False):
+        images = [read_image(file, grey=True) for file in files[views.names[k]]]
+        plotting.plot_image(np.hstack(images), ax, views.names[k])
+        for corners, shift in ((views.left_px[k], 0), (views.right_px[k], views.size[0])):
+            plotting.plot_corners(None, corners + np.array([shift, 0]), views.board.columns, ax)
+    for ax in axes:
+        ax.set_axis_off()
+    return [plotting.save_figure(None, figure).data]
+
+
+def _coverage(diagnosis: Diagnosis) -> list[bytes]:
+    from stereolib import plotting
+
+    views = diagnosis.views
+    figure, axes = plotting.panels(3, width_in=12, aspect=0.8)
+    for ax, side, corners in zip(axes, ("left", "right"), (views.left_px, views.right_px), strict=False):
+        plotting.plot_points(corners, views.size, ax, f"{side}: corners of {len(views)} pairs")
+    about_y, about_x, distances = _tilts(diagnosis)
+    plotting.plot_dots(about_y, about_x, axes[2], color=distances, label="distance (mm)", title="tilt of the boards",
+                       xlabel="to the side (deg)", ylabel="up and down (deg)",
+                       xlim=(-60, 60), ylim=(-60, 60))  # fmt: skip
+    return [plotting.save_figure(None, figure).data]
+
+
+def _tilts(diagnosis: Diagnosis) -> tuple[Array, Array, Array]:
+    """Each board's normal against the left camera's axis, sideways and upwards in degrees, and its distance in mm."""
+    views, lens = diagnosis.views, diagnosis.rig.left
+    found = []
+    for corners in views.left_px.astype(float):
+        seen = np.isfinite(corners).all(axis=1)
+        points = views.board.points_mm[seen].astype(float)
+        _, turn, shift = cv2.solvePnP(points, corners[seen], lens.K, lens.dist)
+        R = cv2.Rodrigues(turn)[0]
+        x, y, z = R[:, 2] * np.sign(R[2, 2])
+        found.append(
+            (np.degrees(np.arctan2(x, z)), np.degrees(np.arctan2(y, z)), (R @ points.mean(axis=0) + shift[:, 0])[2])
+        )
+    about_y, about_x, distances = np.array(found).T
+    return about_y, about_x, distances
+
+
+def _missing(diagnosis: Diagnosis) -> str:
+    return "; ".join(diagnosis.coverage.missing) or "Image, distance and tilt are covered."
+
+
+def _residuals(diagnosis: Diagnosis) -> list[bytes]:
+    from stereolib import plotting
+
+    views, numbers = diagnosis.views, np.arange(1, len(diagnosis.views) + 1)
+    figure, axes = plotting.panels(2, width_in=12, aspect=0.8)
+    for ax, side, at, errors in zip(
+        axes, ("left", "right"), (views.left_px, views.right_px), diagnosis.residuals_px, strict=True
+    ):
+        plotting.plot_arrows(at, errors, views.size, ax, side)
+    bars, (ax,) = plotting.panels(1, width_in=12, aspect=0.22)
+    curves = {side: (numbers, diagnosis.pair_rms_px[:, k]) for k, side in enumerate(("left", "right"))}
+    plotting.plot_curves(
+        curves, ax, xlabel="pair, in the order used", ylabel="rms (px)", ylim=(0, None), xticks=numbers
+    )
+    return [plotting.save_figure(None, shown).data for shown in (figure, bars)]
+
+
+def _lenses(diagnosis: Diagnosis) -> list[bytes]:
+    from stereolib import plotting
+
+    figure, axes = plotting.panels(2, width_in=12, aspect=0.75)
+    for ax, side, camera in zip(axes, ("left", "right"), (diagnosis.rig.left, diagnosis.rig.right), strict=True):
+        columns, rows, shift = lens_shift_px(camera)
+        plotting.plot_map(shift, columns, rows, camera.size, ax, side, label="shift by the lens (px)")
+    return [plotting.save_figure(None, figure).data]
+
+
+def lens_shift_px(camera: Camera, step: int = 10) -> tuple[Array, Array, Array]:
+    """How far the lens moves pixels from where a pinhole with the same K has them.
+
+    Returns
+    -------
+    columns, rows : (w,), (h,) px
+        A grid over the image, about `step` apart, that includes its corners.
+    shift : (h, w) px
+        NaN where the lens has no direction (it folds over).
+    """
+    columns, rows = (np.linspace(0, n - 1, max(2, n // step + 1)) for n in camera.size)
+    pixels = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2)
+    ideal = camera.rays(pixels) @ camera.K[:2].T
+    return columns, rows, np.hypot(*(pixels - ideal).T).reshape(len(rows), len(columns))
+
+
+def _uncertainty(diagnosis: Diagnosis) -> list[bytes]:
+    from stereolib import plotting
+
+    errors, size = diagnosis.error_map, diagnosis.views.size
+    figure, axes = plotting.panels(2, width_in=12, aspect=0.75)
+    for ax, values, what in (
+        (axes[0], errors.depth_mm, "depth"),
+        (axes[1], errors.length_mm, f"length of {errors.of_mm:g} mm"),
+    ):
+        plotting.plot_map(values, errors.columns_px, errors.rows_px, size, ax, what, label="standard deviation (mm)")
+    return [plotting.save_figure(None, figure).data]
+
+
+def _img(data: bytes, title: str) -> str:
+    return f'<img alt="{title}" src="data:image/png;base64,{base64.b64encode(data).decode("ascii")}">'
+
+
+def _list(texts: Sequence[str]) -> str:
+    return "<ul>" + "".join(f"<li>{escape(text)}</li>" for text in texts) + "</ul>" if texts else ""
+
+
+def _table(rows: Sequence[tuple[str, str]]) -> str:
+    cells = "".join(f'<tr><th>{escape(name)}</th><td class="n">{escape(text)}</td></tr>\n' for name, text in rows)
+    return f'<div class="rows"><table>\n{cells}</table></div>'

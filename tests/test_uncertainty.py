@@ -1,0 +1,144 @@
+"""Stated uncertainties against what happens: repeated draws, bootstrap, triangulation by brute force."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from stereolib import bundle
+from stereolib.metric import triangulate
+from stereolib.uncertainty import (
+    INTERVAL,
+    bootstrap_covariance,
+    compare_calibrations,
+    error_map,
+    parameter_names,
+    rig_covariance,
+    rig_std,
+    table,
+)
+from stereolib.virtual.corners import corner_set, draw_poses, draw_rig
+
+
+def std(covariance):
+    return np.sqrt(np.diag(covariance))
+
+
+@pytest.fixture(scope="module")
+def rig():
+    return draw_rig(np.random.default_rng(11))
+
+
+@pytest.fixture(scope="module")
+def views(rig):
+    return corner_set(np.random.default_rng(12), rig=rig)
+
+
+@pytest.fixture(scope="module")
+def fitted(views, rig):
+    return bundle.fit(views, rig)
+
+
+@pytest.fixture(scope="module")
+def covariance(fitted):
+    return rig_covariance(fitted)
+
+
+def test_intervals_hold_the_truth():
+    """95 % intervals of drawn rigs, by both methods; the pooled share over 20 draws and 24 parameters."""
+    inside = []
+    for k in range(20):
+        rng = np.random.default_rng([6, k])
+        rig = draw_rig(rng)
+        found = bundle.fit(corner_set(rng, rig=rig), rig)
+        off = np.abs(bundle.vector(found.rig, rig))
+        inside.append([off < INTERVAL * std(rig_covariance(found, method=m)) for m in ("jackknife", "corners")])
+    for share in np.mean(inside, axis=(0, 2)):
+        assert 0.90 <= share <= 0.99
+
+
+def test_standard_deviations_are_those_of_repetition(rig):
+    """The same boards seen again and again with new noise."""
+    poses = draw_poses(rig, 30, np.random.default_rng(0))
+    sets = [corner_set(np.random.default_rng([1, k]), rig=rig, poses=poses) for k in range(50)]
+    fits = [bundle.fit(views, rig) for views in sets]
+    spread = np.std([bundle.vector(f.rig, rig) for f in fits], axis=0)
+    ratio = std(rig_covariance(fits[0], method="corners")) / spread
+    assert (np.abs(ratio - 1) < 0.35).all()  # 50 draws give a standard deviation within 10 %, three times that
+    assert np.mean(ratio) == pytest.approx(1, abs=0.1)
+
+
+def test_jackknife_is_the_bootstrap(views, fitted, covariance):
+    booted = bootstrap_covariance(views, fitted, 60, np.random.default_rng(2))
+    ratio = std(covariance) / std(booted)
+    assert np.mean(ratio) == pytest.approx(1, abs=0.2)
+    assert (np.abs(ratio - 1) < 0.5).all()
+
+
+def test_errors_that_a_board_shares_are_counted(views, fitted):
+    """Each pair's right corners shifted as one: independent corners would promise too much."""
+    shift = np.random.default_rng(3).normal(0, 0.3, (len(views), 1, 2))
+    shaken = type(views)(views.board, views.size, views.left_px, views.right_px + shift, views.names, ())
+    found = bundle.fit(shaken, fitted.rig)
+    naive, honest = (std(rig_covariance(found, method=m)) for m in ("corners", "jackknife"))
+    off = np.abs(bundle.vector(found.rig, fitted.rig))
+    assert (honest / naive)[18:].min() > 2  # R and T
+    assert (off[18:] > INTERVAL * naive[18:]).any()
+    assert (off < 3.5 * honest).all()
+
+
+def test_few_pairs_use_the_corners(views):
+    few = bundle.fit(views.only(range(6)), draw_rig(np.random.default_rng(11)))
+    np.testing.assert_array_equal(rig_covariance(few), rig_covariance(few, method="corners"))
+    with pytest.raises(ValueError, match=r"must be .*got 'guess'"):
+        rig_covariance(few, method="guess")
+
+
+def test_parts_by_name(fitted, covariance):
+    names, parts = parameter_names(fitted.rig), rig_std(fitted.rig, covariance)
+    assert len(names) == 24
+    spread = dict(zip(names, std(covariance), strict=True))
+    assert parts.left_K[2] == spread["left cx"]
+    assert parts.right_dist[4] == spread["right k3"]
+    assert parts.R_rad[1] == spread["Ry"]
+    assert parts.T_mm[2] == spread["Tz"]
+    drawn = np.random.default_rng(0).multivariate_normal(fitted.rig.T, covariance[-3:, -3:], 20000)
+    assert parts.baseline_mm == pytest.approx(np.linalg.norm(drawn, axis=1).std(), rel=0.03)
+
+
+def test_error_map_is_what_triangulation_does(fitted, covariance):
+    """Rigs drawn from the covariance triangulate one pixel pair; no Jacobian is involved."""
+    rig, found = fitted.rig, error_map(fitted.rig, covariance, step_px=40)
+    i, j = 6, 8
+    half, point = np.array([50.0, 0, 0]), rig.left.rays([[found.columns_px[j], found.rows_px[i]]])[0] * 700
+    points = np.array([point, point - half, point + half])
+    pixels = rig.left.project(points), rig.right.project(points @ rig.R.T + rig.T)
+    steps = np.random.default_rng(8).multivariate_normal(np.zeros(24), covariance, 400)
+    drawn = np.array([triangulate(bundle.moved(rig, step), *pixels) for step in steps])
+    assert found.depth_mm[i, j] == pytest.approx(drawn[:, 0, 2].std(), rel=0.12)
+    lengths = np.linalg.norm(drawn[:, 2] - drawn[:, 1], axis=1)
+    assert found.length_mm[i, j] == pytest.approx(lengths.std(), rel=0.12)
+    assert np.isnan(found.depth_mm[:, 0]).all()  # the left rim is out of the right camera's sight
+    assert found.depth_mm.shape == (12, 16)
+
+
+def test_halves_differ_by_what_was_predicted(views, rig):
+    first, second = (bundle.fit(views.only(range(k, 30, 2)), rig) for k in (0, 1))
+    agreement = compare_calibrations(first, second)
+    assert 0.5 < agreement.rms_z < 1.6
+    z = agreement.depth_mm / agreement.predicted_mm
+    assert 0.1 < np.sqrt(np.nanmean(z**2)) < 2.5
+    other = bundle.fit(corner_set(np.random.default_rng(5), pairs=15), draw_rig(np.random.default_rng(5)))
+    assert compare_calibrations(first, other).rms_z > 20  # another rig is told from this one
+
+
+def test_table_shows_every_parameter_beside_the_truth(fitted, covariance, rig):
+    rows = table(fitted.rig, covariance, rig)
+    assert list(rows["parameter"]) == list(parameter_names(rig))
+    off = np.abs(bundle.vector(fitted.rig, rig))
+    np.testing.assert_allclose(
+        (rows["ours"].astype(float) - rows["true"].astype(float)).abs(), off, rtol=0.1, atol=2e-2
+    )
+    assert list(rows["inside"] == "yes") == list(off <= INTERVAL * std(covariance))
+    width = rows["± (95 %)"].astype(float)
+    np.testing.assert_allclose(width, INTERVAL * std(covariance), rtol=0.06, atol=0.06)

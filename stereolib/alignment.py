@@ -14,31 +14,24 @@ import numpy as np
 from stereolib.images import check_pair, to_grey
 
 Array = np.ndarray
+_MOST_PIXELS = 3000  # more add nothing but time
 _CELL_PX = 24  # neighbouring pixels err together: those of one cell count as one witness
 
 
 @dataclass(frozen=True, eq=False)
 class AlignedPair:
-    """A rectified pair, made ready: brightness without its slow changes, and its slope along the row.
+    """A rectified pair, made ready: brightness without its slow changes, (left, right) float32, coarse then fine."""
 
-    ``levels`` holds, coarse then fine, (left, right, left slope, right slope), each (H, W) float32.
-    """
-
-    levels: tuple[tuple[Array, Array, Array, Array], ...]
+    levels: tuple[tuple[Array, Array], ...]
 
     @classmethod
     def of(cls, left: Array, right: Array) -> AlignedPair:
         """Prepare two rectified pictures, (H, W) or (H, W, 3) uint8; ValueError if they do not fit together."""
         check_pair(left, right)
-        grey = [to_grey(image).astype(np.float32) for image in (left, right)]
-        slow = [cv2.blur(image, (31, 31)) for image in grey]
-        grey = [image - mean for image, mean in zip(grey, slow, strict=True)]
-        levels = []
-        for sigma_px in (2.5, 0.8):
-            a, b = (cv2.GaussianBlur(image, (0, 0), sigma_px) for image in grey)
-            slope = [cv2.Sobel(image, cv2.CV_32F, 1, 0, ksize=1, scale=0.5) for image in (a, b)]
-            levels.append((a, b, *slope))
-        return cls(tuple(levels))
+        grey = [to_grey(image) for image in (left, right)]
+        sharp = [cv2.subtract(image, cv2.blur(image, (31, 31)), dtype=cv2.CV_32F) for image in grey]
+        fine, coarse = ([cv2.blur(image, (size, size)) for image in sharp] for size in (3, 7))
+        return cls(((coarse[0], coarse[1]), (fine[0], fine[1])))
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +43,7 @@ class PlaneFit:
     agreement: float
 
 
-def align(pair: AlignedPair, u: Array, v: Array, x: Array, start: Array, *, steps: int = 3) -> PlaneFit:
+def align(pair: AlignedPair, u: Array, v: Array, x: Array, start: Array, *, coarse_steps: int = 2, steps: int = 2) -> PlaneFit:
     """Find the plane over which the two pictures agree best.
 
     Parameters
@@ -62,8 +55,8 @@ def align(pair: AlignedPair, u: Array, v: Array, x: Array, start: Array, *, step
         The disparity there is ``x @ parameters``.
     start : (k,) array
         Right to about 2 px.
-    steps : int
-        Iterations on each of the two levels.
+    coarse_steps, steps : int
+        Iterations on the two levels.
 
     Raises
     ------
@@ -75,18 +68,20 @@ def align(pair: AlignedPair, u: Array, v: Array, x: Array, start: Array, *, step
     Gauss-Newton on ``e = L(u, v) - g R(u - x . p, v)`` with Tukey's weights; the slope is the mean of both pictures'.
     """
     parameters = np.array(start, float)
-    at = v.astype(int), u.astype(int)
-    for left, right, left_slope, right_slope in pair.levels:
-        mine, my_slope = left[at], left_slope[at]
+    some = slice(None, None, max(1, -(-len(u) // _MOST_PIXELS)))
+    u, v, x = u[some], v[some], x[some]
+    row, column = v.astype(int), u.astype(int).clip(1, pair.levels[0][0].shape[1] - 2)
+    for (left, right), steps in zip(pair.levels, (coarse_steps, steps), strict=True):
+        mine, my_slope = left[row, column], 0.5 * (left[row, column + 1] - left[row, column - 1])
         for _ in range(steps):
-            column = u - x @ parameters
-            inside = (column > 1) & (column < left.shape[1] - 2)
-            theirs, their_slope = sample((right, right_slope), np.where(inside, column, 0), v)
-            gain = np.clip((mine @ theirs) / max(float(theirs @ theirs), 1e-9), 0.7, 1.4)
-            e = mine - gain * theirs
-            slope = 0.5 * (my_slope + gain * their_slope)
-            reach = max(4.7 * 1.48 * float(np.median(np.abs(e[inside]))), 2.0) if inside.any() else 1.0
-            weight = np.where(inside & (np.abs(e) < reach), (1 - (e / reach) ** 2) ** 2, 0.0)
+            where = u - x @ parameters
+            inside = (where > 2) & (where < left.shape[1] - 3)
+            theirs, before, after = (sample(right, np.where(inside, where + k, 0), v) for k in (0, -1, 1))
+            gain = float(np.clip((mine @ theirs) / max(float(theirs @ theirs), 1e-9), 0.7, 1.4))
+            e = (mine - gain * theirs) * inside
+            slope = 0.5 * my_slope + 0.25 * gain * (after - before)
+            reach = max(4.7 * 1.48 * float(np.median(np.abs(e[::4]))), 2.0)
+            weight = np.maximum(1 - (e / reach) ** 2, 0) ** 2 * inside
             J = x * slope[:, None]
             A = (J * weight[:, None]).T @ J
             if not np.linalg.cond(A) < 1e12:
@@ -96,20 +91,20 @@ def align(pair: AlignedPair, u: Array, v: Array, x: Array, start: Array, *, step
     return PlaneFit(parameters, covariance, float((weight > 0).mean()))
 
 
-def sample(images: tuple[Array, ...], u: Array, v: Array) -> list[Array]:
-    """Pictures at points between the pixels, bilinear. Each (N,) or (N, channels)."""
-    columns = 1024  # cv2.remap limits the size of a map, so the list is folded into rows
+def sample(image: Array, u: Array, v: Array) -> Array:
+    """A picture at points (N,) between its pixels, bilinear; its border goes on outside. (N,) float32."""
+    columns = 512  # cv2.remap limits the size of a map, so the list is folded into rows
     rows = -(-len(u) // columns)
     maps = np.zeros((2, rows * columns), np.float32)
     maps[0, : len(u)], maps[1, : len(u)] = u, v
     x, y = maps.reshape(2, rows, columns)
-    found = [cv2.remap(image, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE) for image in images]
-    return [f.reshape(rows * columns, *f.shape[2:])[: len(u)] for f in found]
+    return cv2.remap(image, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE).ravel()[: len(u)]
 
 
 def cell_of(u: Array, v: Array) -> Array:
     """Number of the 24 x 24 pixel cell that pixels lie in, (N,) int."""
-    return (v // _CELL_PX * 4096 + u // _CELL_PX).astype(int)
+    row, column = (np.asarray(a, int) // _CELL_PX for a in (v, u))
+    return row * (int(column.max(initial=0)) + 1) + column
 
 
 def clustered_covariance(x: Array, residual: Array, weight: Array, cluster: Array) -> Array:
@@ -128,6 +123,6 @@ def clustered_covariance(x: Array, residual: Array, weight: Array, cluster: Arra
     """
     scaled = x * weight[:, None]
     inverse = np.linalg.inv(scaled.T @ x)
-    _, cluster = np.unique(cluster, return_inverse=True)
     g = np.stack([np.bincount(cluster, column * residual) for column in scaled.T], axis=1)
-    return inverse @ (g.T @ g) @ inverse * (len(g) / max(len(g) - x.shape[1], 1))
+    filled = int((np.bincount(cluster) > 0).sum())
+    return inverse @ (g.T @ g) @ inverse * (filled / max(filled - x.shape[1], 1))

@@ -17,7 +17,7 @@ from stereolib.floor import CannotMeasure, Floor, checked_disparity, scaled_pixe
 from stereolib.rig import RectifiedRig
 
 Array = np.ndarray
-_STEP = 2
+_STEP = 3  # every third pixel of every third row
 _BIN = 1.5  # px: width of a bin of bearing
 
 
@@ -27,24 +27,32 @@ class Uncertainty:
 
     Parameters
     ----------
-    floor_px, face_px : float
-        Error that all disparities of the floor, or of a face, have in common.
+    floor_px, floor_rows : float
+        Error that all disparities of the floor have in common: px, and px for each px by which the floor's disparity
+        grows from row to row (a floor seen at a grazing angle is harder).
+    face_px : float
+        The same of a face.
     f_px, baseline_mm : float
         Of the calibration.
     offset_px : float
         Error of the calibration that shifts every disparity of the picture alike.
     """
 
-    floor_px: float = 0.08
-    face_px: float = 0.05
+    floor_px: float = 0.02
+    floor_rows: float = 0.14
+    face_px: float = 0.02
     f_px: float = 0.0
     baseline_mm: float = 0.0
     offset_px: float = 0.0
 
 
+#: Common errors of planes fitted to block matching's disparities alone.
+MATCHED = Uncertainty(floor_px=0.15, floor_rows=0.4, face_px=0.15)
+
+
 @dataclass(frozen=True, eq=False)
 class Region:
-    """Pixels of one thing that stands on the floor: every second of every second row.
+    """Pixels of one thing that stands on the floor: every third of every third row.
 
     Attributes
     ----------
@@ -188,8 +196,8 @@ def measure_height(
     region: Region,
     *,
     pair: AlignedPair | None = None,
-    uncertainty: Uncertainty = Uncertainty(),
-    least_pixels: int = 150,
+    uncertainty: Uncertainty | None = None,
+    least_pixels: int = 60,
 ) -> GroundHeight:
     """Height of an object with upright faces.
 
@@ -202,7 +210,8 @@ def measure_height(
         From `find_objects`.
     pair : AlignedPair, optional
         Aligns the faces to a few hundredths of a pixel; without it they are as good as the disparity map.
-    uncertainty : Uncertainty
+    uncertainty : Uncertainty, optional
+        By default `Uncertainty()` with a pair, `MATCHED` without.
     least_pixels : int
         Matched pixels that a face needs.
 
@@ -217,6 +226,7 @@ def measure_height(
     all their disparities, and of the calibration, each through the derivative of ``h (1 - d_floor / d_face)``.
     """
     rectified = floor.rectified
+    uncertainty = uncertainty or (MATCHED if pair is None else Uncertainty())
     if region.bounds[1] <= 2 * _STEP:
         raise CannotMeasure("cut by the frame", "the object's top lies above the picture: step back or tilt the camera up")
     faces = _faces(floor, region, pair, least_pixels)
@@ -287,8 +297,7 @@ def _faces(floor: Floor, region: Region, pair: AlignedPair | None, least: int) -
         residual = d[mine] - xm @ line
         covariance = clustered_covariance(xm, residual, np.ones(len(um)), cell_of(um, vm))
         if pair is not None:
-            some = slice(None, None, max(1, len(um) // 8000))
-            fit = align(pair, um[some], vm[some], xm[some], line)
+            fit = align(pair, um, vm, xm, line)
             line, covariance = fit.parameters, fit.covariance
         faces.append(Face(line, covariance, (float(low), float(high)), int(mine.sum())))
     if not faces:
@@ -380,11 +389,12 @@ def _parts(floor: Floor, faces: tuple[Face, ...], height: float, edge_mm: float,
         by_face += share * h * ratio / d
         by_f += share * (height - h) / rectified.f_px
     common_floor = float(by_floor[2])
+    floor_px = float(np.hypot(given.floor_px, given.floor_rows * floor.plane[1]))
     return {
         "edge": edge_mm,
         "floor": float(np.sqrt(by_floor @ floor.covariance @ by_floor)),
         "face": float(np.sqrt(face_var)),
-        "common": float(np.hypot(common_floor * given.floor_px, by_face * given.face_px)),
+        "common": float(np.hypot(common_floor * floor_px, by_face * given.face_px)),
         "calibration": float(
             np.sqrt(
                 (height * given.baseline_mm / rectified.baseline_mm) ** 2

@@ -43,7 +43,9 @@ class PlaneFit:
     agreement: float
 
 
-def align(pair: AlignedPair, u: Array, v: Array, x: Array, start: Array, *, coarse_steps: int = 2, steps: int = 2) -> PlaneFit:
+def align(
+    pair: AlignedPair, u: Array, v: Array, x: Array, start: Array, *, coarse_steps: int = 2, steps: int = 2
+) -> PlaneFit:
     """Find the plane over which the two pictures agree best.
 
     Parameters
@@ -71,9 +73,9 @@ def align(pair: AlignedPair, u: Array, v: Array, x: Array, start: Array, *, coar
     some = slice(None, None, max(1, -(-len(u) // _MOST_PIXELS)))
     u, v, x = u[some], v[some], x[some]
     row, column = v.astype(int), u.astype(int).clip(1, pair.levels[0][0].shape[1] - 2)
-    for (left, right), steps in zip(pair.levels, (coarse_steps, steps), strict=True):
+    for (left, right), count in zip(pair.levels, (coarse_steps, steps), strict=True):
         mine, my_slope = left[row, column], 0.5 * (left[row, column + 1] - left[row, column - 1])
-        for _ in range(steps):
+        for _ in range(count):
             where = u - x @ parameters
             inside = (where > 2) & (where < left.shape[1] - 3)
             theirs, before, after = (sample(right, np.where(inside, where + k, 0), v) for k in (0, -1, 1))

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from stereolib.floor import Floor
 from stereolib.rig import RectifiedRig
 
 Array = np.ndarray
@@ -14,6 +15,7 @@ Array = np.ndarray
 _SPAN_PX = 1.5
 #: Cameras send light to this power; a blurred edge between light and dark stands right in light, not in grey levels.
 _GAMMA = 2.2
+_CLEAR = 1.5  # least contrast of an edge that is looked for far and wide
 #: Least standard deviation of an edge: its own blur and staircase, px.
 _FLOOR_PX = 0.12
 
@@ -38,8 +40,8 @@ class Edge:
 
 
 def locate_edge(
-    images: tuple[Array, Array], rectified: RectifiedRig, points_mm: Array, positions: Array, prior: tuple[float, float],
-    step_px: float,
+    images: tuple[Array, Array], rectified: RectifiedRig, points_mm: Array, positions: Array,
+    prior: tuple[float, float], step_px: float,
 ) -> Edge | None:  # fmt: skip
     """Find the one of many parallel lines in space along which both pictures have an edge.
 
@@ -64,10 +66,10 @@ def locate_edge(
     Notes
     -----
     ``E(k) = mean over samples and colours of |I(k + m) - I(k - m)|`` of the light I, 2 m steps being 1.5 px, times the
-    prior; its peak is refined by a parabola. On a texture neighbouring lines resemble each other, across an outline they do not.
-    The deviation comes from eight groups of samples, each located by itself.
+    prior; its peak is refined by a parabola. On a texture neighbouring lines resemble each other, across an outline
+    they do not. The deviation comes from eight groups of samples, each located by itself.
     """
-    lines, samples = points_mm.shape[:2]
+    lines = len(points_mm)
     half = max(1, round(_SPAN_PX / 2 / step_px))
     height, width = images[0].shape[:2]
     depth = points_mm[..., 2]
@@ -99,6 +101,47 @@ def locate_edge(
     return Edge(found, std, float(strength[best] / max(np.median(strength), 1e-9)))
 
 
+def vertical_edge(
+    images: tuple[Array, Array],
+    floor: Floor,
+    place_mm: Array,
+    heights_mm: tuple[float, float],
+    *,
+    prior_std_px: float,
+) -> Edge | None:
+    """Bearing of an upright edge whose place is roughly known, from a laser for example.
+
+    Parameters
+    ----------
+    images : (left, right), (H, W, 3) or (H, W) uint8
+        Rectified.
+    floor : Floor
+    place_mm : (2,) array
+        Where the edge stands: forward and left of the left camera, along the floor (`Floor.axes`).
+    heights_mm : (low, high)
+        The edge is looked for between these heights.
+    prior_std_px : float
+        How well the place is known, across the line of sight, as pixels: what a scan's beam spacing leaves open.
+
+    Returns
+    -------
+    Edge, or None outside the picture or where no edge stands out clearly
+        `position` and `std` are the angle from the forward axis, counter-clockwise, rad.
+    """
+    f, step_px = floor.rectified.f_px, 0.25
+    forward, left = np.asarray(place_mm, float)
+    start, distance = float(np.arctan2(left, forward)), float(np.hypot(forward, left))
+    step = step_px / f * float(np.cos(start)) ** 2
+    reach = min(max(3.0 * prior_std_px, 4.0), 30.0)
+    angles = start + step * np.arange(-round(reach / step_px), round(reach / step_px) + 1)
+    up = np.linspace(*heights_mm, 120) - floor.camera_height_mm
+    circle = distance * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    ground = np.broadcast_to(circle[:, None], (len(angles), len(up), 2))
+    lines = np.concatenate([ground, np.broadcast_to(up[:, None], (len(angles), len(up), 1))], axis=2) @ floor.axes
+    edge = locate_edge(images, floor.rectified, lines, angles, (start, prior_std_px / step_px * step), step_px)
+    return edge if edge is not None and edge.contrast >= _CLEAR else None
+
+
 def _parabola(values: Array, at: int) -> float:
     """Offset of the peak from its highest sample, -0.5..0.5."""
     if not 0 < at < len(values) - 1:
@@ -106,5 +149,3 @@ def _parabola(values: Array, at: int) -> float:
     a, b, c = values[at - 1 : at + 2]
     bend = a - 2 * b + c
     return float(np.clip(0.5 * (a - c) / bend, -0.5, 0.5)) if bend < 0 else 0.0
-
-

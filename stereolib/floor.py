@@ -176,9 +176,9 @@ def fit_floor(
     disparity = checked_disparity(disparity_px, rectified)
     height, width = disparity.shape
     sparse = disparity[::_STEP, ::_STEP]
-    v, u = np.nonzero(np.isfinite(sparse))
-    d = sparse[v, u].astype(float)
-    u, v = float(_STEP) * u, float(_STEP) * v
+    row, column = np.nonzero(np.isfinite(sparse))
+    d = sparse[row, column].astype(float)
+    u, v = float(_STEP) * column, float(_STEP) * row
     x = scaled_pixels(u, v, rectified)
     limits = (max_tilt_rad, max_roll_rad, max_camera_height_mm)
     plane = _ransac(x, d, rectified, limits, trials, rng) if len(d) > 50 else None
@@ -192,7 +192,7 @@ def fit_floor(
         plane = np.linalg.solve(root.T @ x[near], root.T @ d[near])
     cells = cell_of(u[near], v[near])
     covariance = clustered_covariance(x[near], (d - x @ plane)[near], weight, cells)
-    if pair is not None:
+    if pair is not None and plane is not None:
         fit = align(pair, u[near], v[near], x[near], plane)
         plane, covariance = fit.parameters, fit.covariance
     back = scaled_pixels(np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0]), rectified)

@@ -8,16 +8,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 
 from stereolib.alignment import AlignedPair, align, cell_of, clustered_covariance
 from stereolib.edges import locate_edge
-from stereolib.floor import CannotMeasure, Floor, checked_disparity, scaled_pixels
+from stereolib.floor import CannotMeasure, Floor, fit_floor, scaled_pixels
+from stereolib.ground_objects import STEP, Region, bearing_of, find_objects
 from stereolib.rig import RectifiedRig
 
 Array = np.ndarray
-_STEP = 3  # every third pixel of every third row
+_LEAST_CONTRAST = 1.15  # an edge against the lines around it
 _BIN = 1.5  # px: width of a bin of bearing
 
 
@@ -48,28 +48,6 @@ class Uncertainty:
 
 #: Common errors of planes fitted to block matching's disparities alone.
 MATCHED = Uncertainty(floor_px=0.15, floor_rows=0.4, face_px=0.15)
-
-
-@dataclass(frozen=True, eq=False)
-class Region:
-    """Pixels of one thing that stands on the floor: every third of every third row.
-
-    Attributes
-    ----------
-    u, v, disparity_px, height_mm : (N,) float64
-        Pixels of the rectified left image, what was matched there, and the height above the floor that it means.
-    position_mm : (x, y)
-        Of its nearest part, on the floor: forward and left of the camera.
-    bounds : (left, top, right, bottom)
-        px, both ends included.
-    """
-
-    u: Array
-    v: Array
-    disparity_px: Array
-    height_mm: Array
-    position_mm: tuple[float, float]
-    bounds: tuple[int, int, int, int]
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,65 +108,6 @@ class GroundHeight:
     cut: tuple[str, ...]
 
 
-def find_objects(
-    disparity_px: Array,
-    floor: Floor,
-    *,
-    min_height_mm: float = 20.0,
-    max_distance_mm: float = 1800.0,
-    least_px: int = 600,
-) -> list[Region]:
-    """Separate what stands on the floor, from the floor, from the background and from each other.
-
-    Parameters
-    ----------
-    disparity_px : (H, W) float, px
-        Of the rectified left image, NaN where invalid.
-    floor : Floor
-    min_height_mm : float
-        What is lower belongs to the floor.
-    max_distance_mm : float
-        What is farther is background.
-    least_px : int
-        What has fewer pixels is no object.
-
-    Returns
-    -------
-    list of Region, nearest first
-    """
-    disparity = checked_disparity(disparity_px, floor.rectified)[::_STEP, ::_STEP].astype(np.float32)
-    rectified = floor.rectified
-    rows, columns = disparity.shape
-    u, v = np.arange(columns, dtype=np.float32) * _STEP, np.arange(rows, dtype=np.float32)[:, None] * _STEP
-    ground = (floor.plane[0] * u + floor.plane[1] * v + floor.plane[2]).astype(np.float32)
-    forward = floor.axes[0] / [rectified.f_px, rectified.f_px, 1.0]
-    ahead = (forward[0] * (u - rectified.P1[0, 2]) + forward[1] * (v - rectified.P1[1, 2]) + forward[2]).astype(np.float32)
-    least_disparity = rectified.f_px * rectified.baseline_mm / max_distance_mm
-    lift = np.float32(min_height_mm / floor.camera_height_mm)
-    mask = (disparity > least_disparity * ahead) & (disparity - ground > np.maximum(lift * disparity, 1.0))
-    filled = np.where(mask, disparity, 0)
-    jump = np.zeros(mask.shape, bool)
-    for axis in (0, 1):  # neighbours of different depth are different things
-        step = np.abs(np.diff(filled, axis=axis)) > 1.5 + 0.02 * np.delete(filled, -1, axis=axis)
-        np.logical_or(jump[:-1] if axis == 0 else jump[:, :-1], step, out=jump[:-1] if axis == 0 else jump[:, :-1])
-    count, labels, stats, _ = cv2.connectedComponentsWithStats((mask & ~jump).astype(np.uint8), connectivity=4)
-    found = []
-    for k in range(1, count):
-        x, y, w, h, area = stats[k]
-        if area * _STEP**2 < least_px:
-            continue
-        part = labels[y : y + h, x : x + w] == k
-        row, column = np.nonzero(part)
-        d = filled[y : y + h, x : x + w][part].astype(float)
-        pu, pv = float(_STEP) * (column + x), float(_STEP) * (row + y)
-        t, w_inverse = _bearing(floor, pu, pv, d)
-        near = int(np.argpartition(w_inverse, -len(d) // 50)[-len(d) // 50])
-        position = (1 / w_inverse[near], t[near] / w_inverse[near])
-        bounds = (int(_STEP * x), int(_STEP * y), int(_STEP * (x + w - 1)), int(_STEP * (y + h - 1)))
-        found.append(Region(pu, pv, d, floor.height_mm(pu, pv, d), position, bounds))
-    return sorted(found, key=lambda region: region.position_mm[0])
-
-
 def measure_height(
     left: Array,
     right: Array,
@@ -227,8 +146,10 @@ def measure_height(
     """
     rectified = floor.rectified
     uncertainty = uncertainty or (MATCHED if pair is None else Uncertainty())
-    if region.bounds[1] <= 2 * _STEP:
-        raise CannotMeasure("cut by the frame", "the object's top lies above the picture: step back or tilt the camera up")
+    if region.bounds[1] <= 3 * STEP:
+        raise CannotMeasure(
+            "cut by the frame", "the object's top lies above the picture: step back or tilt the camera up"
+        )
     faces = _faces(floor, region, pair, least_pixels)
     top = _rough_top(floor, region, faces)
     step_px, reach_px = 0.25, 7.0
@@ -240,7 +161,7 @@ def measure_height(
     if np.median(v_top) < reach_px:
         raise CannotMeasure("cut by the frame", "the object's top lies at the picture's border: step back or tilt up")
     edge = locate_edge((left, right), rectified, lines, heights, (top, 3.0 * per_px), step_px)
-    if edge is None or edge.contrast < 1.15:
+    if edge is None or edge.contrast < _LEAST_CONTRAST:
         raise CannotMeasure("no top edge", "the object's upper outline does not stand out; change light or background")
     parts = _parts(floor, faces, edge.position, edge.std, uncertainty)
     near = _near(faces)
@@ -248,7 +169,7 @@ def measure_height(
     ends_px = ends[:, :2] / ends[:, 2:] * rectified.f_px + rectified.P1[:2, 2]
     width, height = rectified.size
     x0, _, x1, y1 = region.bounds
-    touched = {"left": x0 <= _STEP, "right": x1 >= width - 1 - _STEP, "bottom": y1 >= height - 1 - _STEP}
+    touched = {"left": x0 <= STEP, "right": x1 >= width - 1 - STEP, "bottom": y1 >= height - 1 - STEP}
     total = float(np.sqrt(sum(part**2 for part in parts.values())))
     return GroundHeight(
         edge.position, total, faces, near, ends_px[0], ends_px[1], edge.std / per_px, parts,
@@ -256,10 +177,40 @@ def measure_height(
     )  # fmt: skip
 
 
-def _bearing(floor: Floor, u: Array, v: Array, d: Array) -> tuple[Array, Array]:
-    """Tangent of the bearing and inverse forward distance (1/mm) of pixels."""
-    ray = scaled_pixels(u, v, floor.rectified) @ floor.axes[:2].T
-    return ray[:, 1] / ray[:, 0], d / (floor.rectified.f_px * floor.rectified.baseline_mm * ray[:, 0])
+def height_of_nearest(
+    left: Array,
+    right: Array,
+    disparity_px: Array,
+    rectified: RectifiedRig,
+    *,
+    rng: np.random.Generator,
+    uncertainty: Uncertainty | None = None,
+) -> GroundHeight:
+    """Floor, objects, and the height of the nearest one, in one call.
+
+    Parameters
+    ----------
+    left, right : (H, W) or (H, W, 3) uint8
+        Rectified.
+    disparity_px : (H, W) float, px
+        Matched from them, NaN where invalid.
+    rectified : RectifiedRig
+    rng : numpy.random.Generator
+    uncertainty : Uncertainty, optional
+
+    Raises
+    ------
+    CannotMeasure
+        "no floor", "no object", or as `measure_height`.
+    """
+    pair = AlignedPair.of(left, right)
+    floor = fit_floor(disparity_px, rectified, rng=rng, pair=pair)
+    objects = find_objects(disparity_px, floor)
+    if not objects:
+        raise CannotMeasure(
+            "no object", "nothing stands on the floor within 1.8 m; place the object nearer, or texture it"
+        )
+    return measure_height(left, right, floor, objects[0], pair=pair, uncertainty=uncertainty)
 
 
 def _faces(floor: Floor, region: Region, pair: AlignedPair | None, least: int) -> tuple[Face, ...]:
@@ -270,7 +221,7 @@ def _faces(floor: Floor, region: Region, pair: AlignedPair | None, least: int) -
     u, v, d = (a[upright] for a in (region.u, region.v, region.disparity_px))
     if len(d) < least:
         raise CannotMeasure("no texture", f"only {len(d)} pixels of the object were matched; light or texture it")
-    t, w = _bearing(floor, u, v, d)
+    t, w = bearing_of(floor, u, v, d)
     width = _BIN / floor.rectified.f_px
     index = np.floor((t - t.min()) / width).astype(int)
     n = np.bincount(index).astype(float)
@@ -341,7 +292,7 @@ def _rough_top(floor: Floor, region: Region, faces: tuple[Face, ...]) -> float:
     for face in faces:
         low, high = face.bearing
         on = (t > low) & (t < high) & (np.abs(region.disparity_px - scale * ray @ face.line) < 1.2)
-        index = region.u[on].astype(int) // _STEP
+        index = region.u[on].astype(int) // STEP
         highest = np.full(floor.rectified.size[0], -np.inf)
         np.maximum.at(highest, index, region.height_mm[on])
         tops.append(highest[np.isfinite(highest)])
@@ -367,9 +318,11 @@ def _near(faces: tuple[Face, ...]) -> Array:
     return ends[ends[:, 0].argmin()]
 
 
-def _parts(floor: Floor, faces: tuple[Face, ...], height: float, edge_mm: float, given: Uncertainty) -> dict[str, float]:
+def _parts(
+    floor: Floor, faces: tuple[Face, ...], height: float, edge_mm: float, given: Uncertainty
+) -> dict[str, float]:
     """Standard deviations of the height, part by part, mm; averaged over the faces by their widths."""
-    rectified: RectifiedRig = floor.rectified
+    rectified = floor.rectified
     h, scale = floor.camera_height_mm, rectified.f_px * rectified.baseline_mm
     widths = np.array([face.bearing[1] - face.bearing[0] for face in faces])
     shares = widths / widths.sum()
@@ -378,7 +331,7 @@ def _parts(floor: Floor, faces: tuple[Face, ...], height: float, edge_mm: float,
     plane_to_h = -(h**3) * (K @ (K.T @ floor.plane)) / scale**2  # derivative of 1 / |n|
     for face, share in zip(faces, shares, strict=True):
         t = np.mean(face.bearing)
-        ground = face.points_mm(t)
+        ground = face.points_mm(np.asarray(t))
         point = np.array([*ground, height - h]) @ floor.axes
         pixel = K @ point / point[2]
         d = scale / point[2]
@@ -390,16 +343,11 @@ def _parts(floor: Floor, faces: tuple[Face, ...], height: float, edge_mm: float,
         by_f += share * (height - h) / rectified.f_px
     common_floor = float(by_floor[2])
     floor_px = float(np.hypot(given.floor_px, given.floor_rows * floor.plane[1]))
+    calibration = (height * given.baseline_mm / rectified.baseline_mm, by_f * given.f_px)
     return {
         "edge": edge_mm,
         "floor": float(np.sqrt(by_floor @ floor.covariance @ by_floor)),
         "face": float(np.sqrt(face_var)),
         "common": float(np.hypot(common_floor * floor_px, by_face * given.face_px)),
-        "calibration": float(
-            np.sqrt(
-                (height * given.baseline_mm / rectified.baseline_mm) ** 2
-                + (by_f * given.f_px) ** 2
-                + ((common_floor + by_face) * given.offset_px) ** 2
-            )
-        ),
+        "calibration": float(np.hypot(np.hypot(*calibration), (common_floor + by_face) * given.offset_px)),
     }

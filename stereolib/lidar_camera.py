@@ -107,15 +107,19 @@ def board_view(
         If nothing in the scan, or more than one thing, could be the board.
     """
     things = [part for part in segments(scan, sigma=sigma) if part.kind == "object"]
-    found = [part for part in things if part.extent_mm < 1.1 * diagonal_mm and fit_line(part.points_mm).rms_mm < _FLAT_MM]
+    found = [
+        part for part in things if part.extent_mm < 1.1 * diagonal_mm and fit_line(part.points_mm).rms_mm < _FLAT_MM
+    ]
     if len(found) > 1 and expected is not None:
         pose = np.asarray(expected, float)
-        off = [np.linalg.norm(pose[:3, :2] @ f.points_mm.mean(axis=0) + pose[:3, 3] - T_left_board[:3, 3]) for f in found]
+        off = [
+            np.linalg.norm(pose[:3, :2] @ f.points_mm.mean(axis=0) + pose[:3, 3] - T_left_board[:3, 3]) for f in found
+        ]
         found = [found[int(np.argmin(off))]]
     if len(found) != 1:
         raise ValueError(
-            f"{len(found)} things in the scan could be the board (straight, at most {diagonal_mm:.0f} mm long): see that "
-            f"the laser's plane cuts it and nothing like it stands near, or give the expected pose"
+            f"{len(found)} things in the scan could be the board (straight, at most {diagonal_mm:.0f} mm long): see "
+            f"that the laser's plane cuts it and nothing like it stands near, or give the expected pose"
         )
     return BoardView(T_left_board, found[0].points_mm, found[0].sigma_mm)
 
@@ -189,8 +193,8 @@ def _contradiction(views: Sequence[BoardView], pose: Array, board_std_mm: float,
     k = int(np.argmin(left))
     if left[k] > 4.0:
         return (
-            f"the {len(views)} views contradict each other, and leaving out any one does not mend it: see that pictures "
-            f"and scans belong together, and that the readings lie on the board"
+            f"the {len(views)} views contradict each other, and leaving out any one does not mend it: see that "
+            f"pictures and scans belong together, and that the readings lie on the board"
         )
     return (
         f"view {k + 1} of {len(views)} contradicts the others, which agree without it: the board moved between picture "
@@ -210,9 +214,7 @@ def _turn(vector: Sequence[float] | Array) -> Array:
     return np.asarray(Rotation.from_rotvec(np.asarray(vector, float)).as_matrix())
 
 
-def _solve(
-    views: Sequence[BoardView], start: Array, board_std_mm: float, bias_mm: float
-) -> tuple[Array, Array, Array]:
+def _solve(views: Sequence[BoardView], start: Array, board_std_mm: float, bias_mm: float) -> tuple[Array, Array, Array]:
     """Pose (4, 4), Jacobian (N, 6) in the laser's frame and residuals (N,), both over their deviations."""
     from scipy.optimize import least_squares
 
@@ -272,15 +274,17 @@ def _check_observable(views: Sequence[BoardView], pose: Array, J: Array, max_std
     if upright and tilted.sum() < 3:
         advice = f"only {tilted.sum()} boards lean: tilt at least three of them 20 to 40 degrees forward or back"
     elif upright:
-        across, ahead = (float(np.ptp(centres[tilted, axis])) for axis in (1, 0))
-        where = "one to the left and one to the right" if across < ahead else "one near and one far"
-        advice = f"the leaning boards stand too close together: hold a leaning board {where}, and lean some the other way"
+        ahead_mm, across_mm = np.ptp(centres[tilted], axis=0)
+        where = "one to the left and one to the right" if across_mm < ahead_mm else "one near and one far"
+        advice = (
+            f"the leaning boards stand too close together: hold a leaning board {where}, and lean some the other way"
+        )
     else:
         facing = np.degrees(np.arctan2(m[:, 1], m[:, 0])) % 180
         spread = float(np.ptp((facing - facing[0] + 90) % 180))
         advice = (
-            f"the boards face nearly the same way (within {spread:.0f} degrees): turn some 30 to 45 degrees to the left, "
-            f"and some to the right"
+            f"the boards face nearly the same way (within {spread:.0f} degrees): turn some 30 to 45 degrees to the "
+            f"left, and some to the right"
             if spread < 50
             else "the boards stand too close together: hold some to the left, to the right, nearer and farther"
         )

@@ -95,7 +95,7 @@ def segments(
     Notes
     -----
     Beams ``step`` apart at ranges r1 < r2 lie on one surface where their points are nearer than
-    ``r1 sin(step) / sin(grazing - step) + 3 (s1 + s2)`` (Borges and Aldon, J. Intelligent and Robotic Systems 40, 2004).
+    ``r1 sin(step) / sin(grazing - step) + 3 (s1 + s2)`` (Borges and Aldon, J. Intell. Robot. Syst. 40, 2004).
     A reading lost within a surface does not cut it.
     """
     r = scan.ranges_mm
@@ -119,7 +119,7 @@ def segments(
     last = np.flatnonzero(cut)
     found = []
     for begin, end in zip(np.roll(last, 1), last, strict=True):
-        count = (end - begin - 1) % len(seen) + 1
+        count = int((end - begin - 1) % len(seen)) + 1
         members = seen[(begin + 1 + np.arange(count)) % len(seen)]
         if np.min(r[members]) > max_mm:
             continue

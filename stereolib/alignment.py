@@ -18,6 +18,14 @@ _MOST_PIXELS = 3000  # more add nothing but time
 _CELL_PX = 24  # neighbouring pixels err together: those of one cell count as one witness
 
 
+class CannotMeasure(ValueError):
+    """What was asked for cannot be measured here; `reason` is the short name of why, the text says what to do."""
+
+    def __init__(self, reason: str, text: str) -> None:
+        super().__init__(f"{reason}: {text}")
+        self.reason = reason
+
+
 @dataclass(frozen=True, eq=False)
 class AlignedPair:
     """A rectified pair, made ready: brightness without its slow changes, (left, right) float32, coarse then fine."""
@@ -62,8 +70,8 @@ def align(
 
     Raises
     ------
-    ValueError
-        If the pictures have no texture there.
+    CannotMeasure
+        "no texture".
 
     Notes
     -----
@@ -87,7 +95,7 @@ def align(
             J = x * slope[:, None]
             A = (J * weight[:, None]).T @ J
             if not np.linalg.cond(A) < 1e12:
-                raise ValueError("the pictures have no texture there: nothing to align. Light or texture the surface")
+                raise CannotMeasure("no texture", "the pictures show nothing to align; light or texture the surface")
             parameters = parameters - np.linalg.solve(A, J.T @ (weight * e))
     covariance = clustered_covariance(J, e, weight, cell_of(u, v))
     return PlaneFit(parameters, covariance, float((weight > 0).mean()))

@@ -7,20 +7,12 @@ from functools import cached_property
 
 import numpy as np
 
-from stereolib.alignment import AlignedPair, align, cell_of, clustered_covariance
+from stereolib.alignment import AlignedPair, CannotMeasure, align, cell_of, clustered_covariance
 from stereolib.camera import finite_array, set_frozen
 from stereolib.rig import RectifiedRig
 
 Array = np.ndarray
 _STEP = 4  # every fourth pixel, every fourth row
-
-
-class CannotMeasure(ValueError):
-    """What was asked for cannot be measured here; `reason` is the short name of why, the text says what to do."""
-
-    def __init__(self, reason: str, text: str) -> None:
-        super().__init__(f"{reason}: {text}")
-        self.reason = reason
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,15 +178,19 @@ def fit_floor(
     for reach in (2.0, 1.5, 1.5):
         if plane is None or not (near := np.abs(d - x @ plane) < reach * _tolerance_px(d)).sum() >= least:
             share = 0.0 if plane is None else 100 * near.sum() * _STEP**2 / (height * width)
-            raise CannotMeasure("no floor", _NO_FLOOR.format(f"{share:.1f}"))
+            raise CannotMeasure("no floor", _NO_FLOOR.format(f"{share:.1f} %"))
         weight = (1 - ((d - x @ plane)[near] / (reach * _tolerance_px(d[near]))) ** 2) ** 2
         root = x[near] * weight[:, None]
         plane = np.linalg.solve(root.T @ x[near], root.T @ d[near])
-    cells = cell_of(u[near], v[near])
-    covariance = clustered_covariance(x[near], (d - x @ plane)[near], weight, cells)
-    if pair is not None and plane is not None:
+    assert plane is not None
+    covariance = clustered_covariance(x[near], (d - x @ plane)[near], weight, cell_of(u[near], v[near]))
+    if pair is not None:
         fit = align(pair, u[near], v[near], x[near], plane)
         plane, covariance = fit.parameters, fit.covariance
+    expected = x @ plane
+    under = (d < expected - 3 * _tolerance_px(d)) & (expected > 0)
+    if not _plausible(plane[None], rectified, limits)[0] or under.sum() > 0.3 * near.sum():
+        raise CannotMeasure("no floor", _NO_FLOOR.format("no large part"))
     back = scaled_pixels(np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0]), rectified)
     back = np.stack([back[0] - back[2], back[1] - back[2], back[2]])  # planes per scaled pixel -> per pixel
     return Floor(rectified, back @ plane, back @ covariance @ back.T, float(near.sum() * _STEP**2 / (height * width)))
@@ -212,7 +208,7 @@ def _tolerance_px(d: Array) -> Array:
 
 
 _NO_FLOOR = (
-    "{} % of the image fits a plane below the camera. Tilt the camera down or step back, see that "
+    "{} of the image fits a plane below the camera. Tilt the camera down or step back, see that "
     "the floor has texture, or give the floor by the camera's pose (floor_from_pose)"
 )
 
@@ -230,6 +226,15 @@ def checked_disparity(disparity_px: Array, rectified: RectifiedRig) -> Array:
     return disparity
 
 
+def _plausible(planes: Array, rectified: RectifiedRig, limits: tuple[float, float, float]) -> Array:
+    """Which planes (N, 3), per ray, may be a floor: below, not too steep, not too far. (N,) bool."""
+    size = np.maximum(np.linalg.norm(planes, axis=1), 1e-9)
+    down = planes / size[:, None]
+    allowed = (down[:, 1] > 0) & (np.abs(np.arcsin(down[:, 2])) < limits[0])
+    allowed &= np.abs(np.arctan2(down[:, 0], down[:, 1])) < limits[1]
+    return np.asarray(allowed & (rectified.f_px * rectified.baseline_mm / size < limits[2]))
+
+
 def _ransac(
     x: Array, d: Array, rectified: RectifiedRig, limits: tuple[float, float, float], trials: int,
     rng: np.random.Generator,
@@ -242,12 +247,7 @@ def _ransac(
     A, b = x[triples], d[triples]
     usable = np.abs(np.linalg.det(A)) > 1e-3
     planes = np.linalg.solve(A[usable], b[usable][..., None])[..., 0]
-    size = np.maximum(np.linalg.norm(planes, axis=1), 1e-9)
-    down = planes / size[:, None]
-    allowed = (down[:, 1] > 0) & (np.abs(np.arcsin(down[:, 2])) < limits[0])
-    allowed &= np.abs(np.arctan2(down[:, 0], down[:, 1])) < limits[1]
-    allowed &= rectified.f_px * rectified.baseline_mm / size < limits[2]
-    planes = planes[allowed]
+    planes = planes[_plausible(planes, rectified, limits)]
     if not len(planes):
         return None
     expected = x[some] @ planes.T

@@ -159,6 +159,8 @@ def fit_footprint(segment: Segment, *, bias_mm: float = 1.0) -> Footprint:
     """
     p, sigma = segment.points_mm, segment.sigma_mm
     n = len(p)
+    if n < 3:
+        return _irregular(segment, np.nan, f"{n} beams do not tell a shape")
     line, corner = fit_lines(p, sigma, n), fit_corner(p, sigma)
     # A shallow bend is what the bias makes of a flat face.
     flat = np.sqrt(line.chi2 / max(n - 2, 1)) < 1.6

@@ -10,14 +10,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stereolib.alignment import AlignedPair, align, cell_of, clustered_covariance
+from stereolib.alignment import AlignedPair, CannotMeasure, align, cell_of, clustered_covariance
 from stereolib.edges import locate_edge
-from stereolib.floor import CannotMeasure, Floor, fit_floor, scaled_pixels
+from stereolib.floor import Floor, fit_floor, scaled_pixels
 from stereolib.ground_objects import STEP, Region, bearing_of, find_objects
 from stereolib.rig import RectifiedRig
 
 Array = np.ndarray
 _LEAST_CONTRAST = 1.15  # an edge against the lines around it
+_CUT = "the object's top lies above the picture or on its border: step back or tilt the camera up"
 _BIN = 1.5  # px: width of a bin of bearing
 
 
@@ -70,7 +71,7 @@ class Face:
     bearing: tuple[float, float]
     pixels: int
 
-    def points_mm(self, t: Array) -> Array:
+    def points_mm(self, t: Array | float) -> Array:
         """Points of the face on the floor, (..., 2) mm: forward and left of the camera."""
         forward = 1 / (self.line[0] + self.line[1] * np.asarray(t, float))
         return np.stack([forward, forward * t], axis=-1)
@@ -147,19 +148,16 @@ def measure_height(
     rectified = floor.rectified
     uncertainty = uncertainty or (MATCHED if pair is None else Uncertainty())
     if region.bounds[1] <= 3 * STEP:
-        raise CannotMeasure(
-            "cut by the frame", "the object's top lies above the picture: step back or tilt the camera up"
-        )
+        raise CannotMeasure("cut by the frame", _CUT)
     faces = _faces(floor, region, pair, least_pixels)
     top = _rough_top(floor, region, faces)
     step_px, reach_px = 0.25, 7.0
-    near_mm = min(1 / (face.line[0] + face.line[1] * t) for face in faces for t in face.bearing)
-    per_px = near_mm / rectified.f_px
+    per_px = min(float(face.points_mm(t)[0]) for face in faces for t in face.bearing) / rectified.f_px
     heights = top + per_px * np.arange(-reach_px, reach_px + step_px, step_px)
     lines = np.concatenate([_lines_mm(floor, face, heights) for face in faces], axis=1)
     v_top = lines[len(heights) // 2, :, 1] / lines[len(heights) // 2, :, 2] * rectified.f_px + rectified.P1[1, 2]
     if np.median(v_top) < reach_px:
-        raise CannotMeasure("cut by the frame", "the object's top lies at the picture's border: step back or tilt up")
+        raise CannotMeasure("cut by the frame", _CUT)
     edge = locate_edge((left, right), rectified, lines, heights, (top, 3.0 * per_px), step_px)
     if edge is None or edge.contrast < _LEAST_CONTRAST:
         raise CannotMeasure("no top edge", "the object's upper outline does not stand out; change light or background")
@@ -214,7 +212,7 @@ def height_of_nearest(
 
 
 def _faces(floor: Floor, region: Region, pair: AlignedPair | None, least: int) -> tuple[Face, ...]:
-    """One or two upright faces: the inverse distance is a straight line over the tangent of the bearing, or two."""
+    """One or two upright faces: the inverse distance is one straight line over the tangent of the bearing, or two."""
     scale = floor.rectified.f_px * floor.rectified.baseline_mm
     top = np.percentile(region.height_mm, 97)
     upright = region.height_mm < 0.85 * top  # what is higher may be the top face
@@ -237,22 +235,20 @@ def _faces(floor: Floor, region: Region, pair: AlignedPair | None, least: int) -
     faces = []
     for (low, high), line in pieces:
         margin = min(3 * width, (high - low) / 6)
-        x = scale * ray
         mine = (t > low + margin) & (t < high - margin) & (np.abs(d - ray @ line) < 1.0)
-        if mine.sum() < least and len(pieces) == 2:
-            continue  # a sliver: the other face carries the measurement
         if mine.sum() < least:
-            raise CannotMeasure("no texture", f"only {mine.sum()} pixels agree on a face; light or texture the object")
-        um, vm, xm = u[mine], v[mine], x[mine]
+            continue  # a sliver: the other face carries the measurement
+        um, vm, xm = u[mine], v[mine], scale * ray[mine]
         line = np.linalg.lstsq(xm, d[mine], rcond=None)[0]
-        residual = d[mine] - xm @ line
-        covariance = clustered_covariance(xm, residual, np.ones(len(um)), cell_of(um, vm))
+        covariance = clustered_covariance(xm, d[mine] - xm @ line, np.ones(len(um)), cell_of(um, vm))
         if pair is not None:
             fit = align(pair, um, vm, xm, line)
             line, covariance = fit.parameters, fit.covariance
         faces.append(Face(line, covariance, (float(low), float(high)), int(mine.sum())))
     if not faces:
-        raise CannotMeasure("no texture", "no face of the object has enough matched pixels; light or texture it")
+        raise CannotMeasure(
+            "no texture", f"no face of the object has {least} matched pixels that agree; light or texture it"
+        )
     return tuple(faces)
 
 
@@ -331,7 +327,7 @@ def _parts(
     plane_to_h = -(h**3) * (K @ (K.T @ floor.plane)) / scale**2  # derivative of 1 / |n|
     for face, share in zip(faces, shares, strict=True):
         t = np.mean(face.bearing)
-        ground = face.points_mm(np.asarray(t))
+        ground = face.points_mm(float(t))
         point = np.array([*ground, height - h]) @ floor.axes
         pixel = K @ point / point[2]
         d = scale / point[2]

@@ -73,7 +73,9 @@ def find_objects(
     )
     least_disparity = rectified.f_px * rectified.baseline_mm / max_distance_mm
     lift = np.float32(min_height_mm / floor.camera_height_mm)
-    mask = (disparity > least_disparity * ahead) & (disparity - ground > np.maximum(lift * disparity, 1.0))
+    mask = (
+        (ahead > 0.2) & (disparity > least_disparity * ahead) & (disparity - ground > np.maximum(lift * disparity, 1.0))
+    )
     filled = np.where(mask, disparity, 0)
     jump = np.zeros(mask.shape, bool)
     for axis in (0, 1):  # neighbours of different depth are different things

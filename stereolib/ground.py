@@ -40,7 +40,7 @@ class Uncertainty:
     """
 
     floor_px: float = 0.02
-    floor_rows: float = 0.14
+    floor_rows: float = 0.18
     face_px: float = 0.02
     f_px: float = 0.0
     baseline_mm: float = 0.0

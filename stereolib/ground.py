@@ -1,0 +1,349 @@
+"""The height of objects over the floor they stand on: no constant, no scale, and a standard deviation.
+
+Floor and upright faces are planes, so their disparities are linear in the pixel; the top is an edge of the picture. A
+pixel on that edge has ``height = h (1 - d_floor / d_face)``, h being the camera's own height over the floor.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stereolib.alignment import AlignedPair, CannotMeasure, align, cell_of, clustered_covariance
+from stereolib.edges import locate_edge
+from stereolib.floor import Floor, fit_floor, scaled_pixels
+from stereolib.ground_objects import STEP, Region, bearing_of, find_objects
+from stereolib.rig import RectifiedRig
+
+Array = np.ndarray
+_LEAST_CONTRAST = 1.15  # an edge against the lines around it
+_CUT = "the object's top lies above the picture or on its border: step back or tilt the camera up"
+_BIN = 1.5  # px: width of a bin of bearing
+
+
+@dataclass(frozen=True)
+class Uncertainty:
+    """What is not seen in the scatter of one pair, as standard deviations.
+
+    Parameters
+    ----------
+    floor_px, floor_rows : float
+        Error that all disparities of the floor have in common: px, and px for each px by which the floor's disparity
+        grows from row to row (a floor seen at a grazing angle is harder).
+    face_px : float
+        The same of a face.
+    f_px, baseline_mm : float
+        Of the calibration.
+    offset_px : float
+        Error of the calibration that shifts every disparity of the picture alike.
+    """
+
+    floor_px: float = 0.02
+    floor_rows: float = 0.18
+    face_px: float = 0.02
+    f_px: float = 0.0
+    baseline_mm: float = 0.0
+    offset_px: float = 0.0
+
+
+#: Common errors of planes fitted to block matching's disparities alone.
+MATCHED = Uncertainty(floor_px=0.15, floor_rows=0.4, face_px=0.15)
+
+
+@dataclass(frozen=True, eq=False)
+class Face:
+    """An upright face: ``1 / forward distance = a + b t``, t the tangent of the bearing (left positive).
+
+    Attributes
+    ----------
+    line : (a, b)
+        1/mm.
+    covariance : (2, 2) float64
+    bearing : (t_right, t_left)
+        Tangents between which it was seen.
+    pixels : int
+        Pixels it was fitted to.
+    """
+
+    line: Array
+    covariance: Array
+    bearing: tuple[float, float]
+    pixels: int
+
+    def points_mm(self, t: Array | float) -> Array:
+        """Points of the face on the floor, (..., 2) mm: forward and left of the camera."""
+        forward = 1 / (self.line[0] + self.line[1] * np.asarray(t, float))
+        return np.stack([forward, forward * t], axis=-1)
+
+
+@dataclass(frozen=True, eq=False)
+class GroundHeight:
+    """A height with its standard deviation, and what it was measured from.
+
+    Attributes
+    ----------
+    height_mm, height_std_mm : float
+    faces : one or two Face
+        From right to left.
+    near_mm : (2,) float64
+        The near vertical edge on the floor (or the nearest point of a single face): forward, left.
+    foot_px, top_px : (2,) float64
+        Its lower and upper end in the rectified left image; may lie outside.
+    edge_std_px : float
+        How well the upper outline was located.
+    parts_mm : dict
+        Standard deviations that make up the whole: ``edge, floor, face, common, calibration``.
+    cut : tuple of str
+        Sides of the frame that the object touches: "left", "right", "bottom".
+    """
+
+    height_mm: float
+    height_std_mm: float
+    faces: tuple[Face, ...]
+    near_mm: Array
+    foot_px: Array
+    top_px: Array
+    edge_std_px: float
+    parts_mm: dict[str, float]
+    cut: tuple[str, ...]
+
+
+def measure_height(
+    left: Array,
+    right: Array,
+    floor: Floor,
+    region: Region,
+    *,
+    pair: AlignedPair | None = None,
+    uncertainty: Uncertainty | None = None,
+    least_pixels: int = 60,
+) -> GroundHeight:
+    """Height of an object with upright faces.
+
+    Parameters
+    ----------
+    left, right : (H, W) or (H, W, 3) uint8
+        Rectified; the top edge is looked for in both.
+    floor : Floor
+    region : Region
+        From `find_objects`.
+    pair : AlignedPair, optional
+        Aligns the faces to a few hundredths of a pixel; without it they are as good as the disparity map.
+    uncertainty : Uncertainty, optional
+        By default `Uncertainty()` with a pair, `MATCHED` without.
+    least_pixels : int
+        Matched pixels that a face needs.
+
+    Raises
+    ------
+    CannotMeasure
+        "cut by the frame", "no texture", "no top edge".
+
+    Notes
+    -----
+    The standard deviation adds, in squares: the edge's, that of the floor's and the faces' planes, of errors common to
+    all their disparities, and of the calibration, each through the derivative of ``h (1 - d_floor / d_face)``.
+    """
+    rectified = floor.rectified
+    uncertainty = uncertainty or (MATCHED if pair is None else Uncertainty())
+    if region.bounds[1] <= 3 * STEP:
+        raise CannotMeasure("cut by the frame", _CUT)
+    faces = _faces(floor, region, pair, least_pixels)
+    top = _rough_top(floor, region, faces)
+    step_px, reach_px = 0.25, 7.0
+    per_px = min(float(face.points_mm(t)[0]) for face in faces for t in face.bearing) / rectified.f_px
+    heights = top + per_px * np.arange(-reach_px, reach_px + step_px, step_px)
+    lines = np.concatenate([_lines_mm(floor, face, heights) for face in faces], axis=1)
+    v_top = lines[len(heights) // 2, :, 1] / lines[len(heights) // 2, :, 2] * rectified.f_px + rectified.P1[1, 2]
+    if np.median(v_top) < reach_px:
+        raise CannotMeasure("cut by the frame", _CUT)
+    edge = locate_edge((left, right), rectified, lines, heights, (top, 3.0 * per_px), step_px)
+    if edge is None or edge.contrast < _LEAST_CONTRAST:
+        raise CannotMeasure("no top edge", "the object's upper outline does not stand out; change light or background")
+    parts = _parts(floor, faces, edge.position, edge.std, uncertainty)
+    near = _near(faces)
+    ends = np.array([[near[0], near[1], z - floor.camera_height_mm] for z in (0.0, edge.position)]) @ floor.axes
+    ends_px = ends[:, :2] / ends[:, 2:] * rectified.f_px + rectified.P1[:2, 2]
+    width, height = rectified.size
+    x0, _, x1, y1 = region.bounds
+    touched = {"left": x0 <= STEP, "right": x1 >= width - 1 - STEP, "bottom": y1 >= height - 1 - STEP}
+    total = float(np.sqrt(sum(part**2 for part in parts.values())))
+    return GroundHeight(
+        edge.position, total, faces, near, ends_px[0], ends_px[1], edge.std / per_px, parts,
+        tuple(side for side, is_cut in touched.items() if is_cut),
+    )  # fmt: skip
+
+
+def height_of_nearest(
+    left: Array,
+    right: Array,
+    disparity_px: Array,
+    rectified: RectifiedRig,
+    *,
+    rng: np.random.Generator,
+    uncertainty: Uncertainty | None = None,
+) -> GroundHeight:
+    """Floor, objects, and the height of the nearest one, in one call.
+
+    Parameters
+    ----------
+    left, right : (H, W) or (H, W, 3) uint8
+        Rectified.
+    disparity_px : (H, W) float, px
+        Matched from them, NaN where invalid.
+    rectified : RectifiedRig
+    rng : numpy.random.Generator
+    uncertainty : Uncertainty, optional
+
+    Raises
+    ------
+    CannotMeasure
+        "no floor", "no object", or as `measure_height`.
+    """
+    pair = AlignedPair.of(left, right)
+    floor = fit_floor(disparity_px, rectified, rng=rng, pair=pair)
+    objects = find_objects(disparity_px, floor)
+    if not objects:
+        raise CannotMeasure(
+            "no object", "nothing stands on the floor within 1.8 m; place the object nearer, or texture it"
+        )
+    return measure_height(left, right, floor, objects[0], pair=pair, uncertainty=uncertainty)
+
+
+def _faces(floor: Floor, region: Region, pair: AlignedPair | None, least: int) -> tuple[Face, ...]:
+    """One or two upright faces: the inverse distance is one straight line over the tangent of the bearing, or two."""
+    scale = floor.rectified.f_px * floor.rectified.baseline_mm
+    top = np.percentile(region.height_mm, 97)
+    upright = region.height_mm < 0.85 * top  # what is higher may be the top face
+    u, v, d = (a[upright] for a in (region.u, region.v, region.disparity_px))
+    if len(d) < least:
+        raise CannotMeasure("no texture", f"only {len(d)} pixels of the object were matched; light or texture it")
+    t, w = bearing_of(floor, u, v, d)
+    width = _BIN / floor.rectified.f_px
+    index = np.floor((t - t.min()) / width).astype(int)
+    n = np.bincount(index).astype(float)
+    mean = np.bincount(index, w) / np.maximum(n, 1)
+    for _ in range(2):
+        keep = np.abs(w - mean[index]) * scale < 1.5
+        n = np.bincount(index[keep], minlength=len(n)).astype(float)
+        mean = np.bincount(index[keep], w[keep], len(n)) / np.maximum(n, 1)
+    full = np.flatnonzero(n > 0.2 * np.percentile(n, 80))
+    centre, mean = t.min() + (full + 0.5) * width, mean[full]
+    pieces = _hinge(centre, mean * scale)
+    ray = scaled_pixels(u, v, floor.rectified) @ floor.axes[:2].T
+    faces = []
+    for (low, high), line in pieces:
+        margin = min(3 * width, (high - low) / 6)
+        mine = (t > low + margin) & (t < high - margin) & (np.abs(d - ray @ line) < 1.0)
+        if mine.sum() < least:
+            continue  # a sliver: the other face carries the measurement
+        um, vm, xm = u[mine], v[mine], scale * ray[mine]
+        line = np.linalg.lstsq(xm, d[mine], rcond=None)[0]
+        covariance = clustered_covariance(xm, d[mine] - xm @ line, np.ones(len(um)), cell_of(um, vm))
+        if pair is not None:
+            fit = align(pair, um, vm, xm, line)
+            line, covariance = fit.parameters, fit.covariance
+        faces.append(Face(line, covariance, (float(low), float(high)), int(mine.sum())))
+    if not faces:
+        raise CannotMeasure(
+            "no texture", f"no face of the object has {least} matched pixels that agree; light or texture it"
+        )
+    return tuple(faces)
+
+
+def _hinge(t: Array, w: Array) -> list[tuple[tuple[float, float], Array]]:
+    """Split w(t) into one straight line or two that meet in a ridge: their ranges and (a, b), w in px."""
+    moments = np.stack([np.ones_like(t), t, w, t * t, t * w, w * w])
+    sums = np.concatenate([np.zeros((6, 1)), moments.cumsum(axis=1)], axis=1)
+
+    def fit(part: Array) -> tuple[Array, Array, Array]:
+        n, st, sw, stt, stw, sww = part
+        n = np.maximum(n, 1)
+        ctt, ctw, cww = stt - st * st / n, stw - st * sw / n, sww - sw * sw / n
+        b = ctw / np.maximum(ctt, 1e-12)
+        return (sw - b * st) / n, b, np.maximum(cww - b * ctw, 0)
+
+    a, b, rest = fit(sums[:, -1])
+    one = [((t[0], t[-1]), np.array([a, b]))]
+    least = 5
+    if len(t) < 3 * least:
+        return one
+    knots = np.arange(least, len(t) - least)
+    al, bl, rl = fit(sums[:, knots])
+    ar, br, rr = fit(sums[:, -1:] - sums[:, knots])
+    k = int((rl + rr).argmin())
+    if not (rl[k] + rr[k] < 0.5 * rest and bl[k] > br[k]):
+        return one
+    crossing = float(np.clip((ar[k] - al[k]) / (bl[k] - br[k]), t[0], t[-1]))
+    return [((t[0], crossing), np.array([al[k], bl[k]])), ((crossing, t[-1]), np.array([ar[k], br[k]]))]
+
+
+def _rough_top(floor: Floor, region: Region, faces: tuple[Face, ...]) -> float:
+    """Height to which the disparities follow the faces, column by column. mm."""
+    scale = floor.rectified.f_px * floor.rectified.baseline_mm
+    ray = scaled_pixels(region.u, region.v, floor.rectified) @ floor.axes[:2].T
+    t = ray[:, 1] / ray[:, 0]
+    tops = []
+    for face in faces:
+        low, high = face.bearing
+        on = (t > low) & (t < high) & (np.abs(region.disparity_px - scale * ray @ face.line) < 1.2)
+        index = region.u[on].astype(int) // STEP
+        highest = np.full(floor.rectified.size[0], -np.inf)
+        np.maximum.at(highest, index, region.height_mm[on])
+        tops.append(highest[np.isfinite(highest)])
+    return float(np.median(np.concatenate(tops)))
+
+
+def _lines_mm(floor: Floor, face: Face, heights: Array) -> Array:
+    """Points of level lines on a face, (heights, samples, 3) mm, in the rectified left camera's frame."""
+    low, high = face.bearing
+    trim = 0.04 * (high - low)
+    count = int(np.clip((high - low) * floor.rectified.f_px, 8, 160))
+    ground = face.points_mm(np.linspace(low + trim, high - trim, count))
+    up = np.broadcast_to((heights - floor.camera_height_mm)[:, None, None], (len(heights), count, 1))
+    points = np.concatenate([np.broadcast_to(ground, (len(heights), count, 2)), up], axis=2)
+    return points @ floor.axes
+
+
+def _near(faces: tuple[Face, ...]) -> Array:
+    if len(faces) == 2:
+        (a, b), (c, d) = faces[0].line, faces[1].line
+        return faces[0].points_mm(np.array((c - a) / (b - d)))
+    ends = faces[0].points_mm(np.array(faces[0].bearing))
+    return ends[ends[:, 0].argmin()]
+
+
+def _parts(
+    floor: Floor, faces: tuple[Face, ...], height: float, edge_mm: float, given: Uncertainty
+) -> dict[str, float]:
+    """Standard deviations of the height, part by part, mm; averaged over the faces by their widths."""
+    rectified = floor.rectified
+    h, scale = floor.camera_height_mm, rectified.f_px * rectified.baseline_mm
+    widths = np.array([face.bearing[1] - face.bearing[0] for face in faces])
+    shares = widths / widths.sum()
+    by_floor, face_var, by_face, by_f = np.zeros(3), 0.0, 0.0, 0.0
+    K = rectified.P1[:, :3]
+    plane_to_h = -(h**3) * (K @ (K.T @ floor.plane)) / scale**2  # derivative of 1 / |n|
+    for face, share in zip(faces, shares, strict=True):
+        t = np.mean(face.bearing)
+        ground = face.points_mm(float(t))
+        point = np.array([*ground, height - h]) @ floor.axes
+        pixel = K @ point / point[2]
+        d = scale / point[2]
+        ratio = float(floor.plane @ pixel) / d
+        by_floor += share * ((1 - ratio) * plane_to_h - h / d * pixel)
+        to_line = h * ratio / d * scale * (scaled_pixels(pixel[:1], pixel[1:2], rectified)[0] @ floor.axes[:2].T)
+        face_var += float((share * to_line) @ face.covariance @ (share * to_line))
+        by_face += share * h * ratio / d
+        by_f += share * (height - h) / rectified.f_px
+    common_floor = float(by_floor[2])
+    floor_px = float(np.hypot(given.floor_px, given.floor_rows * floor.plane[1]))
+    calibration = (height * given.baseline_mm / rectified.baseline_mm, by_f * given.f_px)
+    return {
+        "edge": edge_mm,
+        "floor": float(np.sqrt(by_floor @ floor.covariance @ by_floor)),
+        "face": float(np.sqrt(face_var)),
+        "common": float(np.hypot(common_floor * floor_px, by_face * given.face_px)),
+        "calibration": float(np.hypot(np.hypot(*calibration), (common_floor + by_face) * given.offset_px)),
+    }

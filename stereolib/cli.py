@@ -9,6 +9,7 @@ from pathlib import Path
 
 from stereolib import __version__
 from stereolib.cli_command import Command
+from stereolib.cli_disparity import DISPARITY
 from stereolib.cli_lrf import LRF_COMMANDS
 
 
@@ -118,6 +119,7 @@ COMMANDS = (
             ),
         ),
     ),
+    DISPARITY,
     Command(
         "lrf", "read, record, replay or emulate the laser range finder", "stereolib lrf emulate", commands=LRF_COMMANDS
     ),

@@ -52,8 +52,8 @@ def neighbours(disparity_px: Array) -> tuple[Array, Array]:
     return _last_valid(disparity_px), _last_valid(disparity_px[:, ::-1])[:, ::-1]
 
 
-def left_right(disparity_px: Array, right_px: Array, size_px: int = 1, *, tolerance_px: float = 1.0) -> Array:
-    """Left-right check, background fill, then a median of `size_px` (1: none).
+def left_right(disparity_px: Array, right_px: Array, *, tolerance_px: float = 1.0) -> Array:
+    """Left-right check, then background fill.
 
     Parameters
     ----------
@@ -64,13 +64,10 @@ def left_right(disparity_px: Array, right_px: Array, size_px: int = 1, *, tolera
     ------
     ValueError
     """
-    from stereolib.smoothing import median
-
-    disparity, size = checked(disparity_px, size_px)
+    disparity, _ = checked(disparity_px)
     if np.shape(right_px) != disparity.shape:
         raise ValueError(f"the right view's map has shape {np.shape(right_px)}, the left one's {disparity.shape}")
-    filled = fill_background(left_right_check(disparity, np.asarray(right_px, np.float32), tolerance_px))
-    return filled if size == 1 else median(filled, size)
+    return fill_background(left_right_check(disparity, np.asarray(right_px, np.float32), tolerance_px))
 
 
 def inpaint(disparity_px: Array, size_px: int = 5, *, method: str = "telea") -> Array:

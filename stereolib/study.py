@@ -166,7 +166,8 @@ def _run(
     from joblib import Parallel, delayed, parallel_config
     from tqdm.auto import tqdm
 
-    ready = {view.name: Ready.of(view) for view, _ in todo.values()}
+    views = {view.name: view for view, _ in todo.values()}
+    ready = {name: Ready.of(view) for name, view in views.items()}
     options: dict[str, Any] = {}
     if backend == "dask":
         try:

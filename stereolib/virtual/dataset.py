@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import zlib
 from collections.abc import Iterable
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -107,10 +107,12 @@ def view(name: str) -> View:
 def render_view(
     name: str, scene: Scene, *, light: float = 1.0, seed: int = 4, about: dict[str, float | str] | None = None
 ) -> View:
-    """A scene seen from the pitched set-up, one ray a pixel and some light, with the regions of `view`."""
+    """A scene seen from the pitched set-up, one ray a pixel and some light, with the regions of `view`.
+
+    The same scene in another light is not rendered again.
+    """
     webcam, rng = Webcam(), np.random.default_rng(seed)
-    lights = render_pair(scene, paper.paper_rig(), setup(), samples=1, light_samples=2)
-    left, right = rectified().rectify(*(webcam.shoot(light * side, rng) for side in lights))
+    left, right = rectified().rectify(*(webcam.shoot(light * side, rng) for side in _lights(scene)))
     return _view(name, left, right, truth(scene, rectified(), setup()), about)
 
 
@@ -118,6 +120,11 @@ def scan(name: str, seed: int = 1) -> lrf.AveragedScan:
     """What the laser sees in a recorded pair's scene: the median of five turns."""
     data = lidar.VirtualLidar().scan(_known(name)[1], LASER_POSE, np.random.default_rng(seed), turns=5)
     return lrf.average(lrf.turns(xv11.decode(data)))
+
+
+@lru_cache(maxsize=8)
+def _lights(scene: Scene) -> tuple[Array, Array]:
+    return render_pair(scene, paper.paper_rig(), setup(), samples=1, light_samples=2)
 
 
 def _view(name: str, left: Array, right: Array, true: Truth, about: dict[str, float | str] | None = None) -> View:

@@ -19,7 +19,7 @@ _MODES = {
     "hh4": cv2.STEREO_SGBM_MODE_HH4,
 }
 _LARGEST = 32767  # OpenCV adds up costs in 16 bits
-_LEAST_ROOM = 64  # grey levels; see SGBMParams.room
+_LEAST_ROOM = 88  # grey levels; see SGBMParams.room
 _LEAST_MATCHES = 60  # that tell something of a pair's rows
 
 
@@ -84,11 +84,12 @@ class SGBMParams:
         if not 0 <= self.uniqueness_ratio <= 100:
             raise ValueError(f"uniqueness_ratio is a percentage, got {self.uniqueness_ratio}")
         if self.room < _LEAST_ROOM:
-            most = max(1, _LARGEST - _LEAST_ROOM * block**2)
+            most = _LARGEST - _LEAST_ROOM * block**2
+            smaller = f"p2 up to {most} (and p1 below it), or " if most > 1 else ""
             raise ValueError(
                 f"block_size {block} with p2={p2} runs over: OpenCV adds up costs in 16 bits, and {self.room:.0f} grey "
-                f"levels a pixel are left for a mismatch, {_LEAST_ROOM} are needed. Take p2 up to {most} (and p1 below "
-                f"it), or a block of at most 17 with the usual penalties"
+                f"levels a pixel are left for a mismatch, {_LEAST_ROOM} are needed. Take {smaller}a block of at most "
+                f"15 with the usual penalties"
             )
 
     @classmethod
@@ -139,7 +140,8 @@ class SGBMParams:
 
         ``(32767 - P2) / b^2``. A pixel's cost is at most 63 from the grey values and twice `pre_filter_cap` from their
         gradients, so that nothing can run over from 189 on (block 11 with the usual penalties). Real mismatches cost
-        less: recordings and the motorcycle pair are as good as ever at 72, and fall apart at 59 (block 19).
+        less: with 88 recordings, the motorcycle pair and noisy pictures are as good as ever; with 81 (block 17) a dim
+        picture has more than twice as many bad pixels, and from 59 on (block 19) all of them fall apart.
         """
         return (_LARGEST - self.penalties[1]) / self.block_size**2
 

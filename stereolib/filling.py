@@ -119,7 +119,8 @@ def weighted_median(disparity_px: Array, image: Array, size_px: int = 15, *, gre
     Notes
     -----
     The weights are a guided filter's, applied to one layer ``d <= k`` a pixel of disparity; where a layer passes one
-    half is the median (Ma et al., Constant time weighted median filtering, doi:10.1109/ICCV.2013.13).
+    half is the median, taken as the mean of the layer's values (Ma et al., Constant time weighted median filtering,
+    doi:10.1109/ICCV.2013.13).
     """
     disparity, size = checked(disparity_px, size_px)
     guide = _guide(disparity, image)
@@ -137,13 +138,13 @@ def weighted_median(disparity_px: Array, image: Array, size_px: int = 15, *, gre
         return disparity.copy()
     weight = np.maximum(guided(valid.astype(np.float32)), 1e-3)
     met = cv2.blur(valid.astype(np.float32), box) > 0
-    out, below = np.full_like(disparity, np.nan), np.zeros_like(disparity)
+    out, filled = np.full_like(disparity, np.nan), np.nan_to_num(disparity)
     for k in np.arange(np.floor(disparity[valid].min()), np.ceil(disparity[valid].max()) + 1, dtype=np.float32):
-        share = guided((valid & (disparity <= k)).astype(np.float32)) / weight
-        passed = np.isnan(out) & (share >= 0.5) & met
-        rise = np.maximum(share - below, 1e-6)
-        out[passed] = (k - 1 + np.clip((0.5 - below) / rise, 0, 1))[passed]
-        below = share
+        passed = np.isnan(out) & (guided((valid & (disparity <= k)).astype(np.float32)) >= 0.5 * weight) & met
+        layer = (valid & (disparity > k - 1) & (disparity <= k)).astype(np.float32)
+        count = cv2.blur(layer, box)
+        mean_px = np.where(count > 1e-6, cv2.blur(layer * filled, box) / np.maximum(count, 1e-6), k - 0.5)
+        out[passed] = mean_px[passed]
     return np.where(np.isnan(out) & met, disparity, out)
 
 

@@ -20,10 +20,10 @@ Array = np.ndarray
 _SPECKLE_PX = 10  # patches below 10 x 10 px go
 _MEDIAN_PX = 5
 _NOISE_GREY = 1.0  # grey levels of noise from which on the pictures are blurred before matching
-#: Limits between classes, and the standard deviation in px of each: calibrated by `benchmarks/bench_pipeline.py` as the
-#: 68th percentile of the absolute error over five cluttered virtual scenes (the cube alone is too easy: it would promise
-#: more than other scenes keep). Matched pixels are told apart by the margin of their
-#: minimum on smooth surfaces and beside steps, filled ones by how far their two neighbours in the row lie apart.
+#: Limits between classes, and the standard deviation in px of each: calibrated by `benchmarks/bench_pipeline.py` as
+#: the 68th percentile of the absolute error over five cluttered virtual scenes (the cube alone is too easy: it would
+#: promise more than other scenes keep). Matched pixels are told apart by the margin of their minimum, on smooth
+#: surfaces and beside steps; filled ones by how far their two neighbours in the row lie apart.
 MARGINS = (80.0, 120.0, 160.0, 220.0, 300.0)
 GAPS_PX = (0.5, 1.0, 4.0, 16.0, 1000.0)
 SIGMA_PX = {
@@ -71,7 +71,8 @@ def stereo_pipeline(name: str = "best", num_disparities: int = 128) -> Callable[
     if num_disparities < step or num_disparities % step:
         below = max(step, num_disparities // step * step)
         raise ValueError(
-            f'"{name}" looks for a multiple of {step} disparities, got {num_disparities}; near are {below}, {below + step}'
+            f'"{name}" looks for a multiple of {step} disparities, got {num_disparities}; near are {below}, '
+            f"{below + step}"
         )
     run = {"paper": _paper, "fast": _fast, "best": _best}[name]
     return lambda left, right: run(left, right, num_disparities)
@@ -143,8 +144,8 @@ def _fast(left: Array, right: Array, num_disparities: int) -> Estimate:
     params = SGBMParams(
         num_disparities // 2, 5, disp12_max_diff=-1, uniqueness_ratio=0, speckle_window_size=0, mode="3way"
     )
-    found = compute_disparity(*half, params, whole=True)
-    mirrored = compute_disparity(*(image[:, ::-1] for image in half[::-1]), params, whole=True)[:, ::-1]
+    found = compute_disparity(half[0], half[1], params, whole=True)
+    mirrored = compute_disparity(half[1][:, ::-1], half[0][:, ::-1], params, whole=True)[:, ::-1]
     kept = filling.remove_speckles(left_right_check(found, mirrored), _SPECKLE_PX // 2)
     dense = cv2.medianBlur(filling.fill_background(kept), _MEDIAN_PX)
     return Estimate(2 * cv2.resize(dense, (width, height), interpolation=cv2.INTER_NEAREST))

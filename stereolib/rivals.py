@@ -83,8 +83,8 @@ def measure(
             bad2 = score(after, one.truth_px, one.looked).bad2_pct
             rows.append((method, name, done.filled_pct, done.wrong2_pct, done.shift_px, grown, grown * cm_per_px, bad2,
                          taken_ms))  # fmt: skip
-    columns = ("method", "case", "filled_pct", "wrong2_pct", "shift_px", "growth_px", "growth_cm", "bad2_pct", "time_ms")
-    return pd.DataFrame(rows, columns=columns)
+    names = ["method", "case", "filled_pct", "wrong2_pct", "shift_px", "growth_px", "growth_cm", "bad2_pct", "time_ms"]
+    return pd.DataFrame(rows, columns=names)
 
 
 def _reach(one: Case, disparity_px: Array) -> float:

@@ -199,7 +199,7 @@ def _refined(total: Array, disparity: Array) -> Array:
 
 
 def _right(total: Array) -> Array:
-    height, count, width = total.shape
+    count, width = total.shape[1:]
     turned = np.full_like(total, _NEVER)
     for d in range(count):
         turned[:, d, : width - d] = total[:, d, d:]

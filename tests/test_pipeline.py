@@ -42,7 +42,8 @@ def test_aggregation_is_hirschmuellers():
                 before, p2 = path[q], max(40 / (1 + abs(int(grey[y, x]) - int(grey[q])) / 30), 8)
                 path[y, x] = np.array([
                     cost[y, d, x] - before.min()
-                    + min([before[d], before.min() + int(p2)] + [before[e] + 7 for e in (d - 1, d + 1) if 0 <= e < count])
+                    + min([before[d], before.min() + int(p2),
+                           *(before[e] + 7 for e in (d - 1, d + 1) if 0 <= e < count)])
                     for d in range(count)
                 ])  # fmt: skip
         for (y, x), values in path.items():
@@ -141,6 +142,7 @@ def test_refuses():
             pipeline.stereo_pipeline(name)(left, right[1:])
         with pytest.raises(ValueError, match="must be uint8"):
             pipeline.stereo_pipeline(name)(left.astype(float), right)
-    for wrong in ({"num_disparities": 1}, {"census_px": (4, 7)}, {"census_px": (9, 9)}, {"p1": 90, "p2": 80}, {"p2": 5000}):
+    sizes = {"num_disparities": 1}, {"census_px": (4, 7)}, {"census_px": (9, 9)}
+    for wrong in (*sizes, {"p1": 90, "p2": 80}, {"p2": 5000}):
         with pytest.raises(ValueError, match=r"must be at least 2|odd edges|0 < p1 < p2|16 bits"):
             sgm.CensusSGM(**wrong)

@@ -17,6 +17,7 @@ Array = np.ndarray
 _CELLS = 4096  # of the table over the tangent of the bearing, 0.5 px apart
 _TANGENTS = (-2.0, 2.0)  # its ends: 63 degrees to either side
 _CLEARLY = 2  # grey levels by which the room has to look more alike
+_ROOM = 4  # the room is matched in pictures so many times smaller
 _JUMP_PX = 6.0  # neighbouring beams that differ by more stand on different things
 
 
@@ -25,8 +26,8 @@ class Expected:
     """What the laser and the floor lead one to expect in the rectified left image.
 
     ``near_px`` (H, W) float32 is the disparity of the nearest thing that a pixel can show: what the scan met, thought
-    upright and endless, and the floor before it. ``room_px`` (H // 2, W // 2) is the same without the things that
-    stand free in the room, for every second pixel: what shows above and beside them. ``free`` is the box (top, bottom,
+    upright and endless, and the floor before it. ``room_px`` (H // 4, W // 4) is the same without the things that
+    stand free in the room, for every fourth pixel: what shows above and beside them. ``free`` is the box (top, bottom,
     left, right) in which the two differ, or None.
     """
 
@@ -74,10 +75,11 @@ def expected_disparity(
     width, height = rectified.size
     u, v = np.arange(width), np.arange(height)[:, None]
     nearest = _nearest_px(near, rays, u, v)
-    behind = _nearest_px(room, rays, u[: width // 2 * 2 : 2] + 0.5, v[: height // 2 * 2 : 2] + 0.5)
-    differ = nearest[::2, ::2][: height // 2, : width // 2] > behind + 1
-    rows, columns = 2 * np.flatnonzero(differ.any(axis=1)), 2 * np.flatnonzero(differ.any(axis=0))
-    free = (int(rows[0]), int(rows[-1]) + 2, int(columns[0]), int(columns[-1]) + 2) if rows.size else None
+    n, middle = _ROOM, (_ROOM - 1) / 2
+    behind = _nearest_px(room, rays, u[: width // n * n : n] + middle, v[: height // n * n : n] + middle)
+    differ = nearest[n // 2 :: n, n // 2 :: n][: height // n, : width // n] > behind + 1
+    rows, columns = n * np.flatnonzero(differ.any(axis=1)), n * np.flatnonzero(differ.any(axis=0))
+    free = (int(rows[0]), int(rows[-1]) + n, int(columns[0]), int(columns[-1]) + n) if rows.size else None
     return Expected(nearest, behind, free)
 
 
@@ -109,7 +111,7 @@ def compute_disparity_guided(
     Notes
     -----
     The right image's rows are shifted by whole pixels, so that what is expected has disparity 0; then one narrow
-    window serves every pixel, and nothing is interpolated. Twice: the room in half size, where things in front are
+    window serves every pixel, and nothing is interpolated. Twice: the room in quarter size, where things in front are
     taken away, and the box that holds those things in full size. Where both return something, the one whose
     neighbourhoods look more alike wins.
     """
@@ -121,11 +123,15 @@ def compute_disparity_guided(
     params = replace(params or SGBMParams(mode="3way"), num_disparities=2 * margin_px, min_disparity=-margin_px)
     left, right = to_grey(left), to_grey(right)
     height, width = left.shape
-    half = (width // 2, height // 2)
-    small = tuple(cv2.resize(image, half, interpolation=cv2.INTER_AREA) for image in (left, right))
-    coarse_params = replace(params, speckle_window_size=params.speckle_window_size // 4)
-    room = _around(small[0], small[1], expected.room_px / 2, coarse_params)
-    found = 2 * cv2.resize(room, (width, height), interpolation=cv2.INTER_NEAREST)
+    half, quarter = (
+        [cv2.resize(image, (width // n, height // n), interpolation=cv2.INTER_AREA) for image in (left, right)]
+        for n in (2, _ROOM)
+    )
+    patches = params.speckle_window_size // _ROOM**2
+    room = _around(quarter[0], quarter[1], expected.room_px / _ROOM, replace(params, speckle_window_size=patches))
+    # What differs from the expectation is enlarged in steps, the expectation itself smoothly: the floor is steep.
+    surprise = cv2.resize(_ROOM * room - expected.room_px, (width, height), interpolation=cv2.INTER_NEAREST)
+    found = surprise + cv2.resize(expected.room_px, (width, height), interpolation=cv2.INTER_LINEAR)
     if expected.free is not None:
         top, bottom, first, last = expected.free
         rim = params.block_size + 2
@@ -133,7 +139,7 @@ def compute_disparity_guided(
         first, last = max(0, first - rim), min(width, last + rim)
         box = (slice(top, bottom), slice(first, last))
         near = _around(left[box], right[top:bottom], expected.near_px[box], params, first)
-        found[box] = _nearer_wins(small, near, found[box], (top, first))
+        found[box] = _nearer_wins(half, near, found[box], (top, first))
     return found
 
 
@@ -198,7 +204,7 @@ def _around(left: Array, right: Array, expected: Array, params: SGBMParams, firs
     return disparity
 
 
-def _nearer_wins(small: tuple[Array, ...], near: Array, room: Array, corner: tuple[int, int]) -> Array:
+def _nearer_wins(small: list[Array], near: Array, room: Array, corner: tuple[int, int]) -> Array:
     """`near` where it has a match that looks no worse than the room's, compared in half size."""
     top, first = corner
     a, b = top % 2, first % 2

@@ -129,11 +129,12 @@ class Ready:
         off = np.abs(error)
         near = off <= 4
         good = error * near
-        columns = [missing, off > 1, off > 2, off > 4, near, off, error * error, good, good * good]
-        columns += [good * wave for wave in self.swing]
+        counted = [missing, off > 1, off > 2, off > 4, near]
+        added = [(off,), (error, error), (good,), (good, good), *((good, wave) for wave in self.swing)]
         cuts = [slice(a, b) for a, b in zip((0, *self.ends[:-1]), self.ends, strict=True)]
         sums = np.array(
-            [[float(c[s].sum()) if c.dtype != bool else np.count_nonzero(c[s]) for s in cuts] for c in columns]
+            [[np.count_nonzero(c[s]) for s in cuts] for c in counted]
+            + [[float(_total(*(c[s] for c in factors))) for s in cuts] for factors in added]
         )
         pixels = np.diff(self.ends, prepend=0)
         lost, o1, o2, o4, n, absolute, square, s, s2, a, b = sums @ self.member.T
@@ -144,12 +145,14 @@ class Ready:
             means = [s / n, np.sqrt(s2 / n), absolute / returned, np.sqrt(square / returned), 2 * np.hypot(a, b) / n]
         wide = float("nan")
         if self.beside.size:
-            wide = (
-                8
-                * np.count_nonzero(raw.take(self.beside) > np.maximum(self.border, 16 * min_disparity - 1))
-                / self.beside.size
-            )
+            over = raw.take(self.beside) > np.maximum(self.border, 16 * min_disparity - 1)
+            wide = 8 * np.count_nonzero(over) / self.beside.size
         return [[float(x) for x in one] + [wide] for one in np.transpose(shares + means)]
+
+
+def _total(a: Array, b: Array | None = None) -> Array:
+    """Sum of a, or of a times b; not by BLAS, whose sums depend on its number of threads."""
+    return a.sum() if b is None else np.einsum("i,i->", a, b)
 
 
 def motorcycle() -> View:

@@ -259,7 +259,7 @@ def test_blocks_whose_costs_leave_16_bits_are_refused():
         SGBMParams(block_size=19, p1=200, p2=1000)
     with pytest.raises(ValueError, match="runs over"):
         SGBMParams(p1=1, p2=32000)
-    with pytest.raises(ValueError, match="are needed. Take a block of at most 15"):
+    with pytest.raises(ValueError, match=r"are needed\. Take a block of at most 15"):
         SGBMParams(block_size=21, p1=2, p2=3)
     assert SGBMParams(block_size=15).room > 88 and SGBMParams(block_size=11).room > 189
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from stereolib import __version__
 from stereolib.cli_calibrate import CALIBRATE
 from stereolib.cli_command import Command
+from stereolib.cli_disparity import DISPARITY
 from stereolib.cli_lrf import LRF_COMMANDS
 
 
@@ -119,6 +120,7 @@ COMMANDS = (
             ),
         ),
     ),
+    DISPARITY,
     Command(
         "lrf", "read, record, replay or emulate the laser range finder", "stereolib lrf emulate", commands=LRF_COMMANDS
     ),

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
 
 from stereolib.images import check_pair, to_grey
+from stereolib.rig import RectifiedRig
 
 Array = np.ndarray
 _MODES = {
@@ -16,6 +18,9 @@ _MODES = {
     "3way": cv2.STEREO_SGBM_MODE_SGBM_3WAY,
     "hh4": cv2.STEREO_SGBM_MODE_HH4,
 }
+_LARGEST = 32767  # OpenCV adds up costs in 16 bits
+_LEAST_ROOM = 88  # grey levels; see SGBMParams.room
+_LEAST_MATCHES = 60  # that tell something of a pair's rows
 
 
 @dataclass(frozen=True)
@@ -81,12 +86,67 @@ class SGBMParams:
             raise ValueError(f"unknown mode {self.mode!r}; choose one of {', '.join(_MODES)}")
         if not 0 <= self.uniqueness_ratio <= 100:
             raise ValueError(f"uniqueness_ratio is a percentage, got {self.uniqueness_ratio}")
+        if self.room < _LEAST_ROOM:
+            most = _LARGEST - _LEAST_ROOM * block**2
+            smaller = f"p2 up to {most} (and p1 below it), or " if most > 1 else ""
+            raise ValueError(
+                f"block_size {block} with p2={p2} runs over: OpenCV adds up costs in 16 bits, and {self.room:.0f} grey "
+                f"levels a pixel are left for a mismatch, {_LEAST_ROOM} are needed. Take {smaller}a block of at most "
+                f"15 with the usual penalties"
+            )
+
+    @classmethod
+    def for_range(cls, rig: RectifiedRig, near_mm: float, far_mm: float = np.inf, **fields: Any) -> SGBMParams:
+        """The smallest search window that holds everything between two depths.
+
+        Parameters
+        ----------
+        rig : RectifiedRig
+        near_mm, far_mm : float
+            Depth along the left camera's optical axis, mm.
+        **fields
+            The other parameters.
+
+        Raises
+        ------
+        ValueError
+            If not ``0 < near_mm < far_mm``.
+
+        Notes
+        -----
+        ``d = f B / Z`` at both ends, and one pixel more on either side: a match at the window's end has no
+        neighbour to be interpolated with.
+
+        Examples
+        --------
+        >>> from stereolib.paper import paper_rig
+        >>> params = SGBMParams.for_range(paper_rig().rectify(), near_mm=600, far_mm=1200)
+        >>> params.min_disparity, params.num_disparities
+        (58, 64)
+        """
+        if not 0 < near_mm < far_mm:
+            raise ValueError(f"depths must satisfy 0 < near_mm < far_mm, got {near_mm:g} and {far_mm:g}")
+        largest, smallest = (rig.f_px * rig.baseline_mm / depth for depth in (near_mm, far_mm))
+        first = int(np.floor(smallest)) - 1 if np.isfinite(far_mm) else 0
+        count = int(np.ceil(largest)) + 2 - first
+        return cls(num_disparities=-(-count // 16) * 16, min_disparity=first, **fields)
 
     @property
     def penalties(self) -> tuple[int, int]:
         """The penalties in force, ``8 b^2`` and ``32 b^2`` unless given."""
         area = self.block_size**2
         return 8 * area if self.p1 is None else self.p1, 32 * area if self.p2 is None else self.p2
+
+    @property
+    def room(self) -> float:
+        """Mean cost of a pixel, grey levels, at which a block's cost and P2 together leave OpenCV's 16 bits.
+
+        ``(32767 - P2) / b^2``. A pixel's cost is at most 63 from the grey values and twice `pre_filter_cap` from their
+        gradients, so that nothing can run over from 189 on (block 11 with the usual penalties). Real mismatches cost
+        less: with 88 recordings, the motorcycle pair and noisy pictures are as good as ever; with 81 (block 17) a dim
+        picture has more than twice as many bad pixels, and from 59 on (block 19) all of them fall apart.
+        """
+        return (_LARGEST - self.penalties[1]) / self.block_size**2
 
     def matcher(self) -> cv2.StereoSGBM:
         """A new `cv2.StereoSGBM` with these parameters."""
@@ -118,22 +178,101 @@ def compute_disparity(left: Array, right: Array, params: SGBMParams | None = Non
     ------
     ValueError
         If the images do not fit together, the window is wider than the image, or left and right are exchanged.
+        Whether the pair is rectified is not looked at here: `check_rectified` does that.
     """
     params = params or SGBMParams()
     check_pair(left, right)
-    reach = max(0, params.min_disparity + params.num_disparities)
-    if reach + params.block_size // 2 >= left.shape[1]:
-        raise ValueError(
-            f"the search window ends at {reach} px, the image is {left.shape[1]} px wide and blocks are "
-            f"{params.block_size} px: reduce num_disparities, min_disparity or block_size"
-        )
+    reach = check_window(params, left.shape[1])
     grey_left, grey_right = to_grey(left), to_grey(right)
     disparity = _match(grey_left, grey_right, params, reach if whole else 0)
-    if np.isnan(disparity[:, reach:]).mean() > 0.6 and _exchanged(grey_left, grey_right):
-        raise ValueError(
-            "left and right are exchanged: matches run the other way (x_left - x_right is negative); swap the images"
-        )
+    if np.isnan(disparity[:, reach:]).mean() > 0.6:
+        _check_sides(grey_left, grey_right)
     return disparity
+
+
+def check_window(params: SGBMParams, width_px: int) -> int:
+    """Refuse a search window that the image cannot hold (ValueError); return where it ends, px."""
+    reach = max(0, params.min_disparity + params.num_disparities)
+    if reach + params.block_size // 2 >= width_px:
+        raise ValueError(
+            f"the search window ends at {reach} px, the image is {width_px} px wide and blocks are "
+            f"{params.block_size} px: reduce num_disparities, min_disparity or block_size"
+        )
+    return reach
+
+
+def raw_disparity(left: Array, right: Array, params: SGBMParams, border: int = 0) -> Array:
+    """What OpenCV returns, unchecked: (H, W) int16, 1/16 px, less than ``16 min_disparity`` where there is no match.
+
+    `left` and `right` are (H, W) uint8. A border widens them first, so that the columns at the left are matched too.
+    """
+    if border:
+        left, right = (cv2.copyMakeBorder(i, 0, 0, border, 0, cv2.BORDER_REPLICATE) for i in (left, right))
+    return params.matcher().compute(left, right)[:, border:]
+
+
+def row_offsets(left: Array, right: Array) -> Array:
+    """By how much the rows of matched points differ, right minus left, px; (n,), empty where little can be matched.
+
+    Parameters
+    ----------
+    left, right : (H, W) or (H, W, 3) uint8
+        At any disparity, rectified or not.
+
+    Notes
+    -----
+    SIFT keypoints of the pictures in half size, matched both ways. The offset changes slowly over the image, so that
+    matches further than 2 px from a plane through it (fitted three times over) are mistaken and are left out.
+    """
+    sift = cv2.SIFT.create(nfeatures=600)
+    small = [cv2.resize(to_grey(i), None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA) for i in (left, right)]
+    points, looks = zip(*(sift.detectAndCompute(image, None) for image in small), strict=True)
+    if min(map(len, points)) < _LEAST_MATCHES:
+        return np.zeros(0)
+    pairs = cv2.BFMatcher(cv2.NORM_L2, crossCheck=True).match(*looks)
+    a = 2 * np.array([points[0][pair.queryIdx].pt for pair in pairs])
+    b = 2 * np.array([points[1][pair.trainIdx].pt for pair in pairs])
+    offset, likely = b[:, 1] - a[:, 1], np.abs(b[:, 1] - a[:, 1]) < 0.15 * left.shape[0]
+    at = np.column_stack([np.ones(len(a)), a / left.shape[1]])
+    plane = np.array([np.median(offset[likely]) if likely.any() else 0.0, 0.0, 0.0])
+    for limit in (6.0, 3.0, 2.0):
+        kept = likely & (np.abs(offset - at @ plane) < limit)
+        if kept.sum() < max(_LEAST_MATCHES, 0.2 * likely.sum()):
+            return np.zeros(0)  # chance matches prove nothing
+        plane = np.linalg.lstsq(at[kept], offset[kept], rcond=None)[0]
+    return offset[np.abs(offset - at @ plane) < 2.0]
+
+
+def check_rectified(left: Array, right: Array, limit_px: float = 1.0) -> float:
+    """Refuse a pair whose rows do not agree, or whose sides are exchanged.
+
+    Parameters
+    ----------
+    left, right : (H, W) or (H, W, 3) uint8
+    limit_px : float
+        Largest root mean square of the vertical offset, px.
+
+    Returns
+    -------
+    float
+        The offset's root mean square, px; NaN where too little can be matched to tell.
+
+    Raises
+    ------
+    ValueError
+        With the rms that was measured.
+    """
+    check_pair(left, right)
+    _check_sides(to_grey(left), to_grey(right))
+    offsets = row_offsets(left, right)
+    rms = float(np.sqrt((offsets**2).mean())) if offsets.size else float("nan")
+    if rms > limit_px:
+        raise ValueError(
+            f"the pair is not rectified: over {offsets.size} matched points the rows differ by {rms:.1f} px rms "
+            f"(median {np.median(offsets):+.1f} px), at most {limit_px:g} px is allowed. Rectify it with its "
+            f"calibration (RectifiedRig.rectify)"
+        )
+    return rms
 
 
 def disparity_to_depth(disparity_px: Array, f_px: float, baseline_mm: float) -> Array:
@@ -191,9 +330,7 @@ def left_right_check(left_px: Array, right_px: Array, tolerance_px: float = 1.0)
 
 
 def _match(left: Array, right: Array, params: SGBMParams, border: int) -> Array:
-    if border:
-        left, right = (cv2.copyMakeBorder(i, 0, 0, border, 0, cv2.BORDER_REPLICATE) for i in (left, right))
-    raw = params.matcher().compute(left, right)[:, border:]
+    raw = raw_disparity(left, right, params, border)
     disparity = raw.astype(np.float32)
     disparity *= 1 / 16
     disparity[raw < 16 * params.min_disparity] = np.nan
@@ -202,11 +339,14 @@ def _match(left: Array, right: Array, params: SGBMParams, border: int) -> Array:
     return disparity
 
 
-def _exchanged(left: Array, right: Array) -> bool:
-    """Whether the pair matches clearly better the other way round; looked at in half size."""
+def _check_sides(left: Array, right: Array) -> None:
+    """Refuse a pair that matches clearly better the other way round; looked at in half size."""
     left, right = (cv2.resize(image, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA) for image in (left, right))
     params = SGBMParams(num_disparities=max(16, left.shape[1] // 5 // 16 * 16))
     if left.shape[1] < 2 * params.num_disparities:
-        return False  # too narrow to tell
+        return  # too narrow to tell
     matched = [np.isfinite(_match(a, b, params, 0)).mean() for a, b in ((left, right), (right, left))]
-    return bool(matched[1] > max(0.3, 2 * matched[0]))  # chance matches in noise prove nothing
+    if matched[1] > max(0.3, 2 * matched[0]):  # chance matches in noise prove nothing
+        raise ValueError(
+            "left and right are exchanged: matches run the other way (x_left - x_right is negative); swap the images"
+        )

@@ -204,8 +204,7 @@ def draw_dilation(condition: str, method: str, size_px: int) -> tuple[Array, str
 
     left, right, disparity_px, cube = _condition(condition)
     before = compute_disparity(left, right)
-    filters = {"dilation": smoothing.dilate, "closing": smoothing.close, "median": smoothing.median}
-    after = filters[method](before, size_px)
+    after = smoothing.smooth(before, method, size_px=size_px, image=left)
     done = repair(before, after, disparity_px, cube)
     text = f"holes {done.holes_pct:.0f} % of the cube, filled {done.filled_pct:.0f} %; of the filled pixels "
     text += f"{done.wrong2_pct:.0f} % are off by more than 2 px; good pixels move by {done.shift_px:+.2f} px"

@@ -1,14 +1,79 @@
-"""Dilation of disparity maps (section II.D) and its nearest rivals, one signature."""
+"""Dilation of disparity maps (section II.D) and its rivals, one signature: ``smooth(disparity_px, method, ...)``."""
 
 from __future__ import annotations
-
-import warnings
 
 import cv2
 import numpy as np
 
+from stereolib import filling
+from stereolib.filling import checked as _checked
+
 Array = np.ndarray
 _SHAPES = {"rect": cv2.MORPH_RECT, "ellipse": cv2.MORPH_ELLIPSE, "cross": cv2.MORPH_CROSS}
+
+
+#: What `smooth` knows: name -> what it needs beside the map.
+METHODS = {
+    "dilation": "",
+    "closing": "",
+    "opening_closing": "",
+    "median": "",
+    "speckle": "",
+    "background": "",
+    "inpaint_telea": "",
+    "inpaint_navier_stokes": "",
+    "inpaint_biharmonic": "",
+    "left_right": "right_px",
+    "weighted_median": "image",
+    "least_squares": "image",
+}
+
+
+def smooth(
+    disparity_px: Array, method: str, *, size_px: int = 9, image: Array | None = None, right_px: Array | None = None
+) -> Array:
+    """Repair a disparity map by a method's name.
+
+    Parameters
+    ----------
+    disparity_px : (H, W) float, px, NaN is a hole
+    method : str
+        One of `METHODS`.
+    size_px : int
+        Odd edge of the kernel or window. Of ``"speckle"``: patches below ``size_px ** 2`` pixels go. Of
+        ``"left_right"``: of the median at the end. ``"background"`` and ``"inpaint_biharmonic"`` have no kernel.
+    image : (H, W) or (H, W, 3) uint8
+        The rectified left picture, for ``"weighted_median"`` and ``"least_squares"``.
+    right_px : (H, W) float, px
+        The right view's disparity, for ``"left_right"``.
+
+    Returns
+    -------
+    (H, W) float32, px
+
+    Raises
+    ------
+    ValueError
+        If the method is unknown (the text lists the names), lacks what it needs, or shapes differ.
+    """
+    if method not in METHODS:
+        raise ValueError(f"unknown method {method!r}; choose one of {', '.join(METHODS)}")
+    disparity, size = _checked(disparity_px, size_px)
+    if METHODS[method] == "right_px":
+        if right_px is None:
+            raise ValueError(f'"{method}" compares both views: pass right_px=, the disparity of the right view')
+        return median(filling.left_right(disparity, right_px), size)
+    if METHODS[method] == "image":
+        if image is None:
+            raise ValueError(f'"{method}" is guided by the picture: pass image=, the rectified left one, uint8')
+        guided = filling.weighted_median if method == "weighted_median" else filling.least_squares
+        return guided(disparity, image, size)
+    if method.startswith("inpaint_"):
+        return filling.inpaint(disparity, size, method=method.removeprefix("inpaint_"))
+    if method == "background":
+        return filling.fill_background(disparity)
+    kernels = {"dilation": dilate, "closing": close, "opening_closing": open_close, "median": median}
+    return filling.remove_speckles(disparity, size) if method == "speckle" else kernels[method](disparity, size)
 
 
 def dilate(disparity_px: Array, size_px: int, *, shape: str = "rect") -> Array:
@@ -73,15 +138,32 @@ def close(disparity_px: Array, size_px: int, *, shape: str = "rect") -> Array:
     return _morphology(cv2.MORPH_CLOSE, disparity_px, size_px, shape)
 
 
+def open_close(disparity_px: Array, size_px: int, *, shape: str = "rect") -> Array:
+    """Grey opening, then closing: small near specks go first, so that the closing does not spread them.
+
+    A hole takes part in neither: the opening leaves out what is no value, then gives each pixel its own hole back.
+    """
+    disparity, size = _checked(disparity_px, size_px)
+    kernel, high = _kernel(shape, size), np.float32(1e9)
+    hole = np.isnan(disparity)
+    lowest = cv2.erode(np.where(hole, high, disparity), kernel)
+    opened = cv2.dilate(np.where(lowest >= high, -high, lowest), kernel)
+    return close(np.where(hole, np.float32(np.nan), opened), size, shape=shape)
+
+
 def median(disparity_px: Array, size_px: int) -> Array:
     """Median of the valid disparities under a square kernel; NaN where the kernel met none."""
-    from scipy.ndimage import vectorized_filter
-
     disparity, size = _checked(disparity_px, size_px)
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", "All-NaN slice", RuntimeWarning)  # NaN is the answer there
-        out = vectorized_filter(disparity, np.nanmedian, size=(size, size), mode="constant", cval=np.nan)
-    return np.asarray(out, np.float32)
+    roomy = np.pad(np.where(np.isnan(disparity), np.float32(np.inf), disparity), size // 2, constant_values=np.inf)
+    windows = np.lib.stride_tricks.sliding_window_view(roomy, (size, size))
+    out = np.empty_like(disparity)
+    for row, under in enumerate(windows):  # holes sort to the end
+        values = np.sort(under.reshape(len(under), -1), axis=1)
+        count = np.isfinite(values).sum(axis=1)
+        middle = np.stack([np.maximum(count - 1, 0) // 2, count // 2], axis=1)
+        both = np.take_along_axis(values, middle, axis=1)
+        out[row] = np.where(count > 0, (both[:, 0] + both[:, 1]) / 2, np.nan)
+    return out
 
 
 def _morphology(operation: int, disparity_px: Array, size_px: int, shape: str) -> Array:
@@ -96,12 +178,3 @@ def _kernel(shape: str, size: int) -> Array:
     if shape not in _SHAPES:
         raise ValueError(f"unknown kernel shape {shape!r}; choose one of {', '.join(_SHAPES)}")
     return np.asarray(cv2.getStructuringElement(_SHAPES[shape], (size, size)))
-
-
-def _checked(disparity_px: Array, size_px: int) -> tuple[Array, int]:
-    disparity = np.asarray(disparity_px, np.float32)
-    if disparity.ndim != 2 or disparity.size == 0:
-        raise ValueError(f"expected a disparity map of shape (H, W), got {disparity.shape}")
-    if size_px < 1 or size_px % 2 == 0 or int(size_px) != size_px:
-        raise ValueError(f"the kernel's edge must be an odd whole number of pixels from 1 on, got {size_px}")
-    return disparity, int(size_px)

@@ -1,219 +1,276 @@
-"""How good a disparity map is, measured against the truth."""
+"""Sweeps: many settings of the matcher over many scenes, measured against the truth and saved as they go."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import csv
+import hashlib
+import io
+import itertools
+import os
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
+import cv2
 import numpy as np
 
-from stereolib.disparity import SGBMParams, compute_disparity
-from stereolib.images import to_grey
+from stereolib.datasets import write_atomic
+from stereolib.disparity import SGBMParams, check_rectified, check_window, raw_disparity
+from stereolib.metrics import (
+    Repair,
+    Score,
+    correlation_length_px,
+    fattening_px,
+    near_edge,
+    overreach_px,
+    repair,
+    score,
+    smallest_window,
+)
+from stereolib.views import FIELDS, METRICS, Ready, View
 
-Array = np.ndarray
+if TYPE_CHECKING:
+    import pandas as pd
 
+# The measures next door are reached through here too.
+__all__ = [
+    "FIELDS", "METRICS", "Repair", "Score", "View", "correlation_length_px", "fattening_px", "grid", "near_edge",
+    "overreach_px", "random", "repair", "score", "smallest_window", "sweep",
+]  # fmt: skip
 
-@dataclass(frozen=True)
-class Score:
-    """Quality of a disparity map over the pixels looked at.
-
-    ``bad1_pct``, ``bad2_pct``, ``bad4_pct``: share off by more than 1, 2, 4 px, unreturned pixels counted as bad.
-    ``density_pct``: share returned. ``bias_px``, ``rms_px``: of the returned pixels that are within 4 px.
-    """
-
-    bad1_pct: float
-    bad2_pct: float
-    bad4_pct: float
-    density_pct: float
-    bias_px: float
-    rms_px: float
-
-
-def score(disparity_px: Array, truth_px: Array, where: Array | None = None) -> Score:
-    """Compare a disparity map with the truth.
-
-    Parameters
-    ----------
-    disparity_px : (H, W) float, NaN where not returned
-    truth_px : (H, W) float, NaN where unknown (not looked at)
-    where : (H, W) bool, optional
-        Pixels to look at, for example `virtual.render.Truth.visible`.
-
-    Raises
-    ------
-    ValueError
-        If the shapes differ or nothing is left to look at.
-    """
-    disparity, truth = np.asarray(disparity_px, float), np.asarray(truth_px, float)
-    if disparity.shape != truth.shape or (where is not None and where.shape != truth.shape):
-        shapes = [disparity.shape, truth.shape] + ([] if where is None else [where.shape])
-        raise ValueError(f"disparity, truth and mask must have one shape, got {shapes}")
-    looked = np.isfinite(truth) if where is None else np.isfinite(truth) & where
-    if not looked.any():
-        raise ValueError("no pixel with a known truth is left to look at: the truth is NaN or the mask is empty there")
-    error = disparity[looked] - truth[looked]
-    returned = np.isfinite(error)
-    off = np.where(returned, np.abs(error), np.inf)
-    good = error[off <= 4]
-    return Score(
-        bad1_pct=100 * float((off > 1).mean()),
-        bad2_pct=100 * float((off > 2).mean()),
-        bad4_pct=100 * float((off > 4).mean()),
-        density_pct=100 * float(returned.mean()),
-        bias_px=float(good.mean()) if good.size else float("nan"),
-        rms_px=float(np.sqrt((good**2).mean())) if good.size else float("nan"),
-    )
+_FORMAT = "# stereolib.study/1"
 
 
-@dataclass(frozen=True)
-class Repair:
-    """What a filter did to a disparity map, over the pixels looked at.
-
-    ``holes_pct``: share of pixels without a disparity before. ``filled_pct``: share of those that have one after.
-    ``wrong2_pct``, ``wrong3_pct``: share of the filled pixels off by more than 2, 3 px. ``shift_px``: mean change of
-    the pixels that were right before (within 2 px). NaN where there is no such pixel.
-    """
-
-    holes_pct: float
-    filled_pct: float
-    wrong2_pct: float
-    wrong3_pct: float
-    shift_px: float
+def grid(base: SGBMParams | None = None, **choices: Iterable[Any]) -> list[SGBMParams]:
+    """Every combination of the choices, for example ``grid(block_size=(3, 5, 7), mode=("sgbm", "hh"))``."""
+    _known(choices)
+    base = base or SGBMParams()
+    return [replace(base, **dict(zip(choices, one, strict=True))) for one in itertools.product(*choices.values())]
 
 
-def repair(before_px: Array, after_px: Array, truth_px: Array, where: Array) -> Repair:
-    """Compare a disparity map before and after a filter such as `smoothing.dilate`.
-
-    Parameters
-    ----------
-    before_px, after_px : (H, W) float, NaN where there is no disparity
-    truth_px : (H, W) float, NaN where unknown (not looked at)
-    where : (H, W) bool
-        Pixels to look at.
+def random(
+    count: int, rng: np.random.Generator, base: SGBMParams | None = None, **choices: Iterable[Any]
+) -> list[SGBMParams]:
+    """`count` different combinations of the choices, drawn at random from the grid.
 
     Raises
     ------
     ValueError
-        If the shapes differ or nothing is left to look at.
+        If the grid holds fewer.
     """
-    shapes = [np.shape(array) for array in (before_px, after_px, truth_px, where)]
-    if len(set(shapes)) > 1:
-        raise ValueError(f"maps before and after, truth and mask must have one shape, got {shapes}")
-    looked = where & np.isfinite(truth_px)
-    if not looked.any():
-        raise ValueError("no pixel with a known truth is left to look at: the truth is NaN or the mask is empty there")
-    before, after, truth = (np.asarray(array, float)[looked] for array in (before_px, after_px, truth_px))
-    hole = np.isnan(before)
-    filled, right = hole & np.isfinite(after), np.abs(before - truth) <= 2
-    off = np.abs(after - truth)[filled]
-    return Repair(
-        holes_pct=_percent(hole),
-        filled_pct=_percent(np.isfinite(after[hole])),
-        wrong2_pct=_percent(off > 2),
-        wrong3_pct=_percent(off > 3),
-        shift_px=float(np.nanmean((after - before)[right])) if right.any() else float("nan"),
-    )
+    _known(choices)
+    listed = [list(values) for values in choices.values()]
+    shape = [len(values) for values in listed]
+    most = int(np.prod(shape))
+    if not 0 < count <= most:
+        raise ValueError(f"{count} combinations are wanted, the choices make {most}")
+    drawn = np.unravel_index(rng.choice(most, count, replace=False), shape)
+    picks = [
+        dict(zip(choices, (v[i] for v, i in zip(listed, at, strict=True)), strict=True))
+        for at in zip(*drawn, strict=True)
+    ]
+    return [replace(base or SGBMParams(), **pick) for pick in picks]
 
 
-def overreach_px(disparity_px: Array, truth_px: Array, on_object: Array, step_px: float = 20.0) -> float:
-    """By how many pixels an object reaches over its right border into the background, mean over rows.
-
-    In each row, the pixels right of the object's last one are counted as long as their disparity is nearer to the
-    object's than to the background's. The right border is taken because both cameras see what is behind it. Only
-    upright stretches count, where it moves by at most 1 px from row to row: there a row crosses the border squarely.
+def sweep(
+    views: Sequence[View],
+    settings: Sequence[SGBMParams],
+    *,
+    whole: bool = False,
+    results: str | os.PathLike[str] | None = None,
+    n_jobs: int = -1,
+    backend: str = "threading",
+    progress: bool = True,
+) -> pd.DataFrame:
+    """Match every view with every setting and measure the maps.
 
     Parameters
     ----------
-    disparity_px, truth_px : (H, W) float
-    on_object : (H, W) bool
-        The true object.
-    step_px : float
-        Rows count whose background lies at least so far behind the object. The floor beside its foot must not: take
-        more than twice what the background's disparity changes by under a filter's kernel.
-
-    Raises
-    ------
-    ValueError
-        If no row has such a border.
-    """
-    width, rows = on_object.shape[1], np.flatnonzero(on_object.any(axis=1))
-    last = width - 1 - on_object[rows, ::-1].argmax(axis=1)
-    upright = np.abs(np.gradient(last.astype(float))) <= 1 if len(last) > 1 else np.array([True])
-    rows, last = rows[upright & (last < width - 1)], last[upright & (last < width - 1)]
-    near, far = truth_px[rows, last], truth_px[rows, last + 1]
-    clear = near - far >= step_px
-    if not clear.any():
-        raise ValueError(f"no row where the object stands {step_px:g} px before what is right of it")
-    rows, last, border = rows[clear], last[clear], ((near + far) / 2)[clear]
-    right = np.arange(width) > last[:, None]
-    taken = disparity_px[rows] > border[:, None]  # False for NaN
-    reached = np.where(right & ~taken, np.arange(width), width).min(axis=1) - last - 1
-    return float(reached.mean())
-
-
-def near_edge(truth_px: Array, on_object: Array, half_width_px: int = 3) -> Array:
-    """Pixels of the object around its nearest column in each row: the vertical edge whose height is wanted.
+    views : sequence of View
+    settings : sequence of SGBMParams
+        From `grid`, `random`, or any list.
+    whole : bool
+        As in `disparity.compute_disparity`.
+    results : path, optional
+        CSV that gets each match's rows as soon as they are there. What it holds already is not done again, so that an
+        interrupted sweep goes on, and a finished one may be given more settings.
+    n_jobs : int
+        Workers; -1 is one a core. OpenCV itself is kept to one thread meanwhile.
+    backend : str
+        Any joblib backend by name: ``"threading"`` (SGBM lets other threads run), ``"loky"``, ``"multiprocessing"``,
+        or ``"dask"`` inside a `distributed.Client` (``pip install 'stereolib[cluster]'``).
+    progress : bool
+        A bar with rate and remaining time.
 
     Returns
     -------
-    (H, W) bool
-    """
-    nearest = np.where(on_object, truth_px, -np.inf).argmax(axis=1)[:, None]
-    return on_object & (np.abs(np.arange(on_object.shape[1]) - nearest) <= half_width_px)
-
-
-def smallest_window(
-    left: Array, right: Array, truth_px: Array, where: Array, *, limit_pct: float = 5.0, widest: int = 192
-) -> int:
-    """The fewest disparities, from 0 on, at which `where` has at most `limit_pct` bad pixels (2 px).
-
-    Parameters
-    ----------
-    left, right : (H, W) or (H, W, 3) uint8
-        Rectified.
-    truth_px, where : (H, W)
-        See `score`.
-    widest : int, px
-        The last window tried.
+    pandas.DataFrame
+        A row for each view, setting and region (column ``where``), in this order: the view's name and what it is
+        about, the fields of `SGBMParams` (penalties as in force), and `METRICS`.
 
     Raises
     ------
     ValueError
-        If no window up to `widest` does.
+        If a pair is exchanged or not rectified, a window does not fit, or `results` is of another study.
+    RuntimeError
+        If a worker dies. Finished rows are kept.
     """
-    for count in range(16, widest + 1, 16):
-        disparity = compute_disparity(left, right, SGBMParams(count), whole=True)
-        if score(disparity, truth_px, where).bad2_pct <= limit_pct:
-            return count
-    raise ValueError(f"even {widest} disparities leave more than {limit_pct:g} % bad pixels: it is not the window")
+    import pandas as pd
+    from joblib import Parallel, delayed
+
+    jobs = _listed(views, settings)
+    file = None if results is None else _Results(Path(results), views, whole)
+    done: dict[str, list[list[float]]] = {} if file is None else file.read()
+    todo = {key: job for key, job in jobs.items() if key not in done}
+    unsure = {view.name: view for view, _ in todo.values()}.values()
+    Parallel(n_jobs, prefer="threads")(delayed(check_rectified)(view.left, view.right) for view in unsure)
+    finished = 0
+    try:
+        for key, measured in _run(todo, whole, n_jobs, backend, progress, len(jobs)):
+            done[key] = measured
+            finished += 1
+            if file is not None:
+                file.append(key, *jobs[key], measured)
+    except Exception as error:
+        kept = "give `results` to keep them" if file is None else f"they are in {file.path}; call again to go on"
+        text = str(error).strip().splitlines()
+        raise RuntimeError(
+            f"the sweep stopped after {finished} of {len(todo)} matches ({type(error).__name__}: "
+            f"{text[0] if text else 'no text'}); {kept}"
+        ) from error
+    if file is not None:
+        file.finish(jobs, done)
+    rows = [row for key, (view, params) in jobs.items() for row in _rows(view, params, done[key])]
+    return pd.DataFrame(rows)
 
 
-def correlation_length_px(image: Array, where: Array) -> float:
-    """Size of a texture along the rows: the shift at which its correlation with itself falls to 1/e.
-
-    Parameters
-    ----------
-    image : (H, W) or (H, W, 3) uint8
-    where : (H, W) bool
-        The textured surface.
-
-    Raises
-    ------
-    ValueError
-        If there is nothing to see: an empty mask, or one grey value only.
-    """
-    grey = to_grey(image).astype(float)
-    if not where.any() or np.ptp(grey[where]) == 0:
-        raise ValueError("no texture to measure: the mask is empty or the surface has one grey value")
-    grey = np.where(where, grey - grey[where].mean(), 0.0)
-    limit = image.shape[1] // 2
-    weight = np.array([(where[:, k:] & where[:, : image.shape[1] - k]).sum() for k in range(limit)])
-    product = np.array([(grey[:, k:] * grey[:, : image.shape[1] - k]).sum() for k in range(limit)])
-    correlation = product / np.maximum(weight, 1)
-    correlation /= correlation[0]
-    below = int((correlation < np.exp(-1)).argmax())
-    step = correlation[below - 1] - correlation[below]
-    return float(below - 1 + (correlation[below - 1] - np.exp(-1)) / step)
+def _listed(views: Sequence[View], settings: Sequence[SGBMParams]) -> dict[str, tuple[View, SGBMParams]]:
+    """Every match by its key: a fingerprint of the view's name and the settings."""
+    names = [view.name for view in views]
+    if not names or not settings or len(set(names)) < len(names) or len(set(settings)) < len(settings):
+        raise ValueError(f"a sweep takes views with different names and different settings, at least one of each; got "
+                         f"{len(names)} views named {', '.join(names)} and {len(settings)} settings")  # fmt: skip
+    for view, params in itertools.product(views, settings):
+        check_window(params, view.left.shape[1])
+    return {
+        hashlib.sha256(repr((view.name, params)).encode()).hexdigest()[:16]: (view, params)
+        for view, params in itertools.product(views, settings)
+    }
 
 
-def _percent(share: Array) -> float:
-    return 100 * float(share.mean()) if share.size else float("nan")
+def _run(
+    todo: Mapping[str, tuple[View, SGBMParams]], whole: bool, n_jobs: int, backend: str, progress: bool, total: int
+) -> Iterator[tuple[str, list[list[float]]]]:
+    from joblib import Parallel, delayed, parallel_config
+    from tqdm.auto import tqdm
+
+    views = {view.name: view for view, _ in todo.values()}
+    ready = {name: Ready.of(view) for name, view in views.items()}
+    options: dict[str, Any] = {}
+    if backend == "dask":
+        try:
+            import distributed  # noqa: F401
+        except ImportError:
+            raise ValueError("the backend 'dask' needs dask: pip install 'stereolib[cluster]'") from None
+        options["scatter"] = list(ready.values())
+    calls = [delayed(_measure)(key, ready[view.name], params, whole) for key, (view, params) in todo.items()]
+    bar = tqdm(desc="sweep", total=total, initial=total - len(todo), unit="match", disable=not progress)
+    with bar, _one_thread_each(), parallel_config(backend, n_jobs=n_jobs, **options):
+        for one in Parallel(return_as="generator_unordered", batch_size=1)(calls):
+            yield one
+            bar.update()
+
+
+def _measure(key: str, ready: Ready, params: SGBMParams, whole: bool) -> tuple[str, list[list[float]]]:
+    if cv2.getNumThreads() != 1:  # in a worker process
+        cv2.setNumThreads(1)
+    border = max(0, params.min_disparity + params.num_disparities) if whole else 0
+    raw = raw_disparity(ready.left, ready.right, params, border)
+    if border:  # a match outside the right image is a match with the border's copies
+        raw = np.where(
+            raw > 16 * np.arange(raw.shape[1], dtype=np.int16), np.int16(16 * params.min_disparity - 16), raw
+        )
+    return key, ready.measure(raw, params.min_disparity)
+
+
+def _rows(view: View, params: SGBMParams, measured: list[list[float]]) -> Iterator[dict[str, Any]]:
+    p1, p2 = params.penalties
+    settings = {name: getattr(params, name) for name in FIELDS} | {"p1": p1, "p2": p2}
+    for where, values in zip(view.masks(), measured, strict=True):
+        yield {"view": view.name, **view.about, **settings, "where": where, **dict(zip(METRICS, values, strict=True))}
+
+
+class _Results:
+    """The file of a sweep: a line that names the study, then CSV; a match's rows are written in one piece."""
+
+    def __init__(self, path: Path, views: Sequence[View], whole: bool) -> None:
+        self.path = path
+        self.about = list(dict.fromkeys(name for view in views for name in view.about))
+        self.regions = {view.name: list(view.masks()) for view in views}
+        self.columns = ["key", "view", *self.about, *FIELDS, "where", *METRICS]
+        digests = sorted(view.digest() for view in views)
+        study = hashlib.sha256(repr((digests, whole, self.columns)).encode()).hexdigest()[:16]
+        self.head = f"{_FORMAT} {study}\n{','.join(self.columns)}\n"
+        self.other: list[str] = []
+
+    def read(self) -> dict[str, list[list[float]]]:
+        """Measures of every finished match; a new file is begun, a torn last line is dropped."""
+        if not self.path.exists():
+            write_atomic(self.path, self.head)
+            return {}
+        text = self.path.read_text(encoding="utf-8")
+        if not text.startswith(_FORMAT):
+            raise ValueError(f"{self.path} is no results file of a sweep: give another name")
+        if not text.startswith(self.head):
+            raise ValueError(
+                f"{self.path} holds the results of another study: other views, truths, regions or `whole`. Give "
+                f"another name, or the views it was made with"
+            )
+        text = text[: text.rfind("\n") + 1]
+        found: dict[str, dict[str, list[float]]] = {}
+        for row in csv.DictReader(io.StringIO(text[len(self.head) :]), self.columns):
+            found.setdefault(row["key"] + row["view"], {})[row["where"]] = [float(row[name]) for name in METRICS]
+        whole = {k: v for k, v in found.items() if list(v) == self.regions.get(k[16:])}
+        lines = text[len(self.head) :].splitlines(keepends=True)
+        kept = (
+            [line for line in lines if any(line.startswith(f"{key[:16]},") for key in whole)]
+            if len(whole) < len(found)
+            else lines
+        )
+        write_atomic(self.path, self.head + "".join(kept))
+        self.other = kept
+        return {key[:16]: list(measured.values()) for key, measured in whole.items()}
+
+    def lines(self, key: str, view: View, params: SGBMParams, measured: list[list[float]]) -> str:
+        stream = io.StringIO()
+        writer = csv.DictWriter(stream, self.columns, lineterminator="\n")
+        writer.writerows({"key": key, **row} for row in _rows(view, params, measured))
+        return stream.getvalue()
+
+    def append(self, key: str, view: View, params: SGBMParams, measured: list[list[float]]) -> None:
+        with self.path.open("ab") as stream:
+            stream.write(self.lines(key, view, params, measured).encode())
+
+    def finish(self, jobs: Mapping[str, tuple[View, SGBMParams]], done: Mapping[str, list[list[float]]]) -> None:
+        """Write the rows again in their order, whoever finished first; rows of other settings stay below."""
+        own = "".join(self.lines(key, *job, done[key]) for key, job in jobs.items())
+        others = "".join(line for line in self.other if line[:16] not in jobs)
+        write_atomic(self.path, self.head + own + others)
+
+
+@contextmanager
+def _one_thread_each() -> Iterator[None]:
+    before = cv2.getNumThreads()
+    cv2.setNumThreads(1)
+    try:
+        yield
+    finally:
+        cv2.setNumThreads(before)
+
+
+def _known(choices: Mapping[str, object]) -> None:
+    unknown = set(choices) - set(FIELDS)
+    if unknown or not choices:
+        raise ValueError(f"unknown fields {sorted(unknown)}: SGBMParams has {', '.join(FIELDS)}")

@@ -9,6 +9,7 @@ import pytest
 from stereolib.camera import Camera
 from stereolib.disparity import (
     SGBMParams,
+    check_rectified,
     compute_disparity,
     depth_to_disparity,
     disparity_to_depth,
@@ -224,3 +225,88 @@ def test_pair_that_does_not_fit():
         compute_disparity(left, cv2.cvtColor(right, cv2.COLOR_GRAY2BGR))
     with pytest.raises(ValueError, match="uint8"):
         compute_disparity(left.astype(float), right.astype(float))
+
+
+def test_window_from_depths_holds_them_and_no_more():
+    rig = dataset.rectified()
+    fB = rig.f_px * rig.baseline_mm
+    for near, far in ((500, 520), (400, 3000), (700, 1200), (650, np.inf)):
+        params = SGBMParams.for_range(rig, near, far, block_size=7)
+        last = params.min_disparity + params.num_disparities - 1
+        assert params.min_disparity <= fB / far - 1 + (far == np.inf) and last >= fB / near + 1
+        assert params.block_size == 7
+        fewest = fB / near - (fB / far if far < np.inf else 0) + 2
+        assert params.num_disparities < fewest + 18
+    with pytest.raises(ValueError, match="0 < near_mm < far_mm, got 900 and 700"):
+        SGBMParams.for_range(rig, 900, 700)
+
+
+def test_window_from_depths_matches_the_cube(cube):
+    true = dataset.load_truth("conditions/texture")
+    where = true.visible & (true.box == 1)
+    depth = true.depth_mm[where]
+    params = SGBMParams.for_range(dataset.rectified(), depth.min(), depth.max())
+    assert params.num_disparities < 64
+    found = compute_disparity(*cube, params)
+    assert (np.abs(found - true.disparity_px)[where] <= 1).mean() > 0.995
+
+
+def test_blocks_whose_costs_leave_16_bits_are_refused():
+    with pytest.raises(ValueError, match=r"block_size 19 .* 16 bits, and 59 grey levels .* p2 up to 999 "):
+        SGBMParams(block_size=19)
+    SGBMParams(block_size=19, p1=200, p2=999)
+    with pytest.raises(ValueError, match="runs over"):
+        SGBMParams(block_size=19, p1=200, p2=1000)
+    with pytest.raises(ValueError, match="runs over"):
+        SGBMParams(p1=1, p2=32000)
+    with pytest.raises(ValueError, match=r"are needed\. Take a block of at most 15"):
+        SGBMParams(block_size=21, p1=2, p2=3)
+    assert SGBMParams(block_size=15).room > 88 and SGBMParams(block_size=11).room > 189
+
+
+def test_opencv_runs_over_where_it_is_refused_and_not_below():
+    """The same block and the same images: only the penalties differ, and with them the room left in 16 bits."""
+    view = dataset.view("series/coarse_700")
+    grey = [cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) for image in (view.left, view.right)]
+    bad = []
+    for p2 in (800, 32 * 19**2):
+        raw = cv2.StereoSGBM.create(0, 128, 19, p2 // 4, p2, 1, 63, 10, 100, 2).compute(*grey)
+        bad.append((np.abs(raw / 16 - view.truth_px)[view.regions["cube"]] > 2).mean())
+    assert bad[0] < 0.01 and bad[1] > 0.1
+    SGBMParams(block_size=19, p1=200, p2=800)
+    with pytest.raises(ValueError, match="runs over"):
+        SGBMParams(block_size=19)
+
+
+@pytest.mark.parametrize("name", ["conditions/texture", "conditions/glare", "series/coarse_1000", "series/fine_500"])
+def test_rows_that_do_not_agree_are_refused_with_their_rms(name):
+    pair = dataset.rectified().rectify(*dataset.load_pair(name))
+    assert check_rectified(*pair) < 0.6
+    lower = cv2.warpAffine(pair[1], np.float32([[1, 0, 0], [0, 1, 3]]), (640, 480))
+    with pytest.raises(ValueError, match=r"by 3\.\d px rms \(median \+(2\.9|3\.0|3\.1) px\), at most 1 px"):
+        check_rectified(pair[0], lower)
+    with pytest.raises(ValueError, match=r"not rectified: .* by 2\.\d px rms"):
+        check_rectified(*dataset.load_pair(name))
+    with pytest.raises(ValueError, match="exchanged"):
+        check_rectified(*pair[::-1])
+
+
+def test_half_a_pixel_of_offset_is_measured_and_allowed():
+    pair = dataset.rectified().rectify(*dataset.load_pair("series/fine_700"))
+    lower = cv2.warpAffine(pair[1], np.float32([[1, 0, 0], [0, 1, 0.6]]), (640, 480))
+    assert 0.5 < check_rectified(pair[0], lower) < 0.9
+
+
+@pytest.mark.parametrize("sigma", [0, 1, 20, 60])
+def test_where_nothing_matches_nothing_is_said_of_the_rows(sigma):
+    rng = np.random.default_rng(3)
+    pair = [np.clip(128 + sigma * rng.standard_normal((240, 320)), 0, 255).astype(np.uint8) for _ in "lr"]
+    assert np.isnan(check_rectified(*pair))
+
+
+@pytest.mark.parametrize("dtype", [np.uint16, np.float32])
+def test_images_of_another_kind_are_refused(dtype):
+    left, right = (image.astype(dtype) for image in shifted(3))
+    for function in (compute_disparity, check_rectified):
+        with pytest.raises(ValueError, match=f"must be uint8 arrays, got {np.dtype(dtype)}; scale to 0..255"):
+            function(left, right)

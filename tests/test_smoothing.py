@@ -137,3 +137,90 @@ def test_refuses_other_input():
         smoothing.median(np.zeros((0, 4)), 3)
     with pytest.raises(ValueError, match="unknown kernel shape 'star'; choose one of rect, ellipse, cross"):
         smoothing.close(sparse(), 3, shape="star")
+
+
+def scene_with_holes(seed=5):
+    """A near square before a far wall, both seen clearly in the picture; a third of the map is missing."""
+    rng = np.random.default_rng(seed)
+    truth = np.full((60, 80), 20.0, np.float32)
+    truth[15:45, 25:55] = 60
+    image = np.where(truth > 40, 200, 60).astype(np.uint8)
+    return np.where(rng.random(truth.shape) < 0.33, np.nan, truth).astype(np.float32), truth, image
+
+
+@pytest.mark.parametrize("method", list(smoothing.METHODS))
+def test_smooth_by_name(method):
+    disparity, truth, image = scene_with_holes()
+    out = smoothing.smooth(disparity, method, size_px=7, image=image, right_px=np.full_like(truth, np.nan))
+    assert out.dtype == np.float32 and out.shape == truth.shape
+    inner = np.zeros(truth.shape, bool)
+    inner[22:38, 32:48] = True
+    if method == "left_right":  # the right view agrees nowhere
+        assert np.isnan(out).all()
+    else:
+        right = np.abs(out[inner] - truth[inner]) < (4 if method == "inpaint_telea" else 0.5)
+        assert right[np.isfinite(out[inner])].all() and right.mean() > 0.6
+    nothing = np.full_like(truth, np.nan)
+    assert np.isnan(smoothing.smooth(nothing, method, image=image, right_px=nothing)).all()
+
+
+@pytest.mark.parametrize("method", ["weighted_median", "least_squares"])
+def test_guided_methods_keep_the_outline(method):
+    disparity, truth, image = scene_with_holes()
+    out = smoothing.smooth(disparity, method, size_px=9, image=image)
+    assert np.abs(out - truth).max() < 1
+    blind = smoothing.smooth(disparity, method, size_px=9, image=np.full_like(image, 90))
+    assert (np.abs(blind - truth) > 2).mean() > 0.01  # without edges to see it does not
+
+
+def test_least_squares_solves_its_equations():
+    """One column system against a dense solver."""
+    rng = np.random.default_rng(6)
+    right, weight = rng.random((2, 8, 3)), rng.random((7, 3))
+    from stereolib.filling import _tridiagonal
+
+    found = _tridiagonal(right, weight)
+    for m in range(3):
+        matrix = np.eye(8)
+        for i, w in enumerate(weight[:, m]):
+            matrix[i, i], matrix[i + 1, i + 1] = matrix[i, i] + w, matrix[i + 1, i + 1] + w
+            matrix[i, i + 1] = matrix[i + 1, i] = -w
+        np.testing.assert_allclose(found[:, :, m].T, np.linalg.solve(matrix, right[:, :, m].T), rtol=1e-10)
+
+
+def test_background_by_hand():
+    nan = np.nan
+    rows = np.array([[nan, 5, nan, 3, nan], [nan, nan, nan, nan, nan], [9, nan, nan, nan, 2]], float)
+    expected = [[5, 5, 3, 3, 3], [5, 2, 2, 2, 2], [9, 2, 2, 2, 2]]
+    np.testing.assert_array_equal(smoothing.smooth(rows, "background"), expected)
+
+
+def test_speckles_go_and_patches_stay():
+    disparity = np.full((20, 20), 10.0)
+    disparity[5, 5], disparity[10:14, 10:14] = 50, 30
+    out = smoothing.smooth(disparity, "speckle", size_px=3)
+    assert np.isnan(out[5, 5]) and np.isnan(out).sum() == 1
+
+
+def test_opening_closing_removes_a_near_speck_and_closing_keeps_it():
+    disparity = np.full((21, 21), 20.0)
+    disparity[10, 10], disparity[3, 3] = 90, np.nan
+    assert smoothing.smooth(disparity, "opening_closing", size_px=3)[10, 10] == 20
+    assert smoothing.smooth(disparity, "closing", size_px=3)[10, 10] == 90
+    assert smoothing.smooth(disparity, "opening_closing", size_px=3)[3, 3] == 20
+
+
+def test_smooth_refuses():
+    disparity, _, image = scene_with_holes()
+    with pytest.raises(ValueError, match="unknown method 'blur'; choose one of dilation, closing"):
+        smoothing.smooth(disparity, "blur")
+    with pytest.raises(ValueError, match="pass image="):
+        smoothing.smooth(disparity, "least_squares")
+    with pytest.raises(ValueError, match="pass right_px="):
+        smoothing.smooth(disparity, "left_right")
+    with pytest.raises(ValueError, match=r"right view's map has shape \(3, 3\)"):
+        smoothing.smooth(disparity, "left_right", right_px=np.zeros((3, 3)))
+    with pytest.raises(ValueError, match=r"picture has shape \(59, 80\)"):
+        smoothing.smooth(disparity, "weighted_median", image=image[1:])
+    with pytest.raises(ValueError, match="odd whole number of pixels from 1 on, got 8"):
+        smoothing.smooth(disparity, "median", size_px=8)

@@ -140,3 +140,34 @@ def test_correlation_length_refuses():
         study.correlation_length_px(np.full((9, 9), 7, np.uint8), np.ones((9, 9), bool))
     with pytest.raises(ValueError, match="no texture to measure"):
         study.correlation_length_px(np.eye(9).astype(np.uint8), np.zeros((9, 9), bool))
+
+
+def test_errors_of_all_returned_pixels_and_the_swing_by_hand():
+    truth = np.array([[10.0, 10.25, 10.5, 10.75, 10.0]])
+    found = truth + np.array([0.0, 0.1, 0.0, -0.1, 12.0])  # drawn towards 10.5
+    result = study.score(found, truth)
+    assert result.mean_all_px == pytest.approx(12.2 / 5)
+    assert result.rms_all_px == pytest.approx(np.sqrt((0.02 + 144) / 5))
+    assert result.locking_px == pytest.approx(0.1)  # 2/4 |0.1 i + (-0.1)(-i)|
+    assert study.score(truth + 0.3, truth).locking_px == pytest.approx(0.3 * 2 / 5)
+
+
+def test_matches_that_keep_to_whole_pixels_swing_as_known():
+    """Rounding to whole pixels errs by a sawtooth, whose first harmonic is 1 / pi."""
+    truth = np.linspace(20, 40, 20001)[None, :-1]
+    assert study.score(np.rint(truth), truth).locking_px == pytest.approx(1 / np.pi, rel=1e-3)
+    assert study.score(truth + 0.2, truth).locking_px == pytest.approx(0, abs=1e-9)
+
+
+@pytest.mark.parametrize("grown", [0, 1, 5])
+def test_fattening_is_the_width_of_the_rim(grown):
+    truth, _ = scene_with_a_border()
+    visible = np.ones(truth.shape, bool)
+    visible[5:15, :10] = False  # hidden from the right camera
+    found = truth.copy()
+    found[5:15, 20 : 20 + grown] = 80
+    found[5:15, 19] = 30  # a rim that is too narrow is another error
+    assert study.fattening_px(found, truth, visible) == pytest.approx(grown)
+    assert np.isnan(study.fattening_px(found, np.full(truth.shape, 30.0), visible))
+    found[5:15, 20:] = NAN  # nor are holes fattening
+    assert study.fattening_px(found, truth, visible) == 0

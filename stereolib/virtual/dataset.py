@@ -9,17 +9,19 @@ from __future__ import annotations
 import hashlib
 import zlib
 from collections.abc import Iterable
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from stereolib import datasets, paper, scale, xv11
+from stereolib import datasets, lrf, paper, scale, xv11
 from stereolib.camera import Camera
 from stereolib.images import read_pair
+from stereolib.metrics import near_edge
 from stereolib.rig import RectifiedRig, rigid
 from stereolib.targets import Checkerboard
+from stereolib.views import View
 from stereolib.virtual import lidar
 from stereolib.virtual.render import Truth, render_pair, truth
 from stereolib.virtual.scene import Light, Scene, board, cube_scene, room
@@ -94,6 +96,41 @@ def load_truth(name: str) -> Truth:
     """True disparity and depth of a recorded pair, in the true rig's rectified left image."""
     where, scene = _known(name)
     return truth(scene, rectified(), setup(where))
+
+
+def view(name: str) -> View:
+    """A recorded pair, rectified, with its truth: regions ``"cube"`` and ``"edge"`` (the near one), both visible."""
+    left, right = rectified().rectify(*load_pair(name))
+    return _view(name, left, right, load_truth(name))
+
+
+def render_view(
+    name: str, scene: Scene, *, light: float = 1.0, seed: int = 4, about: dict[str, float | str] | None = None
+) -> View:
+    """A scene seen from the pitched set-up, one ray a pixel and some light, with the regions of `view`.
+
+    The same scene in another light is not rendered again.
+    """
+    webcam, rng = Webcam(), np.random.default_rng(seed)
+    left, right = rectified().rectify(*(webcam.shoot(light * side, rng) for side in _lights(scene)))
+    return _view(name, left, right, truth(scene, rectified(), setup()), about)
+
+
+def scan(name: str, seed: int = 1) -> lrf.AveragedScan:
+    """What the laser sees in a recorded pair's scene: the median of five turns."""
+    data = lidar.VirtualLidar().scan(_known(name)[1], LASER_POSE, np.random.default_rng(seed), turns=5)
+    return lrf.average(lrf.turns(xv11.decode(data)))
+
+
+@lru_cache(maxsize=8)
+def _lights(scene: Scene) -> tuple[Array, Array]:
+    return render_pair(scene, paper.paper_rig(), setup(), samples=1, light_samples=2)
+
+
+def _view(name: str, left: Array, right: Array, true: Truth, about: dict[str, float | str] | None = None) -> View:
+    cube = true.box == 1
+    regions = {"cube": true.visible & cube, "edge": true.visible & near_edge(true.disparity_px, cube)}
+    return View(name, left, right, true.disparity_px, true.visible, regions, about or {})
 
 
 def load_boards() -> tuple[list[tuple[Array, Array]], list[str]]:

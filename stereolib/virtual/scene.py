@@ -175,6 +175,38 @@ def cube_scene(
     return Scene((room(ground), box), lights, names=("room", "cube")).dimmed(light)
 
 
+def clutter_scene(seed: int, count: int = 16) -> Scene:
+    """A disorderly bench: boxes, posts and boards of all textures, some plain, some glossy, before the wall.
+
+    For settings that must hold beyond the cube: many depths, thin objects, occlusions. It fills the view of the
+    set-up ``"bench"`` of `virtual.dataset` (level, one metre up) from 0.7 to 2.4 m.
+    """
+    rng = np.random.default_rng([seed, 77])
+
+    def material() -> Material:
+        color = tuple(float(c) for c in rng.uniform(0.08, 0.75, 3))
+        contrast = 0.0 if rng.random() < 0.12 else float(rng.uniform(0.04, 0.5))
+        gloss = float(rng.uniform(0.1, 0.6)) if rng.random() < 0.2 else 0.0
+        scale_mm = float(np.exp(rng.uniform(np.log(2.5), np.log(40))))
+        return Material(color, contrast, scale_mm, int(rng.integers(1000)), gloss, 0.3)  # type: ignore[arg-type]
+
+    def thing(kind: int) -> Box:
+        x_mm = float(rng.uniform(750, 2000))
+        y_mm, z_mm = float(rng.uniform(-0.48, 0.48)) * x_mm, 1000 + float(rng.uniform(-0.34, 0.3)) * x_mm
+        long, wide, thin = float(rng.uniform(350, 900)), float(rng.uniform(120, 420)), float(rng.uniform(8, 45))
+        size = ((wide, wide * 0.8, 0.7 * wide), (thin, thin, long), (thin, wide, 0.8 * wide))[kind]
+        turn, _ = np.linalg.qr(rng.standard_normal((3, 3)))
+        turn *= np.linalg.det(turn)
+        tilt, _ = np.linalg.qr(np.eye(3) + 0.35 * rng.standard_normal((3, 3)))
+        R = turn if kind == 1 else tilt * np.sign(np.diag(tilt))
+        R *= np.linalg.det(R)  # a rotation, whatever the signs were
+        return Box(size, rigid(R, [x_mm, y_mm, z_mm]), tuple(material() for _ in range(6)))
+
+    things = tuple(thing(k % 3) for k in range(count))
+    around = room(Material(FLOOR, 0.3, 9.0, seed), Material(WALL, 0.15, 25.0, seed + 1), x_mm=(-1800.0, 2500.0))
+    return Scene((around, *things), names=("room", *(f"thing {k + 1}" for k in range(count))))
+
+
 def board(inner: tuple[int, int], square_mm: float, T_world_board: Array, margin_mm: float | None = None) -> Box:
     """A checkerboard of `inner` = (columns, rows) inner corners; its frame is at the centre, z out of the print."""
     margin = square_mm * 0.8 if margin_mm is None else margin_mm

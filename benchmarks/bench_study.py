@@ -1,0 +1,93 @@
+"""The laser's window against the full one, and what a sweep costs over bare OpenCV and gains from a second worker."""
+
+from __future__ import annotations
+
+import statistics
+import time
+
+import cv2
+import numpy as np
+from common import ratio, save
+
+from stereolib.disparity import SGBMParams, compute_disparity
+from stereolib.guided import compute_disparity_guided, expected_disparity
+from stereolib.images import to_grey
+from stereolib.metrics import score
+from stereolib.study import grid, sweep
+from stereolib.views import View
+from stereolib.virtual import dataset
+
+
+def guided(threads: int) -> dict[str, float]:
+    """The recorded series: expectation and match from laser and pair, against 128 disparities, distance by distance."""
+    cv2.setNumThreads(threads)
+    rectified, pose = dataset.rectified(), dataset.setup()
+    faster, better, bad, false = [], [], [], []
+    for kind in dataset.TEXTURES_MM:
+        for mm in dataset.DISTANCES_MM:
+            view, scan = dataset.view(f"series/{kind}_{mm}"), dataset.scan(f"series/{kind}_{mm}")
+            pair = view.left, view.right
+
+            def ours(pair: tuple = pair, scan: object = scan) -> np.ndarray:
+                return compute_disparity_guided(*pair, expected_disparity(scan, rectified, pose))
+
+            def plain(pair: tuple = pair) -> np.ndarray:
+                return compute_disparity(*pair, SGBMParams(128))
+
+            maps = plain(), ours()
+            on_cube = [score(d, view.truth_px, view.regions["cube"]).bad2_pct for d in maps]
+            bad.append(on_cube)
+            better.append(on_cube[0] - on_cube[1])
+            false.append([100 * (np.abs(d - view.truth_px)[view.visible] > 2).mean() for d in maps])
+            if kind == "medium":
+                faster.append(1 / ratio(ours, plain, rounds=9)["ratio"])
+    plain_bad, guided_bad = np.mean(bad, axis=0)
+    return {
+        "times_faster_median": round(statistics.median(faster), 2),
+        "times_faster_least": round(min(faster), 2),
+        "times_faster_by_distance": [round(x, 2) for x in faster],
+        "cube_bad2_plain_pct": round(plain_bad, 2),
+        "cube_bad2_guided_pct": round(guided_bad, 2),
+        "least_gain_bad2_points": round(min(better), 3),
+        "false_matches_plain_pct": round(np.mean(false, axis=0)[0], 2),
+        "false_matches_guided_pct": round(np.mean(false, axis=0)[1], 2),
+    }
+
+
+def sweeps(views: list[View], rounds: int = 2) -> dict[str, float]:
+    """One sweep: bare OpenCV's calls, one worker, two workers, in turn; medians of the rounds' ratios."""
+    settings = grid(block_size=(3, 5, 7, 9), uniqueness_ratio=range(0, 24, 2), disp12_max_diff=(-1, 1))
+    cv2.setNumThreads(1)
+    grey = [(to_grey(view.left), to_grey(view.right)) for view in views]
+
+    def bare() -> None:
+        for pair in grey:
+            for p in settings:
+                p1, p2 = p.penalties
+                cv2.StereoSGBM.create(0, 128, p.block_size, p1, p2, p.disp12_max_diff, 63, p.uniqueness_ratio, 100, 2
+                                      ).compute(*pair)  # fmt: skip
+
+    def clocked(function: object, *arguments: object, **keywords: object) -> tuple[float, float]:
+        wall, spent = time.perf_counter(), time.process_time()
+        function(*arguments, **keywords)  # type: ignore[operator]
+        return time.perf_counter() - wall, time.process_time() - spent
+
+    costs, gains = [], []
+    for _ in range(rounds):
+        plain = clocked(bare)
+        one, two = (clocked(sweep, views, settings, n_jobs=n, progress=False) for n in (1, 2))
+        costs.append(one[1] / plain[1])  # the processor's time: other programs do not count
+        gains.append(one[0] / two[0])
+    return {
+        "matches": len(views) * len(settings),
+        "overhead_pct": round(100 * (statistics.median(costs) - 1), 2),
+        "two_workers_times": round(statistics.median(gains), 2),
+        "two_workers_times_best": round(max(gains), 2),
+    }
+
+
+if __name__ == "__main__":
+    alone, together = guided(1), guided(cv2.getNumberOfCPUs())
+    together = {f"{name}_all_threads": together[name] for name in ("times_faster_median", "times_faster_least")}
+    pairs = [dataset.view("conditions/texture"), dataset.view("series/coarse_800")]
+    save("study", {**alone, **together, **sweeps(pairs)})

@@ -1,0 +1,74 @@
+"""The command from a pair of pictures to a disparity map: ``stereolib disparity``."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from stereolib.cli_command import Command
+
+
+def _disparity_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("left", type=Path, metavar="LEFT", help="picture of the left camera")
+    parser.add_argument("right", type=Path, metavar="RIGHT", help="picture of the right camera")
+    parser.add_argument(
+        "--calibration", type=Path, metavar="FILE", help="rig as StereoRig.save writes it; without it the pair is "
+        "taken as rectified",
+    )  # fmt: skip
+    parser.add_argument("--pipeline", default="best", metavar="NAME", help="paper, fast or best (default: best)")
+    parser.add_argument("--max-disparity", type=int, default=128, metavar="N", help="px, a multiple of 16 (128)")
+    parser.add_argument(
+        "--out", type=Path, default=Path("disparity.npy"), metavar="NPY",
+        help="(H, W) float32, px, NaN invalid; a picture goes beside it, and from `best` the standard deviation",
+    )  # fmt: skip
+    parser.add_argument("--force", action="store_true", help="replace the files if they are there")
+
+
+def _disparity(arguments: argparse.Namespace) -> int:
+    import io
+
+    import cv2
+    import numpy as np
+
+    from stereolib.datasets import write_atomic
+    from stereolib.disparity import check_rectified
+    from stereolib.images import read_pair
+    from stereolib.pipeline import stereo_pipeline
+    from stereolib.plotting import colored
+    from stereolib.rig import StereoRig
+
+    run = stereo_pipeline(arguments.pipeline, arguments.max_disparity)
+    out = arguments.out
+    if out.suffix != ".npy":
+        raise ValueError(f"--out {out}: the map is written as .npy, name the file so")
+    picture, deviation = out.with_suffix(".png"), out.with_name(f"{out.stem}_std.npy")
+    for path in (out, picture, *([deviation] if arguments.pipeline == "best" else [])):
+        if path.exists() and not arguments.force:
+            raise FileExistsError(f"{path} exists and is not overwritten: name another with --out, or pass --force")
+    pair = read_pair(arguments.left, arguments.right)
+    if arguments.calibration:
+        pair = StereoRig.load(arguments.calibration).rectify().rectify(*pair)
+    check_rectified(*pair)
+    found = run(*pair)
+    valid = np.isfinite(found.disparity_px)
+    if not valid.any():
+        raise ValueError("no pixel was matched: check that the pictures are a stereo pair, left one first")
+    low, high = (float(limit) for limit in np.percentile(found.disparity_px[valid], (1, 99)))
+    for path, array in ((out, found.disparity_px), (deviation, found.std_px)):
+        if array is not None:
+            stream = io.BytesIO()
+            np.save(stream, array.astype(np.float32), allow_pickle=False)
+            write_atomic(path, stream.getvalue())
+    shown = colored(found.disparity_px, low, max(high, low + 1))
+    write_atomic(picture, cv2.imencode(".png", shown)[1].tobytes())
+    print(f"{out}: {100 * valid.mean():.1f} % of the pixels matched, disparities {low:.1f} to {high:.1f} px")
+    return 0
+
+
+DISPARITY = Command(
+    "disparity",
+    "match a pair of pictures and write its disparity map",
+    "stereolib disparity left.png right.png --pipeline best --max-disparity 96 --out d.npy",
+    _disparity,
+    _disparity_arguments,
+)

@@ -1,0 +1,91 @@
+"""``stereolib disparity``: what it writes against the library, and what it refuses."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+
+from stereolib import cli, paper
+from stereolib.datasets import data_path
+from stereolib.pipeline import stereo_pipeline
+from stereolib.virtual import dataset
+
+NAME = "conditions/texture"
+
+
+@pytest.fixture
+def pair(tmp_path):
+    files = []
+    rectified = dataset.rectified().rectify(*dataset.load_pair(NAME))
+    for side, image in zip(("left", "right"), rectified, strict=True):
+        files.append(str(tmp_path / f"{side}.png"))
+        cv2.imwrite(files[-1], image)
+    return files
+
+
+def run(*words):
+    return cli.main(["disparity", *map(str, words)])
+
+
+def test_a_rectified_pair(pair, tmp_path, capsys):
+    out = tmp_path / "d.npy"
+    assert run(*pair, "--pipeline", "fast", "--out", out) == 0
+    found = np.load(out, allow_pickle=False)
+    expected = stereo_pipeline("fast")(*(cv2.imread(file) for file in pair)).disparity_px
+    assert found.dtype == np.float32
+    np.testing.assert_array_equal(found, expected)
+    assert cv2.imread(str(tmp_path / "d.png")).shape == (480, 640, 3)
+    assert not (tmp_path / "d_std.npy").exists()
+    assert "of the pixels matched" in capsys.readouterr().out
+
+
+def test_a_raw_pair_with_its_calibration(tmp_path):
+    calibration, out = paper.paper_rig().save(tmp_path / "rig.json"), tmp_path / "d.npy"
+    files = [data_path(f"virtual/{NAME}_{side}.jpg") for side in ("left", "right")]
+    assert run(*files, "--calibration", calibration, "--pipeline", "paper", "--out", out) == 0
+    found, truth = np.load(out, allow_pickle=False), dataset.load_truth(NAME)
+    seen = truth.visible & np.isfinite(found) & (truth.box == 1)
+    assert np.isnan(found).any()  # the columns that OpenCV leaves out
+    assert np.median(np.abs(found - truth.disparity_px)[seen]) < 2
+
+
+def test_best_writes_its_standard_deviation(pair, tmp_path):
+    small = []
+    for file in pair:  # a quarter of the size: quick
+        small.append(file.replace(".png", "_small.png"))
+        cv2.imwrite(small[-1], cv2.resize(cv2.imread(file), None, fx=0.25, fy=0.25, interpolation=cv2.INTER_AREA))
+    assert run(*small, "--max-disparity", 48, "--out", tmp_path / "d.npy") == 0
+    std = np.load(tmp_path / "d_std.npy", allow_pickle=False)
+    assert std.shape == (120, 160) and (std > 0).all()
+
+
+@pytest.mark.parametrize(
+    ("words", "text"),
+    [
+        (["--pipeline", "finest"], "unknown pipeline 'finest'; choose one of paper, fast, best"),
+        (["--max-disparity", "100"], "multiple of 16 disparities, got 100; near are 96, 112"),
+        (["--out", "d.tif"], "written as .npy"),
+        (["--calibration", "none.json"], "No such file or directory: 'none.json'"),
+    ],
+)
+def test_refuses(pair, tmp_path, monkeypatch, capsys, words, text):
+    monkeypatch.chdir(tmp_path)
+    assert run(*pair, *words) == 2
+    assert text in capsys.readouterr().err
+    assert not list(tmp_path.glob("*.npy"))
+
+
+def test_keeps_what_is_there(pair, tmp_path, capsys):
+    (tmp_path / "d.png").write_bytes(b"mine")
+    assert run(*pair, "--pipeline", "fast", "--out", tmp_path / "d.npy") == 2
+    assert "d.png exists" in capsys.readouterr().err
+    assert not (tmp_path / "d.npy").exists()
+    assert run(*pair, "--pipeline", "fast", "--out", tmp_path / "d.npy", "--force") == 0
+    assert (tmp_path / "d.png").read_bytes() != b"mine"
+
+
+def test_refuses_a_pair_that_is_not_rectified(pair, tmp_path, capsys):
+    cv2.imwrite(pair[1], np.roll(cv2.imread(pair[1]), 5, axis=0))
+    assert run(*pair, "--out", tmp_path / "d.npy") == 2
+    assert "not rectified" in capsys.readouterr().err

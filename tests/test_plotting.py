@@ -212,11 +212,7 @@ def test_map_of_nothing_and_of_a_constant(ax, values):
 def test_arrows_are_drawn_where_they_are_and_their_means_stay(ax):
     rng = np.random.default_rng(1)
     at = rng.uniform([0, 0], [600, 400], (2000, 2))
-<<<<<<< HEAD
-    errors = rng.normal(0, 0.05, at.shape) + np.array([0.1, 0.0])  # a lens that misses 0.1 px to the right
-=======
     errors = rng.normal([0.1, 0], 0.05, at.shape)  # a lens that misses 0.1 px to the right
->>>>>>> calibration
     errors[7] = np.nan
     plotting.plot_arrows(at, errors, (600, 400), ax)
     each, means = ax.collections

@@ -12,12 +12,8 @@ from stereolib.images import check_pair, to_grey
 from stereolib.rig import RectifiedRig
 
 Array = np.ndarray
-_MODES = {
-    "sgbm": cv2.STEREO_SGBM_MODE_SGBM,
-    "hh": cv2.STEREO_SGBM_MODE_HH,
-    "3way": cv2.STEREO_SGBM_MODE_SGBM_3WAY,
-    "hh4": cv2.STEREO_SGBM_MODE_HH4,
-}
+_MODES = {"sgbm": cv2.STEREO_SGBM_MODE_SGBM, "hh": cv2.STEREO_SGBM_MODE_HH, "hh4": cv2.STEREO_SGBM_MODE_HH4}
+_MODES["3way"] = cv2.STEREO_SGBM_MODE_SGBM_3WAY
 _LARGEST = 32767  # OpenCV adds up costs in 16 bits
 _LEAST_ROOM = 88  # grey levels; see SGBMParams.room
 _LEAST_MATCHES = 60  # that tell something of a pair's rows
@@ -67,10 +63,9 @@ class SGBMParams:
     mode: str = "sgbm"
 
     def __post_init__(self) -> None:
-        for name in ("num_disparities", "block_size", "min_disparity"):
-            if not isinstance(getattr(self, name), int | np.integer):
-                raise ValueError(f"{name} is a whole number of pixels, got {getattr(self, name)!r}")
         n, block = self.num_disparities, self.block_size
+        if not all(isinstance(value, int | np.integer) for value in (n, block, self.min_disparity)):
+            raise ValueError(f"whole numbers of pixels are needed, got {n!r}, {block!r} and {self.min_disparity!r}")
         if n < 16 or n % 16:
             below = max(16, n // 16 * 16)
             raise ValueError(
@@ -292,7 +287,7 @@ def disparity_to_depth(disparity_px: Array, f_px: float, baseline_mm: float) -> 
     Raises
     ------
     ValueError
-        If no disparity is valid, or the focal length or the baseline is not positive.
+        If no disparity is valid, or f or B is not positive.
     """
     if not (f_px > 0 and baseline_mm > 0):
         raise ValueError(f"focal length and baseline must be positive, got {f_px} px and {baseline_mm} mm")

@@ -12,8 +12,8 @@ from stereolib.images import check_pair, to_grey
 from stereolib.rig import RectifiedRig
 
 Array = np.ndarray
-_MODES = {"sgbm": cv2.STEREO_SGBM_MODE_SGBM, "hh": cv2.STEREO_SGBM_MODE_HH, "hh4": cv2.STEREO_SGBM_MODE_HH4}
-_MODES["3way"] = cv2.STEREO_SGBM_MODE_SGBM_3WAY
+_MODES = {"sgbm": cv2.STEREO_SGBM_MODE_SGBM, "hh": cv2.STEREO_SGBM_MODE_HH, "3way": cv2.STEREO_SGBM_MODE_SGBM_3WAY}
+_MODES["hh4"] = cv2.STEREO_SGBM_MODE_HH4
 _LARGEST = 32767  # OpenCV adds up costs in 16 bits
 _LEAST_ROOM = 88  # grey levels; see SGBMParams.room
 _LEAST_MATCHES = 60  # that tell something of a pair's rows

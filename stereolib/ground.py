@@ -149,7 +149,7 @@ def measure_height(
     uncertainty = uncertainty or (MATCHED if pair is None else Uncertainty())
     if region.bounds[1] <= 3 * STEP:
         raise CannotMeasure("cut by the frame", _CUT)
-    faces = _faces(floor, region, pair, least_pixels)
+    faces = find_faces(floor, region, pair, least=least_pixels)
     top = _rough_top(floor, region, faces)
     step_px, reach_px = 0.25, 7.0
     per_px = min(float(face.points_mm(t)[0]) for face in faces for t in face.bearing) / rectified.f_px
@@ -211,8 +211,11 @@ def height_of_nearest(
     return measure_height(left, right, floor, objects[0], pair=pair, uncertainty=uncertainty)
 
 
-def _faces(floor: Floor, region: Region, pair: AlignedPair | None, least: int) -> tuple[Face, ...]:
-    """One or two upright faces: the inverse distance is one straight line over the tangent of the bearing, or two."""
+def find_faces(floor: Floor, region: Region, pair: AlignedPair | None = None, *, least: int = 60) -> tuple[Face, ...]:
+    """One or two upright faces: the inverse distance is one straight line over the tangent of the bearing, or two.
+
+    Parameters are those of `measure_height`. Raises CannotMeasure "no texture".
+    """
     scale = floor.rectified.f_px * floor.rectified.baseline_mm
     top = np.percentile(region.height_mm, 97)
     upright = region.height_mm < 0.85 * top  # what is higher may be the top face

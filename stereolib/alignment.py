@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from stereolib.images import check_pair, to_grey
+from stereolib.images import check_pair, to_grey, to_light
 
 Array = np.ndarray
-_MOST_PIXELS = 3000  # more add nothing but time
+_MOST_PIXELS = 1500  # more add nothing but time
 _CELL_PX = 24  # neighbouring pixels err together: those of one cell count as one witness
 
 
@@ -28,12 +28,18 @@ class CannotMeasure(ValueError):
 
 @dataclass(frozen=True, eq=False)
 class AlignedPair:
-    """A rectified pair, made ready: brightness without its slow changes and its slope, coarse then fine.
+    """A rectified pair, made ready to be measured in.
 
-    Each of `levels` is (left, right), (H, W, 2) float32: value, and slope along the row.
+    Attributes
+    ----------
+    levels : two of (left, right), (H, W, 2) float32
+        Brightness without its slow changes, and its slope along the row; coarse, then fine.
+    light : (left, right), (H, W) or (H, W, 3) float32
+        See `stereolib.images.to_light`.
     """
 
     levels: tuple[tuple[Array, Array], ...]
+    light: tuple[Array, Array]
 
     @classmethod
     def of(cls, left: Array, right: Array) -> AlignedPair:
@@ -42,7 +48,7 @@ class AlignedPair:
         grey = [to_grey(image) for image in (left, right)]
         sharp = [cv2.subtract(image, cv2.blur(image, (31, 31)), dtype=cv2.CV_32F) for image in grey]
         coarse, fine = ([_with_slope(cv2.blur(image, (size, size))) for image in sharp] for size in (7, 3))
-        return cls(((coarse[0], coarse[1]), (fine[0], fine[1])))
+        return cls(((coarse[0], coarse[1]), (fine[0], fine[1])), (to_light(left), to_light(right)))
 
 
 def _with_slope(image: Array) -> Array:
@@ -109,15 +115,14 @@ def align(
 
 
 def sample(image: Array, u: Array, v: Array) -> Array:
-    """A picture at points (N,) between its pixels, bilinear; its border goes on outside. (N,) or (N, channels) float32."""
+    """A picture at points (N,) between its pixels, bilinear; its border goes on outside. (N,) or (N, 2) float32."""
     columns = 512  # cv2.remap limits the size of a map, so the list is folded into rows
     rows = -(-len(u) // columns)
     maps = np.zeros((2, rows * columns), np.float32)
     maps[0, : len(u)], maps[1, : len(u)] = u, v
     x, y = maps.reshape(2, rows, columns)
-    return cv2.remap(image, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE).reshape(-1, *image.shape[2:])[
-        : len(u)
-    ]
+    found = cv2.remap(image, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return np.asarray(found.reshape(-1, *image.shape[2:])[: len(u)])
 
 
 def cell_of(u: Array, v: Array) -> Array:

@@ -12,7 +12,7 @@ from stereolib.camera import finite_array, set_frozen
 from stereolib.rig import RectifiedRig
 
 Array = np.ndarray
-_STEP = 4  # every fourth pixel, every fourth row
+_STEP = 6  # every sixth pixel, every sixth row
 
 
 @dataclass(frozen=True, eq=False)
@@ -252,7 +252,7 @@ def _ransac(
     rng: np.random.Generator,
 ) -> Array | None:  # fmt: skip
     """Best plane (3,) for the rays x (N, 3) and disparities d (N,), or None."""
-    some = rng.integers(len(d), size=600)
+    some = rng.integers(len(d), size=400)
     low, lowest = (np.flatnonzero(x[:, 1] >= np.percentile(x[:, 1], share)) for share in (50, 85))  # floors are there
     pools = ((low, low, low), (lowest, lowest, low), (lowest, low, np.arange(len(d))))
     triples = np.concatenate([np.stack([rng.choice(p, trials // 3 + 1) for p in pool], axis=1) for pool in pools])

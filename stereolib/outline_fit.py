@@ -8,7 +8,7 @@ import numpy as np
 
 Array = np.ndarray
 _STEPS = 5  # of Gauss-Newton: an angle right to 0.1 rad is right to 1e-8 after three
-_CANDIDATES = 3  # splits of a corner that are fitted in full
+_CANDIDATES = 2  # splits of a corner that are fitted in full
 
 
 @dataclass(frozen=True, eq=False)

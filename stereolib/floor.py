@@ -133,7 +133,7 @@ def fit_floor(
     max_roll_rad: float = np.deg2rad(15.0),
     max_camera_height_mm: float = 1000.0,
     least_support: float = 0.02,
-    trials: int = 300,
+    trials: int = 1500,
 ) -> Floor:
     """Find the floor in a disparity map.
 

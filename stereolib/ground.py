@@ -322,7 +322,7 @@ def _parts(
     h, scale = floor.camera_height_mm, rectified.f_px * rectified.baseline_mm
     widths = np.array([face.bearing[1] - face.bearing[0] for face in faces])
     shares = widths / widths.sum()
-    by_floor, face_var, by_face, by_f = np.zeros(3), 0.0, 0.0, 0.0
+    by_floor, face_var, by_face = np.zeros(3), 0.0, 0.0
     K = rectified.P1[:, :3]
     plane_to_h = -(h**3) * (K @ (K.T @ floor.plane)) / scale**2  # derivative of 1 / |n|
     for face, share in zip(faces, shares, strict=True):
@@ -336,9 +336,9 @@ def _parts(
         to_line = h * ratio / d * scale * (scaled_pixels(pixel[:1], pixel[1:2], rectified)[0] @ floor.axes[:2].T)
         face_var += float((share * to_line) @ face.covariance @ (share * to_line))
         by_face += share * h * ratio / d
-        by_f += share * (height - h) / rectified.f_px
     common_floor = float(by_floor[2])
     floor_px = float(np.hypot(given.floor_px, given.floor_rows * floor.plane[1]))
+    by_f = height * float(floor.down[2]) ** 2 / rectified.f_px  # it tilts the floor, and a level one not at all
     calibration = (height * given.baseline_mm / rectified.baseline_mm, by_f * given.f_px)
     return {
         "edge": edge_mm,

@@ -13,9 +13,10 @@ import numpy as np
 
 from stereolib.edges import vertical_edge
 from stereolib.face_lines import LaserOnFloor, Lines, combined, pictured_lines, scanned_lines, without
+from stereolib.faces import Face
 from stereolib.floor import Floor
 from stereolib.footprint import Footprint
-from stereolib.ground import Face, Uncertainty
+from stereolib.ground import Uncertainty
 
 Array = np.ndarray
 _MAP_END_PX = 4.0  # how well a disparity map shows where a face ends

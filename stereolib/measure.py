@@ -11,10 +11,11 @@ import numpy as np
 from stereolib.alignment import AlignedPair, CannotMeasure
 from stereolib.disparity import SGBMParams, compute_disparity
 from stereolib.face_lines import LaserOnFloor
+from stereolib.faces import Face, find_faces
 from stereolib.floor import Floor, fit_floor
 from stereolib.footprint import Footprint, fit_footprint
 from stereolib.fusion import fuse
-from stereolib.ground import Face, Uncertainty, find_faces, measure_height
+from stereolib.ground import Uncertainty, measure_height
 from stereolib.ground_objects import Region, find_objects
 from stereolib.images import to_grey
 from stereolib.lidar_camera import LidarCamera

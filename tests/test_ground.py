@@ -287,11 +287,6 @@ def test_outer_edges_to_a_fraction_of_a_pixel():
         assert abs(edge.position - true) < 3 * edge.std < 3 / RECT.f_px
     light = (to_light(left), to_light(right))
     assert vertical_edge(light, floor, np.array([700.0, 900.0]), (30.0, 270.0), prior_std_px=5.0) is None
-        vertical_edge(
-            (to_light(left), to_light(right)), floor, np.array([700.0, 900.0]), (30.0, 270.0), prior_std_px=5.0
-        )
-        is None
-    )
 
 
 @pytest.mark.parametrize(("name", "reason"), [("glare", "no floor"), ("poor_light", "no floor"), ("plain", "no")])

@@ -125,6 +125,8 @@ def fuse(
     if scanned is None and pictured is None:
         return None
     lines, shares, disagreement = combined(scanned, pictured)
+    if disagreement and shares == "image":
+        footprint = None  # it is of another moment
 
     def edge(
         place: Array, prior_std_px: float, normal: Array | None = None, both: bool = True

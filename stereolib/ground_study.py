@@ -131,12 +131,6 @@ def corner_width_mm(attempt: Attempt, *, prior_std_px: float = 3.0) -> float:
     return float(np.hypot(*(ends[1] - ends[0])))
 
 
-def to_pixels(floor: Floor, points_mm: Array) -> Array:
-    """Pixels (N, 2) of the rectified left image of points (N, 3): forward, left, up from the floor below the camera."""
-    ray = (points_mm - [0.0, 0.0, floor.camera_height_mm]) @ floor.axes
-    return ray[:, :2] / ray[:, 2:] * floor.rectified.f_px + floor.rectified.P1[:2, 2]
-
-
 def add_specks(disparity_px: Array, count: int, rng: np.random.Generator, *, highest_px: float = 160.0) -> Array:
     """A disparity map with wrong matches strewn over it: `count` pixels get any value from 1 to `highest_px`."""
     specked = np.array(disparity_px)

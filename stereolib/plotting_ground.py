@@ -8,7 +8,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from stereolib.ground_study import Attempt, to_pixels
+from stereolib.ground_study import Attempt
 from stereolib.images import to_grey
 from stereolib.plotting import COLORS, Array, Axes, plot_image
 
@@ -35,7 +35,7 @@ def plot_found(attempt: Attempt, ax: Axes, title: str = "") -> Axes:
     for face in found.faces:
         ground = face.points_mm(np.array(face.bearing))
         upright = [[*ground[k], z] for k, z in ((0, 0), (1, 0), (1, found.height_mm), (0, found.height_mm), (0, 0))]
-        at = to_pixels(attempt.floor, np.array(upright))
+        at = attempt.floor.pixels(np.array(upright))
         ax.plot(*at.T, color="white", lw=1)
         ax.plot(*at[2:4].T, color=COLORS[1], lw=2.5, label="top line" if face is found.faces[0] else None)
     edge = np.stack([found.foot_px, found.top_px])

@@ -10,7 +10,7 @@ import pytest
 from stereolib import plotting, plotting_ground
 from stereolib.floor import floor_from_pose
 from stereolib.ground import Uncertainty, height_of_nearest
-from stereolib.ground_study import add_specks, attempt_height, corner_width_mm, to_pixels
+from stereolib.ground_study import add_specks, attempt_height, corner_width_mm
 from stereolib.virtual import dataset
 
 RECT = dataset.rectified()
@@ -69,10 +69,10 @@ def test_pixels_of_points_on_the_floor():
     tried, pose = attempted("conditions/level"), dataset.setup("level")
     world = np.array([[700.0, 0, 0], [900, 200, 0], [912, -212, 300]])
     left = (np.c_[world, np.ones(3)] @ pose.T)[:, :3] @ RECT.R1.T
-    assert to_pixels(tried.floor, world) == pytest.approx(left[:, :2] / left[:, 2:] * RECT.f_px + RECT.P1[:2, 2], abs=1)
+    assert tried.floor.pixels(world) == pytest.approx(left[:, :2] / left[:, 2:] * RECT.f_px + RECT.P1[:2, 2], abs=1)
     found = tried.found
     near = np.array([[*found.near_mm, 0.0], [*found.near_mm, found.height_mm]])
-    assert to_pixels(tried.floor, near) == pytest.approx(np.stack([found.foot_px, found.top_px]))
+    assert tried.floor.pixels(near) == pytest.approx(np.stack([found.foot_px, found.top_px]))
 
 
 def test_specks_are_counted_and_the_map_is_left_alone():

@@ -7,7 +7,7 @@ which they are tested took no part.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -17,9 +17,9 @@ from stereolib.disparity import SGBMParams, compute_disparity, left_right_check
 from stereolib.images import check_pair, to_grey
 
 Array = np.ndarray
-_SPECKLE_PX = 10  # patches below 10 x 10 px go
+_SPECKLE_PX = 11  # patches below 11 x 11 px go
 _MEDIAN_PX = 5
-_NOISE_GREY = 1.0  # grey levels of noise from which on the pictures are blurred before matching
+_BLUR_FROM_GREY = 1.0  # grey levels of noise from which on the pictures are blurred before matching
 #: Limits between classes, and the standard deviation in px of each: calibrated by `benchmarks/bench_pipeline.py` as
 #: the 68th percentile of the absolute error over five cluttered virtual scenes (the cube alone is too easy: it would
 #: promise more than other scenes keep). Matched pixels are told apart by the margin of their minimum, on smooth
@@ -92,8 +92,12 @@ def noise_grey(image: Array) -> float:
     return float(np.percentile(np.median(blocks, axis=(1, 3)), 10) / 0.6745 / 6)
 
 
-def features(matched: sgm.SGMResult) -> tuple[Array, Array, Array]:
+def features(
+    matched: sgm.SGMResult, *, speckle_px: int = _SPECKLE_PX, median_px: int = _MEDIAN_PX
+) -> tuple[Array, Array, Array]:
     """The dense map of ``"best"``, and what its standard deviation is told from.
+
+    Patches of fewer than ``speckle_px ** 2`` pixels are removed; `median_px` is 3 or 5.
 
     Returns
     -------
@@ -105,11 +109,11 @@ def features(matched: sgm.SGMResult) -> tuple[Array, Array, Array]:
     """
     checked = left_right_check(matched.left_px, matched.right_px)
     checked[checked > np.arange(checked.shape[1])] = np.nan
-    checked = filling.remove_speckles(checked, _SPECKLE_PX + 1)
+    checked = filling.remove_speckles(checked, speckle_px)
     dense = filling.fill_background(checked)
     if np.isnan(dense).any():  # nothing was accepted anywhere
         dense = matched.left_px
-    disparity = cv2.medianBlur(dense, _MEDIAN_PX)
+    disparity = cv2.medianBlur(dense, median_px)
     near, far = (np.nan_to_num(side, nan=1e4) for side in filling.neighbours(checked))
     window = np.ones((5, 5), np.uint8)
     step = cv2.dilate(disparity, window) - cv2.erode(disparity, window) > 2
@@ -118,13 +122,20 @@ def features(matched: sgm.SGMResult) -> tuple[Array, Array, Array]:
     return disparity, kind, np.where(kind == 2, gap, margin).astype(np.int8)
 
 
-def match_best(left: Array, right: Array, num_disparities: int) -> sgm.SGMResult:
-    """The match inside ``"best"``: `sgm.match`, of blurred pictures where the noise reaches one grey level."""
+def match_best(
+    left: Array,
+    right: Array,
+    num_disparities: int,
+    params: sgm.CensusSGM | None = None,
+    *,
+    blur_from_grey: float = _BLUR_FROM_GREY,
+) -> sgm.SGMResult:
+    """The match inside ``"best"``: `sgm.match`, of blurred pictures where their noise reaches `blur_from_grey`."""
     check_pair(left, right)
     noise = max(noise_grey(left), noise_grey(right))
-    if noise >= _NOISE_GREY:
+    if noise >= blur_from_grey:
         left, right = (cv2.GaussianBlur(image, (0, 0), noise) for image in (left, right))
-    return sgm.match(left, right, sgm.CensusSGM(num_disparities))
+    return sgm.match(left, right, replace(params or sgm.CensusSGM(), num_disparities=num_disparities))
 
 
 def _best(left: Array, right: Array, num_disparities: int) -> Estimate:
@@ -146,6 +157,6 @@ def _fast(left: Array, right: Array, num_disparities: int) -> Estimate:
     )
     found = compute_disparity(half[0], half[1], params, whole=True)
     mirrored = compute_disparity(half[1][:, ::-1], half[0][:, ::-1], params, whole=True)[:, ::-1]
-    kept = filling.remove_speckles(left_right_check(found, mirrored), _SPECKLE_PX // 2)
-    dense = cv2.medianBlur(filling.fill_background(kept), _MEDIAN_PX)
+    kept = filling.remove_speckles(left_right_check(found, mirrored), 5)
+    dense = cv2.medianBlur(filling.fill_background(kept), 5)
     return Estimate(2 * cv2.resize(dense, (width, height), interpolation=cv2.INTER_NEAREST))

@@ -132,14 +132,19 @@ def _cost(left: Array, right: Array, params: CensusSGM) -> Array:
     """Cost volume (H, D, W) int16: census distance plus capped colour difference, averaged over the block."""
     bits = [census(to_grey(image), params.census_px) for image in (left, right)]
     height, width = left.shape[:2]
+    channels = list(zip(_channels(left), _channels(right), strict=True))
     cost = np.empty((height, params.num_disparities, width), np.int16)
     for d in range(params.num_disparities):
-        unlike = cv2.absdiff(left[:, d:], right[:, : width - d]).reshape(height, width - d, -1).mean(2, np.float32)
+        unlike = sum(cv2.absdiff(a[:, d:], b[:, : width - d]).astype(np.float32) for a, b in channels) / len(channels)
         distance = np.bitwise_count(bits[0][:, d:] ^ bits[1][:, : width - d]).astype(np.float32)
         distance += params.color_weight * np.minimum(unlike, params.color_cap)
         cost[:, d, d:] = np.rint(cv2.blur(distance, (params.block_size,) * 2))
         cost[:, d, :d] = cost[:, d, d : d + 1]  # the match would lie outside the right image: as its first column
     return cost
+
+
+def _channels(image: Array) -> list[Array]:
+    return [image] if image.ndim == 2 else list(cv2.split(image))
 
 
 def _aggregate(cost: Array, grey: Array, params: CensusSGM) -> Array:

@@ -35,12 +35,12 @@ from stereolib.sgm import CensusSGM
 GRID: dict[str, tuple[Any, ...]] = {
     "census_px": ((5, 5), (5, 7), (7, 7), (7, 9)),
     "block_size": (1, 3, 5),
-    "p1": (10, 20, 30, 45),
+    "p1": (10, 20, 40),
     "p2": (60, 120, 240, 480),
-    "edge": (1000.0, 16.0, 8.0, 4.0, 2.0),
+    "edge": (1000.0, 16.0, 4.0),
     "color_weight": (0.0, 0.25, 0.5, 1.0),
     "color_cap": (20.0, 10.0, 40.0),
-    "blur_from_grey": (math.inf, 2.0, 1.4, 1.0, 0.7, 0.4),
+    "blur_from_grey": (math.inf, 2.0, 1.0, 0.5),
     "speckle_px": (1, 5, 11, 21),
     "median_px": (3, 5),
 }

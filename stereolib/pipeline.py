@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 
 from stereolib import filling, sgm, smoothing
-from stereolib.disparity import SGBMParams, compute_disparity, left_right_check
+from stereolib.disparity import SGBMParams, check_window, compute_disparity, left_right_check
 from stereolib.images import check_pair, to_grey
 
 Array = np.ndarray
@@ -151,6 +151,7 @@ def _paper(left: Array, right: Array, num_disparities: int) -> Estimate:
 def _fast(left: Array, right: Array, num_disparities: int) -> Estimate:
     check_pair(left, right)
     height, width = left.shape[:2]
+    check_window(SGBMParams(num_disparities, 9), width)  # said in pixels of the whole picture
     half = [cv2.resize(to_grey(i), None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA) for i in (left, right)]
     params = SGBMParams(
         num_disparities // 2, 5, disp12_max_diff=-1, uniqueness_ratio=0, speckle_window_size=0, mode="3way"

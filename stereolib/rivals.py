@@ -36,6 +36,12 @@ class Case:
     looked: Array
     on_object: Array
 
+    def around_object(self, margin_px: int) -> Case:
+        """The part of it around the object: the filters' time goes with the area."""
+        rows, columns = (np.flatnonzero(self.on_object.any(axis=axis)) for axis in (1, 0))
+        part = tuple(slice(max(0, at[0] - margin_px), at[-1] + 1 + margin_px) for at in (rows, columns))
+        return Case(*(array[part] for array in vars(self).values()))
+
 
 def case(pair: tuple[Array, Array], truth_px: Array, looked: Array, on_object: Array) -> Case:
     """Match a rectified pair both ways with `SGBMParams`' defaults and keep what `measure` needs."""

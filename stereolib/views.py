@@ -152,7 +152,7 @@ def _sums(raw: Array, least: int, truth: Array, cosine: Array, sine: Array) -> t
     np.copyto(error, 0, where=missing)
     off = np.abs(error)
     far = off > 64
-    counts = [np.count_nonzero(x) for x in (missing, off > 16, off > 32, far)]
+    counts = [int(np.count_nonzero(x)) for x in (missing, off > 16, off > 32, far)]
     absolute, square = cv2.norm(off, cv2.NORM_L1), cv2.norm(off, cv2.NORM_L2SQR)
     np.copyto(error, 0, where=far)  # what is left are the errors within 4 px
     swing = (float(np.einsum("i,i->", error, wave)) / 16 for wave in (cosine, sine))

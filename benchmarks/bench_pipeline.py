@@ -19,17 +19,20 @@ from stereolib.virtual import dataset
 Array = np.ndarray
 
 
-def calibrate(pairs: list[Pair]) -> dict[str, list[float]]:
-    """`pipeline.SIGMA_PX` anew: the 68th percentile of the absolute error in each class."""
+def calibrate(pairs: list[Pair]) -> dict[str, list]:
+    """`pipeline.MARGINS` and `pipeline.SIGMA_PX` anew."""
+    matches = [pipeline.match_best(p.left, p.right, p.num_disparities) for p in tqdm(pairs, "calibrating", unit="pair")]
+    matched = [m.margin[pipeline.features(m)[1] < 2] for m in matches]
+    margins = [round(float(x)) for x in np.percentile(np.concatenate(matched), (10, 25, 45, 65, 85))]
     errors: dict[tuple[int, int], list[Array]] = {}
-    for pair in tqdm(pairs, "calibrating", unit="pair"):
-        disparity, kind, level = pipeline.features(pipeline.match_best(pair.left, pair.right, pair.num_disparities))
+    for pair, match in zip(pairs, matches, strict=True):
+        disparity, kind, level = pipeline.features(match, margins=tuple(margins))
         off = np.abs(disparity - pair.truth_px)
         for k in range(3):
             for n in range(6):
                 errors.setdefault((k, n), []).append(off[(kind == k) & (level == n)])
     found = [[round(float(np.percentile(np.concatenate(errors[k, n]), 68)), 2) for n in range(6)] for k in range(3)]
-    return dict(zip(pipeline.SIGMA_PX, found, strict=True))
+    return {"margins": margins, "sigma_px": dict(zip(pipeline.SIGMA_PX, found, strict=True))}
 
 
 def honesty(pairs: list[Pair]) -> tuple[float, float]:
@@ -90,12 +93,12 @@ def main() -> None:
     cv2.setNumThreads(1)
     save("smoothing", {"ms": filters_ms()})
     seen, checked = ([pair for seed in seeds for pair in cluttered(seed)] for seeds, _ in (CHOSEN_ON, CHECKED_ON))
-    sigma = calibrate(seen)
+    calibrated = calibrate(seen)
     inside, bad = honesty(checked + [recorded(name) for name in CHECKED_ON[1]])
     fast = speed([recorded(name) for name in dataset.pairs()])
     gain = {"fast_less_bad2_points": round(fast["plain_bad2_pct"] - fast["fast_bad2_pct"], 2)}
     found = {**on_photographs(), "virtual_best_bad2_pct": bad, "virtual_inside_pct": inside, **fast, **gain}
-    save("pipeline", {**found, "sigma_px": sigma})
+    save("pipeline", {**found, **calibrated})
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """Choose the settings of the pipeline "best" on the virtual rig alone: ``python benchmarks/choose_best.py``.
 
-The procedure was fixed before it was run:
+The procedure was settled on these scenes alone, before its result met any photograph:
 
 1. Begin with the first value of every knob, the simplest one.
 2. Go through the knobs in their order, `p2` and `edge` as one because each undoes the other. Try all values of one,
@@ -10,8 +10,8 @@ The procedure was fixed before it was run:
 3. Again, until a whole round changes nothing.
 
 Every setting tried becomes a line of ``results/choose_best.csv`` as soon as it is measured; called again, the script
-goes on from there. The defaults of `sgm.CensusSGM` and the constants of `pipeline` are copied from the last line it
-prints, and a test holds them equal. No photograph is read here.
+goes on from there. The defaults of `sgm.CensusSGM` and the constants of `pipeline` are copied from what it prints; a
+test goes through the file by the same procedure and holds them equal. No photograph is read here.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ import csv
 import itertools
 import math
 import statistics
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -61,6 +62,11 @@ def measure(pair: Pair, setting: Setting) -> float:
     return bad2_pct(pipeline.features(matched, **own)[0], pair.truth_px)
 
 
+def key_of(row: Setting) -> str:
+    """A setting as text, whether it comes from the grid or from the file."""
+    return "|".join(str(row[name]) for name in GRID)
+
+
 class Tried:
     """Every setting tried and its mean bad-2, kept in a file."""
 
@@ -74,28 +80,25 @@ class Tried:
             reader = csv.DictReader(stream)
             if reader.fieldnames != self.columns:
                 raise ValueError(f"{path} was made with other knobs or scenes: move it away")
-            self.known = {self.key(row): float(row["mean"]) for row in reader}
+            self.known = {key_of(row): float(row["mean"]) for row in reader}
         self.bar = tqdm(desc="settings", initial=len(self.known), unit="setting")
 
-    @staticmethod
-    def key(row: Setting) -> str:
-        return "|".join(str(row[name]) for name in GRID)
-
     def mean(self, setting: Setting) -> float:
-        if self.key(setting) not in self.known:
+        if key_of(setting) not in self.known:
             bad = Parallel(n_jobs=2)(delayed(measure)(pair, setting) for pair in self.pairs)
             mean = round(statistics.geometric_mean(bad), 3)
             with self.path.open("a", encoding="utf-8", newline="") as stream:
                 csv.writer(stream, lineterminator="\n").writerow(
                     [*(str(setting[name]) for name in GRID), mean, *(f"{x:.2f}" for x in bad)]
                 )
-            self.known[self.key(setting)] = mean
+            self.known[key_of(setting)] = mean
+            self.bar.set_postfix_str(f"{mean:.2f} % bad")
             self.bar.update()
-        return self.known[self.key(setting)]
+        return self.known[key_of(setting)]
 
 
-def choose(tried: Tried) -> Setting:
-    """The settings, by the procedure above."""
+def choose(mean: Callable[[Setting], float]) -> Setting:
+    """The settings, by the procedure above; `mean` gives the bad-2 of one."""
     setting: Setting = {name: values[0] for name, values in GRID.items()}
     while True:
         before = dict(setting)
@@ -103,9 +106,8 @@ def choose(tried: Tried) -> Setting:
             if names == ("color_cap",) and not setting["color_weight"]:
                 continue  # it caps nothing
             tries = [dict(zip(names, one, strict=True)) for one in itertools.product(*(GRID[name] for name in names))]
-            means = [tried.mean({**setting, **one}) for one in tries]
-            setting |= next(one for one, mean in zip(tries, means, strict=True) if mean <= min(means) * PLATEAU)
-            tried.bar.set_postfix_str(f"{min(means):.2f} % bad")
+            means = [mean({**setting, **one}) for one in tries]
+            setting |= next(one for one, bad in zip(tries, means, strict=True) if bad <= min(means) * PLATEAU)
         if setting == before:
             return setting
 
@@ -113,5 +115,4 @@ def choose(tried: Tried) -> Setting:
 if __name__ == "__main__":
     seeds, names = CHOSEN_ON
     scenes = [pair for seed in seeds for pair in cluttered(seed)] + [recorded(name) for name in names]
-    found = choose(Tried(FILE, [pair.rows(*MIDDLE) for pair in scenes]))
-    print(found)
+    print(choose(Tried(FILE, [pair.rows(*MIDDLE) for pair in scenes]).mean))

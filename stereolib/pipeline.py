@@ -1,7 +1,7 @@
 """Whole ways from a rectified pair to a disparity map, by name: what the paper did, what is fast, what is best.
 
-Every number here was chosen on the virtual rig (`benchmarks/bench_pipeline.py` measures them again); the real pair on
-which they are tested took no part.
+The settings of "best" were chosen on virtual scenes by `benchmarks/choose_best.py`, its standard deviations calibrated
+on the same scenes by `benchmarks/bench_pipeline.py`; the photographs on which both are tested took no part.
 """
 
 from __future__ import annotations
@@ -20,10 +20,11 @@ Array = np.ndarray
 _SPECKLE_PX = 11  # patches below 11 x 11 px go
 _MEDIAN_PX = 5
 _BLUR_FROM_GREY = 1.0  # grey levels of noise from which on the pictures are blurred before matching
-#: Limits between classes, and the standard deviation in px of each: calibrated by `benchmarks/bench_pipeline.py` as
-#: the 68th percentile of the absolute error over five cluttered virtual scenes (the cube alone is too easy: it would
+#: Limits between classes, and the standard deviation in px of each: the 68th percentile of the absolute error over
+#: five cluttered virtual scenes in three lights, rectified as well as rigs are (the cube alone is too easy: it would
 #: promise more than other scenes keep). Matched pixels are told apart by the margin of their minimum, on smooth
-#: surfaces and beside steps; filled ones by how far their two neighbours in the row lie apart.
+#: surfaces and beside steps; filled ones by how far their two neighbours in the row lie apart. The limits of the
+#: margin are its 10th, 25th, 45th, 65th and 85th percentile.
 MARGINS = (80.0, 120.0, 160.0, 220.0, 300.0)
 GAPS_PX = (0.5, 1.0, 4.0, 16.0, 1000.0)
 SIGMA_PX = {
@@ -93,7 +94,11 @@ def noise_grey(image: Array) -> float:
 
 
 def features(
-    matched: sgm.SGMResult, *, speckle_px: int = _SPECKLE_PX, median_px: int = _MEDIAN_PX
+    matched: sgm.SGMResult,
+    *,
+    speckle_px: int = _SPECKLE_PX,
+    median_px: int = _MEDIAN_PX,
+    margins: tuple[float, ...] = MARGINS,
 ) -> tuple[Array, Array, Array]:
     """The dense map of ``"best"``, and what its standard deviation is told from.
 
@@ -105,7 +110,7 @@ def features(
     kind : (H, W) int8
         0 matched on a smooth surface, 1 matched beside a step of the map, 2 filled.
     level : (H, W) int8
-        Class of `MARGINS` (kinds 0 and 1) or of `GAPS_PX` (kind 2), counted from 0.
+        Class of `margins` (kinds 0 and 1) or of `GAPS_PX` (kind 2), counted from 0.
     """
     checked = left_right_check(matched.left_px, matched.right_px)
     checked[checked > np.arange(checked.shape[1])] = np.nan
@@ -118,7 +123,7 @@ def features(
     window = np.ones((5, 5), np.uint8)
     step = cv2.dilate(disparity, window) - cv2.erode(disparity, window) > 2
     kind = np.where(np.isnan(checked), 2, step).astype(np.int8)
-    gap, margin = np.digitize(np.abs(near - far), GAPS_PX), np.digitize(matched.margin, MARGINS)
+    gap, margin = np.digitize(np.abs(near - far), GAPS_PX), np.digitize(matched.margin, margins)
     return disparity, kind, np.where(kind == 2, gap, margin).astype(np.int8)
 
 

@@ -1,6 +1,6 @@
 """Semi-global matching written out in numpy: the same idea as `cv2.StereoSGBM`, with a cost and a penalty of our own.
 
-Three things differ, and each was measured on the virtual rig (`benchmarks/bench_pipeline.py`): the cost is census plus
+Three things differ, and each was measured on the virtual rig (`benchmarks/choose_best.py`): the cost is census plus
 colour difference instead of Birchfield-Tomasi on gradients; the penalty for a step falls where the image has an edge;
 and the whole cost volume is at hand afterwards, so that the right view's disparity and a confidence cost no new match.
 """
@@ -22,7 +22,7 @@ _NEVER = np.int16(32000)  # dearer than any sum of eight paths
 
 @dataclass(frozen=True)
 class CensusSGM:
-    """Parameters of `match`; the defaults are those that lost fewest pixels on the virtual rig's cluttered scenes.
+    """Parameters of `match`; the defaults were chosen on virtual scenes by `benchmarks/choose_best.py`.
 
     Parameters
     ----------
@@ -45,13 +45,13 @@ class CensusSGM:
     """
 
     num_disparities: int = 128
-    census_px: tuple[int, int] = (5, 7)
-    color_weight: float = 0.5
+    census_px: tuple[int, int] = (5, 5)
+    color_weight: float = 1.0
     color_cap: float = 20.0
     block_size: int = 3
-    p1: int = 30
-    p2: int = 240
-    edge: float = 4.0
+    p1: int = 20
+    p2: int = 120
+    edge: float = 16.0
 
     def __post_init__(self) -> None:
         if self.num_disparities < 2:

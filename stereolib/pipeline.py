@@ -25,12 +25,12 @@ _BLUR_FROM_GREY = 1.0  # grey levels of noise from which on the pictures are blu
 #: promise more than other scenes keep). Matched pixels are told apart by the margin of their minimum, on smooth
 #: surfaces and beside steps; filled ones by how far their two neighbours in the row lie apart. The limits of the
 #: margin are its 10th, 25th, 45th, 65th and 85th percentile.
-MARGINS = (80.0, 120.0, 160.0, 220.0, 300.0)
+MARGINS = (50.0, 90.0, 136.0, 187.0, 259.0)
 GAPS_PX = (0.5, 1.0, 4.0, 16.0, 1000.0)
 SIGMA_PX = {
-    "smooth": (1.05, 0.81, 0.55, 0.28, 0.12, 0.14),
-    "step": (1.98, 1.7, 1.05, 0.5, 0.33, 0.23),
-    "filled": (1.49, 1.28, 1.69, 4.16, 0.94, 9.44),
+    "smooth": (0.99, 0.85, 0.6, 0.38, 0.26, 0.24),
+    "step": (2.36, 2.54, 2.66, 1.68, 0.67, 0.33),
+    "filled": (1.44, 1.47, 1.83, 5.64, 1.55, 9.28),
 }
 
 

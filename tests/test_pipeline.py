@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from stereolib import datasets, pipeline, sgm
-from stereolib.disparity import SGBMParams, compute_disparity
+from stereolib.disparity import compute_disparity
 from stereolib.metrics import score
 from stereolib.views import motorcycle
 from stereolib.virtual import dataset
@@ -140,14 +140,13 @@ def test_the_benchmark_says_what_the_library_uses():
 
 
 def test_best_on_a_real_pair():
-    """Photographs that took no part in the settings: what the benchmark measured, and half of plain matching's loss."""
+    """Photographs that took no part in the settings: at most 6 % bad over all pixels, as the benchmark measured."""
     text = (datasets.ROOT / "benchmarks" / "results" / "pipeline.json").read_text(encoding="utf-8")
     view = motorcycle()
     quality = score(pipeline.stereo_pipeline("best")(view.left, view.right).disparity_px, view.truth_px)
     assert quality.density_pct == 100
     assert quality.bad2_pct == pytest.approx(json.loads(text)["motorcycle_best_bad2_pct"], abs=0.05)
-    plain = compute_disparity(view.left, view.right, SGBMParams(80), whole=True)
-    assert quality.bad2_pct < 0.6 * score(plain, view.truth_px).bad2_pct
+    assert quality.bad2_pct <= 6.0
 
 
 def test_refuses():

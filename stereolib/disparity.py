@@ -207,23 +207,6 @@ def raw_disparity(left: Array, right: Array, params: SGBMParams, border: int = 0
     return params.matcher().compute(left, right)[:, border:]
 
 
-def row_offsets(left: Array, right: Array) -> Array:
-    """By how much the rows of matched points differ, right minus left, px; (n,), empty where little can be matched.
-
-    Parameters
-    ----------
-    left, right : (H, W) or (H, W, 3) uint8
-        At any disparity, rectified or not.
-
-    Notes
-    -----
-    SIFT keypoints of the pictures in half size, matched both ways. The offset changes slowly over the image, so that
-    matches further than 2 px from a plane through it (fitted three times over) are mistaken and are left out.
-    """
-    a, b = _matched_points(left, right)
-    return b[:, 1] - a[:, 1]
-
-
 def check_rectified(left: Array, right: Array, limit_px: float = 1.0) -> float:
     """Refuse a pair whose rows do not agree, or whose sides are exchanged.
 
@@ -323,7 +306,11 @@ def _match(left: Array, right: Array, params: SGBMParams, border: int) -> Array:
 
 
 def _matched_points(left: Array, right: Array) -> tuple[Array, Array]:
-    """Points (n, 2) of the left and of the right picture that belong together, px; see `row_offsets`."""
+    """Points (n, 2) of the left and of the right picture that belong together, px; none where too few can be matched.
+
+    SIFT keypoints of the pictures in half size, matched both ways. The rows' offset changes slowly over the image, so
+    that matches further than 2 px from a plane through it (fitted three times over) are mistaken and are left out.
+    """
     sift, none = cv2.SIFT.create(nfeatures=_KEYPOINTS), np.zeros((0, 2))
     small = [cv2.resize(to_grey(i), None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA) for i in (left, right)]
     points, looks = zip(*(sift.detectAndCompute(image, None) for image in small), strict=True)

@@ -37,9 +37,9 @@ class Case:
     on_object: Array
 
     def around_object(self, margin_px: int) -> Case:
-        """The part of it around the object: the filters' time goes with the area."""
+        """The part of it around the object, and all that is left of it: there the right view shows the object."""
         rows, columns = (np.flatnonzero(self.on_object.any(axis=axis)) for axis in (1, 0))
-        part = tuple(slice(max(0, at[0] - margin_px), at[-1] + 1 + margin_px) for at in (rows, columns))
+        part = slice(max(0, rows[0] - margin_px), rows[-1] + 1 + margin_px), slice(0, columns[-1] + 1 + margin_px)
         return Case(*(array[part] for array in vars(self).values()))
 
 

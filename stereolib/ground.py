@@ -93,7 +93,7 @@ def measure_height(
     pair: AlignedPair | None = None,
     uncertainty: Uncertainty | None = None,
     least_pixels: int = 60,
-    least_share: float = 0.4,
+    least_share: float = 1 / 3,
     worst_std: float = 0.05,
 ) -> GroundHeight:
     """Height of an object with upright faces.

@@ -13,7 +13,7 @@ from stereolib import datasets, paper
 from stereolib.camera import Camera
 from stereolib.images import read_image
 from stereolib.rig import rigid
-from stereolib.virtual import dataset
+from stereolib.virtual import dataset, walk
 from stereolib.virtual.render import render
 from stereolib.virtual.scene import cube_scene
 from stereolib.virtual.sensor import Webcam
@@ -28,6 +28,7 @@ def test_every_recording_is_there_and_no_other():
     laser = ["lrf/room.bin"] + [
         f"lrf/range/{t}_{d:04d}.bin" for t in ("white", "grey", "dark") for d in dataset.RANGES_MM
     ]
+    laser += [f"{name}_scan.bin" for name in walk.POSES]
     found = {p.relative_to(FOLDER).as_posix() for p in FOLDER.rglob("*") if p.suffix in {".jpg", ".bin"}}
     assert found == {*sides, *boards, *laser}
 
@@ -133,7 +134,7 @@ def test_laser_streams_made_again():
         assert len(ours) == len(committed)
         assert np.mean(np.frombuffer(ours, np.uint8) == np.frombuffer(committed, np.uint8)) > 0.98, name
         count += 1
-    assert count == 64
+    assert count == 64 + len(walk.POSES)
 
 
 def test_pairs_are_read_as_the_webcams_sent_them():

@@ -224,7 +224,7 @@ def find_walls(
     rng: np.random.Generator,
     least_mm: float = 700.0,
     threshold_mm: float = 15.0,
-    gap_mm: float = 500.0,
+    gap_mm: float = 300.0,
     margin_mm: float = 60.0,
 ) -> list[MapWall]:
     """Walls in the scans of all stations.

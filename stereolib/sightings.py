@@ -17,7 +17,6 @@ from stereolib.fusion import SIZES, MeasuredObject
 
 Array = np.ndarray
 _QUARTER = np.pi / 2
-_NAMES = ("x", "y", "yaw", *SIZES)
 
 
 @dataclass(frozen=True, eq=False)
@@ -223,7 +222,7 @@ def _start(sightings: Sequence[Sighting]) -> Array:
         if np.isfinite(x[3]):
             x[:2] -= x[3] / 2 * _unit(x[2])
     for k in (3, 4, 5):
-        if np.isnan(x[k]):
+        if np.isnan(x[k]) and not (k == 4 and first.seen.shape == "circle"):
             seen = [s.values[_order(s, x[2])][k] for s in sightings if s.seen.shape != "face" or k == 5]
             x[k] = next((value for value in seen if np.isfinite(value)), x[k])
     return x
@@ -339,11 +338,12 @@ def _conflict(out: Sighting, thing: MeasuredObject, x: Array, covariance: Array)
     S = np.linalg.inv(weight) + J @ np.nan_to_num(covariance) @ J.T
     rows = np.flatnonzero(np.abs(J).max(axis=1) > 0)
     worst = int(rows[np.argmax(np.abs(residual[rows]) / np.sqrt(np.diag(S)[rows]))])
-    name = _NAMES[int(np.argmax(np.abs(J[worst]) * [1, 1, 1, 1.1, 1.1, 1.1]))]
-    unit = 180 / np.pi if name == "yaw" else 1.0
-    what = {"x": "place", "y": "place", "length": "side", "width": "side"}.get(name, name)
-    off, std = residual[worst] * unit, float(np.sqrt(S[worst, worst])) * unit
-    return (
-        f"station {out.station} sees its {what} {off:+.0f} {'degrees' if name == 'yaw' else 'mm'} from where the "
-        f"others have it, {abs(off) / std:.1f} standard deviations: left out"
-    )
+    k = int(np.argmax(np.abs(J[worst]) * [1, 1, 1, 1.1, 1.1, 1.1]))
+    unit = 180 / np.pi if k == 2 else 1.0
+    off, others, std = residual[worst] * unit, x[k] * unit, float(np.sqrt(S[worst, worst])) * unit
+    if k < 2:
+        what = f"it {abs(off):.0f} mm from where the others have it"
+    else:
+        name, unit_name = {2: ("its yaw", "degrees"), 5: ("its height", "mm")}.get(k, ("one of its sides", "mm"))
+        what = f"{name} as {others + off:.0f} {unit_name}, the others as {others:.0f}"
+    return f"station {out.station} sees {what}: {abs(off) / std:.1f} standard deviations apart, left out"

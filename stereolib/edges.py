@@ -40,14 +40,14 @@ class Edge:
 
 
 def locate_edge(
-    images: tuple[Array, Array], rectified: RectifiedRig, points_mm: Array, positions: Array,
+    images: tuple[Array, ...], rectified: RectifiedRig, points_mm: Array, positions: Array,
     prior: tuple[float, float], step_px: float,
 ) -> Edge | None:  # fmt: skip
     """Find the one of many parallel lines in space along which both pictures have an edge.
 
     Parameters
     ----------
-    images : (left, right), (H, W, 3) or (H, W) uint8
+    images : (left, right) or (left,), (H, W, 3) or (H, W) uint8
         Rectified.
     rectified : RectifiedRig
     points_mm : (lines, samples, 3) array
@@ -65,8 +65,8 @@ def locate_edge(
 
     Notes
     -----
-    ``E(k) = mean over samples and colours of |I(k + m) - I(k - m)|`` of the light I, 2 m steps being 1.5 px, times the
-    prior; its peak is refined by a parabola. On a texture neighbouring lines resemble each other, across an outline
+    ``E(k) = mean over samples and colours of |I(k + m) - I(k - m)|`` of the light I, 2 m steps being 1.5 px. The prior
+    chooses the peak; a parabola refines it. On a texture neighbouring lines resemble each other, across an outline
     they do not. The deviation comes from eight groups of samples, each located by itself.
     """
     lines = len(points_mm)
@@ -75,7 +75,8 @@ def locate_edge(
     depth = points_mm[..., 2]
     u, v = (points_mm[..., i] / depth * rectified.f_px + rectified.P1[i, 2] for i in (0, 1))
     seen = []
-    for image, shift in zip(images, (0.0, rectified.f_px * rectified.baseline_mm / depth), strict=True):
+    shifts = (0.0, rectified.f_px * rectified.baseline_mm / depth)
+    for image, shift in zip(images, shifts, strict=False):
         x = u - shift
         inside = ((x > 1) & (x < width - 2) & (v > 1) & (v < height - 2)).all(axis=0)
         if inside.sum() < 8:
@@ -91,6 +92,10 @@ def locate_edge(
     belief = np.exp(-0.5 * ((middle - prior[0]) / prior[1]) ** 2)
     strength = difference.mean(axis=1)
     best = int((strength * belief).argmax())
+    start = max(best - 3 * half, 0)
+    best = start + int(
+        strength[start : best + 3 * half + 1].argmax()
+    )  # the prior chooses the peak, it does not move it
     groups = [g.mean(axis=1) for g in np.array_split(difference, 8, axis=1)]
     window = slice(max(best - 2 * half, 0), best + 2 * half + 1)
     own = np.array([middle[window][g[window].argmax()] for g in groups])
@@ -102,18 +107,19 @@ def locate_edge(
 
 
 def vertical_edge(
-    images: tuple[Array, Array],
+    images: tuple[Array, ...],
     floor: Floor,
     place_mm: Array,
     heights_mm: tuple[float, float],
     *,
     prior_std_px: float,
+    normal: Array | None = None,
 ) -> Edge | None:
     """Bearing of an upright edge whose place is roughly known, from a laser for example.
 
     Parameters
     ----------
-    images : (left, right), (H, W, 3) or (H, W) uint8
+    images : (left, right) or (left,), (H, W, 3) or (H, W) uint8
         Rectified.
     floor : Floor
     place_mm : (2,) array
@@ -122,6 +128,8 @@ def vertical_edge(
         The edge is looked for between these heights.
     prior_std_px : float
         How well the place is known, across the line of sight, as pixels: what a scan's beam spacing leaves open.
+    normal : (2,) array, optional
+        Of the face that the edge ends: its line is searched; without it a circle around the camera.
 
     Returns
     -------
@@ -135,8 +143,10 @@ def vertical_edge(
     reach = min(max(3.0 * prior_std_px, 4.0), 30.0)
     angles = start + step * np.arange(-round(reach / step_px), round(reach / step_px) + 1)
     up = np.linspace(*heights_mm, 120) - floor.camera_height_mm
-    circle = distance * np.stack([np.cos(angles), np.sin(angles)], axis=1)
-    ground = np.broadcast_to(circle[:, None], (len(angles), len(up), 2))
+    path = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    facing = distance if normal is None else normal @ [forward, left] / np.maximum(path @ normal, 0.05)
+    path = path * np.reshape(facing, (-1, 1))
+    ground = np.broadcast_to(path[:, None], (len(angles), len(up), 2))
     lines = np.concatenate([ground, np.broadcast_to(up[:, None], (len(angles), len(up), 1))], axis=2) @ floor.axes
     edge = locate_edge(images, floor.rectified, lines, angles, (start, prior_std_px / step_px * step), step_px)
     return edge if edge is not None and edge.contrast >= _CLEAR else None

@@ -133,7 +133,7 @@ def fit_floor(
     max_roll_rad: float = np.deg2rad(15.0),
     max_camera_height_mm: float = 1000.0,
     least_support: float = 0.02,
-    trials: int = 300,
+    trials: int = 1500,
 ) -> Floor:
     """Find the floor in a disparity map.
 
@@ -241,9 +241,9 @@ def _ransac(
 ) -> Array | None:  # fmt: skip
     """Best plane (3,) for the rays x (N, 3) and disparities d (N,), or None."""
     some = rng.integers(len(d), size=600)
-    low = np.flatnonzero(x[:, 1] > np.median(x[:, 1]))  # floors are down there
-    pools = (low, low, np.arange(len(d)))
-    triples = np.concatenate([rng.choice(pool, size=(trials // 3 + 1, 3)) for pool in pools])
+    low, lowest = (np.flatnonzero(x[:, 1] >= np.percentile(x[:, 1], share)) for share in (50, 85))  # floors are there
+    pools = ((low, low, low), (lowest, lowest, low), (lowest, low, np.arange(len(d))))
+    triples = np.concatenate([np.stack([rng.choice(p, trials // 3 + 1) for p in pool], axis=1) for pool in pools])
     A, b = x[triples], d[triples]
     usable = np.abs(np.linalg.det(A)) > 1e-3
     planes = np.linalg.solve(A[usable], b[usable][..., None])[..., 0]

@@ -7,7 +7,7 @@ somewhere between its last beam and the next, a degree on. What the scan does no
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from stereolib.outline_fit import Lines, fit_circle, fit_corner, fit_lines
 from stereolib.scan_segments import XV11_SIGMA, Segment, segments
 
 Array = np.ndarray
+_LEAST_ON_FACE = 2  # beams; from one alone nothing can be told of a face
 _UNLIKE = 2.5  # residuals this many times the noise, in the root mean square, are another shape
 
 
@@ -82,6 +83,8 @@ class Footprint:
     reason : str
         Why something is NaN, or the shape irregular; else empty.
     segment : Segment
+    fit : Lines or None
+        The lines of a rectangle or face as they were fitted.
     """
 
     shape: str
@@ -98,6 +101,7 @@ class Footprint:
     misfit: float
     reason: str
     segment: Segment
+    fit: Lines | None = None
 
     @property
     def sides_mm(self) -> tuple[float, float]:
@@ -230,19 +234,24 @@ def _end_between(segment: Segment, side: int, normal: Array, offset: float, faci
 def _rectangle(segment: Segment, fit: Lines, misfit: float, bias_mm: float) -> Footprint:
     scale, nothing = max(misfit, 1.0), np.full(2, np.nan)
     if len(fit.parameters) == 2:
-        face = _face(segment, fit, 0, None, scale, bias_mm)
-        reason = "only one face is seen, its depth is hidden: turn the object or move the laser to see a corner"
-        if "hidden" in face.ends:
-            reason += f"; {_hidden(segment)}"
-        yaw = (np.arctan2(face.normal[1], face.normal[0]) + np.pi / 2) % np.pi - np.pi / 2
-        along = np.abs([-face.normal[1], face.normal[0]])
-        spread = np.hypot(0.5 * np.hypot(*face.end_std_mm) * along, face.offset_std_mm * np.abs(face.normal))
-        return Footprint(
-            "face", np.nan, face.size_mm, float(yaw), face.ends_mm.mean(axis=0), np.nan, face.size_std_mm,
-            face.angle_std_rad, spread, nothing, (face,), misfit, reason, segment,
-        )  # fmt: skip
+        why = "only one face is seen, its depth is hidden: turn the object or move the laser to see a corner"
+        return _single(segment, _face(segment, fit, 0, None, scale, bias_mm), fit, misfit, why)
     corner = fit.parameters[1] * fit.normal(0) + fit.parameters[2] * fit.normal(1)
     faces = tuple(_face(segment, fit, k, corner, scale, bias_mm) for k in (0, 1))
+    if min(fit.split, len(segment.beams) - fit.split) < _LEAST_ON_FACE:
+        best = int(fit.split < len(segment.beams) - fit.split)
+        kept = np.array([0, 1 + best])
+        line = Lines(
+            fit.parameters[kept] + [best * np.pi / 2, 0],
+            fit.covariance[np.ix_(kept, kept)],
+            fit.chi2,
+            len(segment.beams),
+        )
+        ends = tuple("free" if kind == "corner" else kind for kind in faces[best].ends)
+        face = replace(faces[best], ends=ends)
+        return _single(
+            segment, face, line, misfit, "a single beam meets its other face, whose depth is hidden: turn the object"
+        )
     long, short = sorted(faces, key=lambda face: -np.nan_to_num(face.size_mm, nan=np.inf))
     direction = np.array([-long.normal[1], long.normal[0]])
     yaw = (np.arctan2(direction[1], direction[0]) + np.pi / 2) % np.pi - np.pi / 2
@@ -257,7 +266,20 @@ def _rectangle(segment: Segment, fit: Lines, misfit: float, bias_mm: float) -> F
         centre, centre_std = nothing, nothing
     return Footprint(
         "rectangle", long.size_mm, short.size_mm, float(yaw), centre, long.size_std_mm, short.size_std_mm,
-        long.angle_std_rad, centre_std, corner, faces, misfit, reason, segment,
+        long.angle_std_rad, centre_std, corner, faces, misfit, reason, segment, fit,
+    )  # fmt: skip
+
+
+def _single(segment: Segment, face: FaceLine, fit: Lines, misfit: float, reason: str) -> Footprint:
+    """One face alone."""
+    if "hidden" in face.ends:
+        reason += f"; {_hidden(segment)}"
+    yaw = (np.arctan2(face.normal[1], face.normal[0]) + np.pi / 2) % np.pi - np.pi / 2
+    along = np.abs([-face.normal[1], face.normal[0]])
+    spread = np.hypot(0.5 * np.hypot(*face.end_std_mm) * along, face.offset_std_mm * np.abs(face.normal))
+    return Footprint(
+        "face", np.nan, face.size_mm, float(yaw), face.ends_mm.mean(axis=0), np.nan, face.size_std_mm,
+        face.angle_std_rad, spread, np.full(2, np.nan), (face,), misfit, reason, segment, fit,
     )  # fmt: skip
 
 

@@ -1,81 +1,263 @@
-"""One object from both sensors: lines from laser and picture, ends from the picture, height from the floor's plane.
+"""One object from both sensors: lines from laser and picture, their ends from the picture.
 
 Everything stands in the floor's frame: origin on the floor below the left camera, x forward along the optical axis
-laid flat, y left, z up, mm.
+laid flat, y left, z up, mm. What an object is made of: `stereolib.objects`.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
+from stereolib.edges import vertical_edge
+from stereolib.face_lines import LaserOnFloor, Lines, combined, pictured_lines, scanned_lines, without
+from stereolib.floor import Floor
+from stereolib.footprint import Footprint
+from stereolib.ground import Face, Uncertainty
+
 Array = np.ndarray
-SIZES = ("length", "width", "height")
+_MAP_END_PX = 4.0  # how well a disparity map shows where a face ends
+_CORNER_SEARCH_PX = 5.0
+_ALIKE = 0.7  # cosine between normals of the same face, as two sensors have it
+_LEAST_SPAN_PX = 4.0  # less of a face is none
+_SURE_SPAN_PX = 30.0  # so much of it must be seen if the scan does not show it
+_NARROW_PX = 60.0  # a face up to so wide gives way to an edge where it should begin
 
 
 @dataclass(frozen=True, eq=False)
-class MeasuredObject:
-    """An object on the floor, with standard deviations; what is not known is NaN, with a reason.
+class Fused:
+    """Lines and ends of one object.
 
     Attributes
     ----------
-    shape : str
-        ``"box"`` (two faces seen), ``"face"`` (one; the depth is unknown), ``"circle"`` (a cylinder), ``"irregular"``.
-    size_mm : (3,) float64
-        Length (the longer side), width, height. Of a face the width is that of the face; a circle's length and width
-        are its diameter.
-    covariance : (3, 3) float64
-        Of `size_mm`, mm^2; NaN where a size is unknown.
-    position_mm : (2,) float64
-        Centre of the outline on the floor; of a face, its middle.
-    position_covariance : (2, 2) float64
-    yaw_rad, yaw_std_rad : float
-        Direction of the length (of a face: of the face), -pi/2 to pi/2; NaN for a circle.
-    outline_mm : (N, 2) float64
-        Corners on the floor, counter-clockwise: 4 of a box, the 2 ends of a face, 24 of a circle, the readings of an
-        irregular outline.
+    x : (5,) float64
+        Of `Lines`, then the bearings (rad, left positive) of the outer end of the right and of the left face; of a
+        single face its two ends.
+    covariance : (5, 5) float64
     sources : dict
-        What gave a quantity: ``"length" | "width" | "height" -> "image" | "scan" | "both"``.
-    reasons : dict
-        Why a quantity is unknown, or the whole object not measured (key ``"object"``).
+        ``"lines"``, ``"right end"``, ``"left end"`` -> which sensor.
+    hidden : (right, left) bool
+        Ends behind something nearer: the object may go on there.
+    disagreement : str
+        Empty, or in what laser and picture contradict each other.
     """
 
-    shape: str
-    size_mm: Array
+    x: Array
     covariance: Array
-    position_mm: Array
-    position_covariance: Array
-    yaw_rad: float
-    yaw_std_rad: float
-    outline_mm: Array
-    sources: dict[str, str] = field(default_factory=dict)
-    reasons: dict[str, str] = field(default_factory=dict)
+    sources: dict[str, str]
+    hidden: tuple[bool, bool]
+    disagreement: str
 
     @property
-    def std_mm(self) -> Array:
-        """Standard deviations of `size_mm`, (3,)."""
-        return np.sqrt(np.diag(self.covariance))
+    def two(self) -> bool:
+        """Two faces are seen."""
+        return bool(np.isfinite(self.x[2]))
 
-    @property
-    def volume_l(self) -> tuple[float, float]:
-        """Volume and its standard deviation, litres; NaN if a size is unknown."""
-        length, width, height = self.size_mm
-        base = np.pi / 4 if self.shape == "circle" else 1.0
-        gradient = base * np.array([width * height, length * height, length * width])
-        return base * float(length * width * height) / 1e6, self._std(gradient) / 1e6
+    def propagate(self, values: Callable[[Array], Array]) -> tuple[Array, Array]:
+        """Functions of x and their covariance, by numerical derivatives."""
+        known = np.flatnonzero(np.isfinite(self.x))
+        at = values(self.x)
+        steps = np.array([1e-5, 1e-3, 1e-3, 1e-6, 1e-6])[known]
+        moved = self.x + np.eye(5)[known] * steps[:, None]
+        J = np.stack([(values(x) - at) / step for x, step in zip(moved, steps, strict=True)], axis=1)
+        return at, J @ self.covariance[np.ix_(known, known)] @ J.T
 
-    @property
-    def surface_m2(self) -> tuple[float, float]:
-        """Area of the sides and the top, and its standard deviation, m^2; NaN if a size is unknown."""
-        length, width, height = self.size_mm
-        if self.shape == "circle":
-            area = np.pi * (length * height + length * width / 4)
-            gradient = np.pi * np.array([height + width / 4, length / 4, length])
-        else:
-            area = 2 * (length + width) * height + length * width
-            gradient = np.array([2 * height + width, 2 * height + length, 2 * (length + width)])
-        return float(area) / 1e6, self._std(gradient) / 1e6
 
-    def _std(self, gradient: Array) -> float:
-        return float(np.sqrt(gradient @ self.covariance @ gradient))
+def corners_mm(x: Array) -> Array:
+    """Outer right end, corner and outer left end of two faces (3, 2), or both ends of a single one (2, 2), mm.
+
+    ``c r / (n . r)``, r the direction of an end's bearing; the corner is where the lines meet, ``c1 n1 + c2 n2``.
+    """
+    phi, c1, c2, right, left = x
+    two = np.isfinite(c2)
+    n1, n2 = np.array([np.cos(phi), np.sin(phi)]), np.array([np.sin(phi), -np.cos(phi)])
+    last = (n2, c2) if two else (n1, c1)
+    ends = []
+    for bearing, (n, c) in ((right, (n1, c1)), (left, last)):
+        r = np.array([np.cos(bearing), np.sin(bearing)])
+        ends.append(c * r / (n @ r))
+    return np.array([ends[0], c1 * n1 + c2 * n2, ends[1]]) if two else np.array(ends)
+
+
+def fuse(
+    images: tuple[Array, Array],
+    floor: Floor,
+    *,
+    footprint: Footprint | None = None,
+    laser: LaserOnFloor | None = None,
+    faces: tuple[Face, ...] = (),
+    top_mm: float = np.nan,
+    uncertainty: Uncertainty | None = None,
+    bias_mm: float = 1.0,
+) -> Fused | None:
+    """Lines and ends of one object from what laser and pictures show of it.
+
+    Parameters
+    ----------
+    images : (left, right), (H, W, 3) or (H, W) uint8
+        Rectified.
+    floor : Floor
+    footprint, laser
+        What the scan shows of it, and where the laser stands.
+    faces : tuple of Face
+        What the pair shows of it.
+    top_mm : float
+        Its height, or to what height it was seen: its upright edges are looked for below. NaN: ends from the scan.
+    uncertainty : Uncertainty, optional
+        Of the pair's calibration, and of errors common to a face.
+    bias_mm : float
+        Error that all readings of the laser on one face share.
+
+    Returns
+    -------
+    Fused, or None where neither sensor shows a straight face
+
+    Notes
+    -----
+    With x = (angle, c_right, c_left) both sensors give linear observations ``y = H x``: the fused lines are
+    ``A^-1 sum H' C^-1 y`` with ``A = sum H' C^-1 H``. The corner's bearing in the picture is one more observation.
+    """
+    scanned = scanned_lines(footprint, laser, bias_mm)
+    pictured = pictured_lines(faces, floor, uncertainty or Uncertainty())
+    if scanned is None and pictured is None:
+        return None
+    lines, shares, disagreement = combined(scanned, pictured)
+
+    def edge(
+        place: Array, prior_std_px: float, normal: Array | None = None, both: bool = True
+    ) -> tuple[float, float] | None:
+        if not np.isfinite(top_mm):
+            return None
+        span = (0.1 * top_mm, 0.9 * top_mm)
+        found = vertical_edge(
+            images if both else images[:1], floor, place, span, prior_std_px=prior_std_px, normal=normal
+        )
+        return None if found is None else (found.position, found.std)
+
+    f = floor.rectified.f_px
+    roughly = _rough_ends(lines, footprint, laser, faces, floor)
+    if len(lines.seen) == 2:
+        sure = [k for k in (0, 1) if _scan_shows(lines.normal(k), footprint, laser)]
+        lines = _with_corner(lines, [end.bearing for end in roughly], sure, edge, f)
+        roughly = _rough_ends(lines, footprint, laser, faces, floor)
+    x, covariance = np.append(lines.x, [end.bearing for end in roughly]), np.zeros((5, 5))
+    covariance[:3, :3] = lines.covariance
+    sources = {"lines": shares}
+    for side, (name, end) in enumerate(zip(("right end", "left end"), roughly, strict=True)):
+        face = lines.seen[-side]
+        normal, c = lines.normal(face), lines.x[1 + face]
+        # A face that the right camera does not see ends there at another edge.
+        both = bool(c + normal[1] * floor.rectified.baseline_mm > 0.05 * c)
+        seen = edge(_meet(end.bearing, normal, c), f * end.std, normal, both)
+        x[3 + side], std = seen or end.fallback
+        covariance[3 + side, 3 + side] = std**2
+        sources[name] = "image" if seen else end.source
+    return Fused(x, covariance, sources, (roughly[0].hidden, roughly[1].hidden), disagreement)
+
+
+def _meet(bearing: float, normal: Array, c: float) -> Array:
+    """Where a bearing meets a line: ``c r / (n . r)``."""
+    r = np.array([np.cos(bearing), np.sin(bearing)])
+    return c * r / (normal @ r)
+
+
+def _scan_shows(normal: Array, footprint: Footprint | None, laser: LaserOnFloor | None) -> bool:
+    """The scan has a face of this direction."""
+    if footprint is None or laser is None:
+        return False
+    return any(face.normal @ laser.R.T @ normal > _ALIKE for face in footprint.faces)
+
+
+def _corner_bearing(x: Array) -> float:
+    corner = corners_mm(np.append(x, [0.0, 0.0]))[1]
+    return float(np.arctan2(corner[1], corner[0]))
+
+
+def _with_corner(
+    lines: Lines,
+    ends: Sequence[float],
+    sure: Sequence[int],
+    edge: Callable[..., tuple[float, float] | None],
+    f_px: float,
+) -> Lines:
+    """The picture shows the corner between two faces: one more observation of the lines, or the judge over the smaller.
+
+    A narrow face's own line may be far off. Where the corner's edge contradicts it, its line goes through that edge;
+    where there is no room for it between corner and end, or no edge where it should begin, it is left out.
+    """
+    at = _corner_bearing(lines.x)
+    spans = f_px * np.array([at - ends[0], ends[1] - at])
+    unsure = [k for k in (0, 1) if k not in sure]
+    weak = unsure[0] if len(unsure) == 1 and spans.min() < _NARROW_PX else int(spans.argmin())
+    if spans.min() < _LEAST_SPAN_PX or (weak in unsure and spans[weak] < _SURE_SPAN_PX):
+        return without(lines, weak)
+    g = np.array([(_corner_bearing(lines.x + step) - at) / step.sum() for step in np.diag([1e-5, 1e-3, 1e-3])])
+    variance = float(g @ lines.covariance @ g)
+    place = corners_mm(np.append(lines.x, [0.0, 0.0]))[1]
+    seen = edge(place, max(f_px * np.sqrt(variance), _CORNER_SEARCH_PX), lines.normal(1 - weak))
+    if seen is None:
+        return lines
+    if (seen[0] - at) ** 2 < 9 * (variance + seen[1] ** 2):
+        gain = lines.covariance @ g / (variance + seen[1] ** 2)
+        return Lines(lines.x + gain * (seen[0] - at), lines.covariance - np.outer(gain, g @ lines.covariance))
+    if spans[weak] > _NARROW_PX:
+        return lines
+    known = [0, 2 - weak]  # the angle and the wide face's line
+
+    def through(y: Array) -> Array:
+        x = lines.x.copy()
+        x[known] = y[:2]
+        turned = Lines(x, lines.covariance)
+        x[1 + weak] = turned.normal(weak) @ _meet(y[2], turned.normal(1 - weak), x[known[1]])
+        return x
+
+    y = np.append(lines.x[known], seen[0])
+    C = np.zeros((3, 3))
+    C[:2, :2], C[2, 2] = lines.covariance[np.ix_(known, known)], seen[1] ** 2
+    J = np.stack([(through(y + step) - through(y)) / step.sum() for step in np.diag([1e-5, 1e-3, 1e-6])], axis=1)
+    return Lines(through(y), J @ C @ J.T)
+
+
+@dataclass(frozen=True)
+class _End:
+    """Where a face ends, before the picture is asked: bearing and deviation, and what stands in if it shows nothing."""
+
+    bearing: float
+    std: float
+    fallback: tuple[float, float]
+    source: str
+    hidden: bool
+
+
+def _rough_ends(
+    lines: Lines, footprint: Footprint | None, laser: LaserOnFloor | None, faces: tuple[Face, ...], floor: Floor
+) -> list[_End]:
+    """Outer ends as scan and disparity map roughly have them: right, left."""
+    rectified, ends = floor.rectified, []
+    for side in (0, 1):
+        normal = lines.normal(lines.seen[-side])
+        found, hidden = [], False
+        if footprint is not None and laser is not None:
+            for face in footprint.faces:
+                if face.normal @ laser.R.T @ normal > _ALIKE and face.ends[side] != "corner":
+                    x, y = laser.points_mm(face.ends_mm[side])
+                    distance = float(np.hypot(x, y))
+                    across = face.end_std_mm[side] * abs(normal @ [x, y]) / distance
+                    found.append((float(np.arctan2(y, x)), max(float(across), 0.1) / distance, "scan"))
+                    hidden = face.ends[side] == "hidden"
+        for plane in faces:
+            u = rectified.P1[0, 2] - rectified.f_px * plane.bearing[side]
+            if plane.line @ normal > _ALIKE * np.linalg.norm(plane.line) and 8 < u < rectified.size[0] - 8:
+                at, std = float(np.arctan(plane.bearing[side])), _MAP_END_PX / rectified.f_px
+                # The map loses what the right camera does not see: where scan and map disagree, the scan is right.
+                if not found or abs(at - found[0][0]) < 2.5 * np.hypot(std, found[0][1]):
+                    found.append((at, std, "image"))
+        if not found:  # cut by the frame, and not in the scan
+            widest = max((plane.bearing[side] for plane in faces), key=abs, default=0.0)
+            found, hidden = [(float(np.arctan(widest)), 0.1, "image")], True
+        weights = np.array([std**-2 for _, std, _ in found])
+        bearing = float(np.average([at for at, _, _ in found], weights=weights))
+        ends.append(_End(bearing, float(weights.sum() ** -0.5), found[0][:2], found[0][2], hidden))
+    return ends

@@ -149,7 +149,7 @@ def measure_height(
     uncertainty = uncertainty or (MATCHED if pair is None else Uncertainty())
     if region.bounds[1] <= 3 * STEP:
         raise CannotMeasure("cut by the frame", _CUT)
-    faces = _faces(floor, region, pair, least_pixels)
+    faces = find_faces(floor, region, pair, least=least_pixels)
     top = _rough_top(floor, region, faces)
     step_px, reach_px = 0.25, 7.0
     per_px = min(float(face.points_mm(t)[0]) for face in faces for t in face.bearing) / rectified.f_px
@@ -211,8 +211,11 @@ def height_of_nearest(
     return measure_height(left, right, floor, objects[0], pair=pair, uncertainty=uncertainty)
 
 
-def _faces(floor: Floor, region: Region, pair: AlignedPair | None, least: int) -> tuple[Face, ...]:
-    """One or two upright faces: the inverse distance is one straight line over the tangent of the bearing, or two."""
+def find_faces(floor: Floor, region: Region, pair: AlignedPair | None = None, *, least: int = 60) -> tuple[Face, ...]:
+    """One or two upright faces: the inverse distance is one straight line over the tangent of the bearing, or two.
+
+    Parameters are those of `measure_height`. Raises CannotMeasure "no texture".
+    """
     scale = floor.rectified.f_px * floor.rectified.baseline_mm
     top = np.percentile(region.height_mm, 97)
     upright = region.height_mm < 0.85 * top  # what is higher may be the top face
@@ -322,7 +325,7 @@ def _parts(
     h, scale = floor.camera_height_mm, rectified.f_px * rectified.baseline_mm
     widths = np.array([face.bearing[1] - face.bearing[0] for face in faces])
     shares = widths / widths.sum()
-    by_floor, face_var, by_face, by_f = np.zeros(3), 0.0, 0.0, 0.0
+    by_floor, face_var, by_face = np.zeros(3), 0.0, 0.0
     K = rectified.P1[:, :3]
     plane_to_h = -(h**3) * (K @ (K.T @ floor.plane)) / scale**2  # derivative of 1 / |n|
     for face, share in zip(faces, shares, strict=True):
@@ -336,9 +339,9 @@ def _parts(
         to_line = h * ratio / d * scale * (scaled_pixels(pixel[:1], pixel[1:2], rectified)[0] @ floor.axes[:2].T)
         face_var += float((share * to_line) @ face.covariance @ (share * to_line))
         by_face += share * h * ratio / d
-        by_f += share * (height - h) / rectified.f_px
     common_floor = float(by_floor[2])
     floor_px = float(np.hypot(given.floor_px, given.floor_rows * floor.plane[1]))
+    by_f = height * float(floor.down[2]) ** 2 / rectified.f_px  # it tilts the floor, and a level one not at all
     calibration = (height * given.baseline_mm / rectified.baseline_mm, by_f * given.f_px)
     return {
         "edge": edge_mm,

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 
 from stereolib.camera import finite_array, set_frozen
-from stereolib.fusion import MeasuredObject
+from stereolib.objects import MeasuredObject
 from stereolib.lrf_walls import fit_walls
 from stereolib.sightings import Fused, Sighting, fuse, same_thing
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from stereolib.fusion import SIZES, MeasuredObject
+from stereolib.objects import SIZES, MeasuredObject
 
 Array = np.ndarray
 _QUARTER = np.pi / 2

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import cv2
 import numpy as np
 import pytest
 
+from stereolib import bundle
 from stereolib.alignment import AlignedPair, CannotMeasure, align
 from stereolib.disparity import SGBMParams, compute_disparity
 from stereolib.edges import vertical_edge
@@ -15,7 +17,9 @@ from stereolib.floor import Floor, fit_floor, floor_from_pose, scaled_pixels
 from stereolib.ground import Uncertainty, height_of_nearest, measure_height
 from stereolib.ground_objects import find_objects
 from stereolib.scale import rig_pose
+from stereolib.uncertainty import rectified_std, rig_covariance
 from stereolib.virtual import dataset
+from stereolib.virtual.corners import corner_set
 from stereolib.virtual.render import render_pair, truth
 from stereolib.virtual.scene import Scene, box_on_floor, cube_scene, room
 from stereolib.virtual.sensor import Webcam
@@ -203,6 +207,51 @@ def test_deviation_is_the_derivative():
         plane = RECT.f_px * RECT.baseline_mm * np.linalg.inv(K).T @ down / floor.camera_height_mm
         turned.append(measure_height(left, right, Floor(RECT, plane, np.zeros((3, 3))), cube, pair=pair).height_mm)
     assert stated == pytest.approx(abs(turned[1] - turned[0]) / 2, rel=0.15)
+
+
+@pytest.mark.parametrize("name", ["texture", "level"])
+def test_a_wrong_focal_length_moves_the_object_and_hardly_its_height(name):
+    """Measured again with all depths 1 % longer, against the calibration's share for 1 %."""
+    left, right, disparity = recorded(f"conditions/{name}")
+    pair = AlignedPair.of(left, right)
+    (cube,) = find_objects(disparity, fit_floor(disparity, RECT, rng=rng(), pair=pair))
+    longer = np.array([[1.01, 1, 1, 1.01], [1, 1.01, 1, 1], [1, 1, 1, 1]])
+    found = []
+    for rectified in (RECT, replace(RECT, P1=RECT.P1 * longer, P2=RECT.P2 * longer)):
+        floor = fit_floor(disparity, rectified, rng=rng(), pair=pair)
+        how = Uncertainty(f_px=0.01 * RECT.f_px)
+        found.append(measure_height(left, right, floor, cube, pair=pair, uncertainty=how))
+    assert found[1].near_mm[0] / found[0].near_mm[0] == pytest.approx(1.01, abs=0.0015)
+    stated = found[0].parts_mm["calibration"]
+    assert stated == pytest.approx(
+        3.0 * np.sin(fit_floor(disparity, RECT, rng=rng(), pair=pair).pitch_rad) ** 2, rel=0.1
+    )
+    assert abs(found[1].height_mm - found[0].height_mm) < stated + 0.15
+
+
+def test_a_calibration_s_errors_are_those_of_other_calibrations():
+    """The cube measured by eight rigs, each calibrated from other corners: the scatter is what one of them states."""
+    left, right = dataset.load_pair("conditions/level")
+    heights, stated = [], []
+    for k in range(8):
+        fitted = bundle.fit(corner_set(np.random.default_rng([k, 5]), rig=RECT.rig), RECT.rig)
+        rectified = fitted.rig.rectify(0.0)
+        pair = rectified.rectify(left, right)
+        how = Uncertainty(**rectified_std(rectified, rig_covariance(fitted)))
+        disparity = compute_disparity(*pair, PARAMS, whole=True)
+        found = height_of_nearest(*pair, disparity, rectified, rng=rng(), uncertainty=how)
+        heights.append(found.height_mm)
+        stated.append(found.parts_mm["calibration"])
+    assert np.std(heights, ddof=1) == pytest.approx(np.mean(stated), rel=0.7)
+    assert 0.02 < np.mean(stated) < 0.1
+
+
+def test_a_small_floor_is_found_whatever_pixels_are_drawn():
+    """At 0.5 m the cube leaves a strip of floor: one pixel in twelve."""
+    left, right, disparity = recorded("series/medium_500")
+    pair = AlignedPair.of(left, right)
+    heights = [fit_floor(disparity, RECT, rng=np.random.default_rng(k), pair=pair).camera_height_mm for k in range(12)]
+    assert heights == pytest.approx([85.0] * 12, abs=0.8)
 
 
 def test_objects_are_separated_and_sorted():

@@ -10,7 +10,7 @@ import pytest
 import walks
 
 from stereolib.mapping import Station, find_walls, merge
-from stereolib.fusion import MeasuredObject
+from stereolib.objects import MeasuredObject
 from stereolib.sightings import Sighting, fuse
 from stereolib.virtual import walk
 

@@ -7,12 +7,14 @@ import pytest
 
 from stereolib import bundle
 from stereolib.metric import triangulate
+from stereolib.paper import paper_rig
 from stereolib.uncertainty import (
     INTERVAL,
     bootstrap_covariance,
     compare_calibrations,
     error_map,
     parameter_names,
+    rectified_std,
     rig_covariance,
     rig_std,
     table,
@@ -142,3 +144,40 @@ def test_table_shows_every_parameter_beside_the_truth(fitted, covariance, rig):
     assert list(rows["inside"] == "yes") == list(off <= INTERVAL * std(covariance))
     width = rows["± (95 %)"].astype(float)
     np.testing.assert_allclose(width, INTERVAL * std(covariance), rtol=0.06, atol=0.06)
+
+
+def test_rectified_errors_of_single_parameters():
+    """A principal point shifts all disparities, a longer T only the baseline, and a focal length only itself."""
+    rig = paper_rig()
+    rectified, names = rig.rectify(0.0), parameter_names(rig)
+    zoom = rectified.f_px / np.mean([camera.K[i, i] for camera in (rig.left, rig.right) for i in (0, 1)])
+
+    def moved_by(**parts):
+        moves = np.array([parts.get(name.replace(" ", "_"), 0.0) for name in names])
+        return rectified_std(rectified, np.outer(moves, moves))
+
+    assert moved_by(right_cx=0.5) == pytest.approx(
+        {"f_px": 0, "baseline_mm": 0, "offset_px": 0.5 * zoom}, rel=0.02, abs=1e-9
+    )
+    along = rig.T / rig.baseline_mm
+    longer = moved_by(**{f"T{axis}": 0.2 * part for axis, part in zip("xyz", along, strict=True)})
+    assert longer == pytest.approx({"f_px": 0, "baseline_mm": 0.2, "offset_px": 0}, abs=2e-3)
+    focal = moved_by(**{f"{side}_f{axis}": 2.0 for side in ("left", "right") for axis in "xy"})
+    assert (focal["f_px"], focal["baseline_mm"]) == pytest.approx((2.0 * zoom, 0))
+    # A turn of the right camera about y and the opposite shift of its principal point cancel, but for the middle.
+    turn = 0.5 / rig.right.K[0, 0]
+    both = [moved_by(right_cx=0.5, Ry=sign * turn)["offset_px"] for sign in (-1, 1)]
+    assert min(both) < 0.1 * max(both)
+
+
+def test_stated_errors_are_those_of_many_calibrations():
+    """Offset and baseline of rigs calibrated from different corners, against what one of them states."""
+    rig = paper_rig()
+    fits = [bundle.fit(corner_set(np.random.default_rng([k, 9]), rig=rig), rig) for k in range(12)]
+    stated = rectified_std(fits[0].rig.rectify(0.0), rig_covariance(fits[0]))
+    assert np.std([f.rig.baseline_mm for f in fits], ddof=1) == pytest.approx(stated["baseline_mm"], rel=0.6)
+    points = rig.left.rays(np.stack(np.meshgrid([120.0, 320, 520], [100.0, 240, 380]), -1).reshape(-1, 2)) * 5000
+    left, right = rig.left.project(points), rig.right.project(points @ rig.R.T + rig.T)
+    scale = rig.rectify(0.0).f_px * rig.baseline_mm
+    shifts = [scale * np.mean(1 / triangulate(f.rig, left, right)[:, 2] - 1 / points[:, 2]) for f in fits]
+    assert np.std(shifts, ddof=1) == pytest.approx(stated["offset_px"], rel=0.6)

@@ -8,7 +8,7 @@ import numpy as np
 
 from stereolib import lrf
 from stereolib.mapping import Station
-from stereolib.fusion import MeasuredObject
+from stereolib.objects import MeasuredObject
 from stereolib.virtual import dataset, walk
 
 #: Which boxes a station sees, and whether two of their faces.

@@ -15,7 +15,7 @@ import numpy as np
 from stereolib.camera import finite_array, set_frozen
 from stereolib.objects import MeasuredObject
 from stereolib.lrf_walls import fit_walls
-from stereolib.sightings import Fused, Sighting, fuse, same_thing
+from stereolib.sightings import MapObject, Sighting, merged, same_thing
 
 Array = np.ndarray
 _BIAS_MM = 2.0  # of one station's readings on one wall: the laser's, which no averaging removes
@@ -96,7 +96,7 @@ class Map:
 
     Attributes
     ----------
-    objects : tuple of Fused
+    objects : tuple of MapObject
         By their distance from the map's origin.
     walls : tuple of MapWall
         The one with the most readings first.
@@ -105,7 +105,7 @@ class Map:
         Sightings that disagree, sizes that nobody saw.
     """
 
-    objects: tuple[Fused, ...]
+    objects: tuple[MapObject, ...]
     walls: tuple[MapWall, ...]
     stations: tuple[Station, ...]
     warnings: tuple[str, ...]
@@ -191,7 +191,7 @@ def merge(
     return Map(found.objects, found.walls, found.stations, tuple(warnings))
 
 
-def _objects(stations: Sequence[Station], gate: float, max_size_mm: float) -> list[Fused]:
+def _objects(stations: Sequence[Station], gate: float, max_size_mm: float) -> list[MapObject]:
     """Sightings grouped, two faces before single ones, the surer first; each group is one object."""
     seen = [
         Sighting.of(k, thing, station.pose, station.covariance)
@@ -200,7 +200,7 @@ def _objects(stations: Sequence[Station], gate: float, max_size_mm: float) -> li
         if np.isfinite(thing.position_mm).all()
     ]
     rank = {"box": 0, "circle": 0, "irregular": 1, "face": 2}
-    groups: list[Fused] = []
+    groups: list[MapObject] = []
     for sighting in sorted(seen, key=lambda s: (rank[s.seen.shape], s.spread_mm)):
         near = [
             k
@@ -211,9 +211,9 @@ def _objects(stations: Sequence[Station], gate: float, max_size_mm: float) -> li
         if near:
             off = [np.linalg.norm(groups[k].thing.position_mm - sighting.values[:2]) for k in near]
             k = near[int(np.argmin(off))]
-            groups[k] = fuse([*groups[k].sightings, sighting], gate=gate)
+            groups[k] = merged([*groups[k].sightings, sighting], gate=gate)
         else:
-            groups.append(fuse([sighting], gate=gate))
+            groups.append(merged([sighting], gate=gate))
     return sorted(groups, key=lambda group: float(np.linalg.norm(group.thing.position_mm)))
 
 

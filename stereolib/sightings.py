@@ -84,7 +84,7 @@ class Sighting:
 
 
 @dataclass(frozen=True, eq=False)
-class Fused:
+class MapObject:
     """An object of the map.
 
     Attributes
@@ -108,7 +108,7 @@ class Fused:
     sightings: tuple[Sighting, ...]
 
 
-def fuse(sightings: Sequence[Sighting], *, gate: float = 4.0) -> Fused:
+def merged(sightings: Sequence[Sighting], *, gate: float = 4.0) -> MapObject:
     """Merge sightings of one thing, weighting them by their inverse covariances.
 
     Parameters
@@ -137,7 +137,7 @@ def fuse(sightings: Sequence[Sighting], *, gate: float = 4.0) -> Fused:
     grown = covariance * max(np.nan_to_num(misfit), 1.0) ** 2
     thing = _thing(kept, x, grown)
     conflicts = tuple(_conflict(out, thing, x, grown) for out in dropped)
-    return Fused(thing, tuple(s.station for s in kept), conflicts, misfit, tuple(sightings))
+    return MapObject(thing, tuple(s.station for s in kept), conflicts, misfit, tuple(sightings))
 
 
 def _of_one_kind(sightings: Sequence[Sighting]) -> tuple[list[Sighting], list[Sighting]]:
@@ -156,7 +156,7 @@ def _of_one_kind(sightings: Sequence[Sighting]) -> tuple[list[Sighting], list[Si
     ]
 
 
-def same_thing(fused: Fused, other: Sighting, *, gate: float = 4.0, max_size_mm: float = 800.0) -> bool:
+def same_thing(fused: MapObject, other: Sighting, *, gate: float = 4.0, max_size_mm: float = 800.0) -> bool:
     """Whether a sighting may be of the object: its middle lies in the other's outline, or their faces make one box.
 
     Parameters
@@ -289,12 +289,11 @@ def _wrapped(angle: float, period: float) -> float:
 def _thing(kept: Sequence[Sighting], x: Array, covariance: Array) -> MeasuredObject:
     """The fused object: its length the longer side, its outline made from what is known."""
     shapes = [s.seen.shape for s in kept]
-    sources = {name: found for name in SIZES if (found := _source(kept, name))}
     if len(kept) == 1:
         one, S = kept[0].seen, kept[0].covariance
         return MeasuredObject(
             one.shape, one.size_mm, one.covariance, one.position_mm, S[:2, :2], one.yaw_rad, float(np.sqrt(S[2, 2])),
-            one.outline_mm, sources, one.reasons,
+            one.outline_mm, one.sources, one.reasons,
         )  # fmt: skip
     shape = next((kind for kind in ("box", "circle", "irregular") if kind in shapes), "face")
     if shape == "face" and np.isfinite(x[3:5]).all():
@@ -321,13 +320,9 @@ def _thing(kept: Sequence[Sighting], x: Array, covariance: Array) -> MeasuredObj
     reasons = {name: reasons.get(name, "no station saw it") for k, name in enumerate(SIZES) if np.isnan(size[k])}
     return MeasuredObject(
         shape, size, S[3:, 3:], x[:2], S[:2, :2], _wrapped(yaw, np.pi) if shape != "circle" else np.nan,
-        float(np.sqrt(S[2, 2])) if shape != "circle" else np.nan, outline, sources, reasons,
+        float(np.sqrt(S[2, 2])) if shape != "circle" else np.nan, outline,
+        {f"station {s.station}": s.seen.sources.get("lines", "") for s in kept}, reasons,
     )  # fmt: skip
-
-
-def _source(kept: Sequence[Sighting], name: str) -> str:
-    found = {s.seen.sources[name] for s in kept if name in s.seen.sources}
-    return "both" if len(found) > 1 else next(iter(found), "")
 
 
 def _conflict(out: Sighting, thing: MeasuredObject, x: Array, covariance: Array) -> str:

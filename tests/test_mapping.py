@@ -11,7 +11,8 @@ import walks
 
 from stereolib.mapping import Station, find_walls, merge
 from stereolib.objects import MeasuredObject
-from stereolib.sightings import Sighting, fuse
+from stereolib.sightings import Sighting
+from stereolib.sightings import merged as merged_sightings
 from stereolib.virtual import walk
 
 ORDER = (3, 1, 0, 2, 4)  # the walk's boxes by their distance from the map's origin
@@ -231,4 +232,4 @@ def test_sighting_moves_as_a_rigid_body_does():
     true = walks.corners(size, centre, yaw)
     distance = np.linalg.norm(seen.outline_mm[:, None] - true, axis=2).min(axis=1)
     assert distance.max() < 4 * walks.STD_RAD * 200
-    assert fuse([Sighting.of(1, thing, pose, np.zeros((3, 3)))]).stations == (1,)
+    assert merged_sightings([Sighting.of(1, thing, pose, np.zeros((3, 3)))]).stations == (1,)

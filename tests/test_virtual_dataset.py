@@ -14,8 +14,10 @@ from stereolib.camera import Camera
 from stereolib.images import read_image
 from stereolib.rig import rigid
 from stereolib.virtual import dataset, walk
+from stereolib.virtual.lidar import VirtualLidar
 from stereolib.virtual.render import render
-from stereolib.virtual.scene import cube_scene
+from stereolib.virtual.render import truth as render_truth
+from stereolib.virtual.scene import Scene, cube_scene
 from stereolib.virtual.sensor import Webcam
 
 FOLDER = datasets.ROOT / "data" / "virtual"
@@ -95,7 +97,8 @@ def test_picture_made_again():
 
 
 @pytest.mark.parametrize(
-    ("name", "side", "corner"), [("conditions/glare", "right", (280, 250)), ("boards/03", "left", None)]
+    ("name", "side", "corner"),
+    [("conditions/glare", "right", (280, 250)), ("boards/03", "left", None), ("room/1", "left", (330, 200))],
 )
 def test_part_of_a_picture_made_again(name, side, corner):
     """A part of the same pixels; exposure and vignetting are a smooth factor, fitted, the noise is not made again."""
@@ -146,6 +149,38 @@ def test_pairs_are_read_as_the_webcams_sent_them():
     assert (len(boards), names[0], names[-1]) == (30, "boards/01", "boards/30")
 
 
+def test_stations_of_the_walk_stand_where_they_should():
+    for name, (x, y, yaw) in walk.POSES.items():
+        T = rigid(dataset.rectified().R1, np.zeros(3)) @ dataset.setup(name)
+        np.testing.assert_allclose(-T[:3, :3].T @ T[:3, 3], [x, y, 85], atol=1.5)
+        assert np.arctan2(T[2, 1], T[2, 0]) == pytest.approx(yaw, abs=1e-6)
+        assert T[2, 2] == pytest.approx(np.sin(np.radians(8.27)), abs=1e-3)
+
+
+def test_every_box_of_the_walk_is_seen_from_two_sides():
+    """By the truth: whole in both pictures of two stations or more whose directions differ by 30 degrees."""
+    seen = {k: [] for k in range(1, 6)}
+    scene = walk.walk_scene()
+    for name, (x, y, _) in walk.POSES.items():
+        truth = dataset.load_truth(name)
+        for k, directions in seen.items():
+            v, u = np.nonzero(truth.box == k)
+            alone = render_truth(Scene((scene.boxes[0], scene.boxes[k])), dataset.rectified(), dataset.setup(name))
+            whole = len(u) > 0.98 * (alone.box == 1).sum() > 0 and u.min() > 3 and u.max() < 636 and v.min() > 3
+            if whole and (truth.visible & (truth.box == k)).sum() > 0.8 * len(u):
+                directions.append(np.arctan2(*(scene.boxes[k].T_world_box[:2, 3] - [x, y])[::-1]))
+    for directions in seen.values():
+        spread = max(np.abs(np.angle(np.exp(1j * (a - b)))) for a in directions for b in directions)
+        assert len(directions) >= 2 and spread > np.radians(30)
+
+
+def test_scans_of_the_walk_read_what_is_there():
+    laser = VirtualLidar(height_mm=walk.LASER_HEIGHT_MM)
+    for name, pose in walk.POSES.items():
+        error = dataset.scan(name).ranges_mm - laser.truth_mm(walk.walk_scene(), pose)
+        assert np.nanmedian(np.abs(error)) < 4 and np.isfinite(error).mean() > 0.95
+
+
 def test_unknown_names_are_answered_with_the_known_ones():
     with pytest.raises(ValueError, match="no virtual recording 'glare'; there are conditions/plain"):
         dataset.load_pair("glare")
@@ -153,7 +188,7 @@ def test_unknown_names_are_answered_with_the_known_ones():
         dataset.load_truth("boards/01")
     with pytest.raises(ValueError, match=r"data/virtual/lrf/no\.bin is missing"):
         dataset.load_laser("lrf/no")
-    with pytest.raises(ValueError, match='"pitched", "level" or "bench", got \'tilted\''):
+    with pytest.raises(ValueError, match='"bench" or "room/1" to "room/5", got \'tilted\''):
         dataset.setup("tilted")
 
 

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from stereolib.images import check_pair, to_grey
+from stereolib.images import check_pair, to_grey, to_light
 
 Array = np.ndarray
-_MOST_PIXELS = 3000  # more add nothing but time
+_MOST_PIXELS = 1500  # more add nothing but time
 _CELL_PX = 24  # neighbouring pixels err together: those of one cell count as one witness
 
 
@@ -28,9 +28,18 @@ class CannotMeasure(ValueError):
 
 @dataclass(frozen=True, eq=False)
 class AlignedPair:
-    """A rectified pair, made ready: brightness without its slow changes, (left, right) float32, coarse then fine."""
+    """A rectified pair, made ready to be measured in.
+
+    Attributes
+    ----------
+    levels : two of (left, right), (H, W, 2) float32
+        Brightness without its slow changes, and its slope along the row; coarse, then fine.
+    light : (left, right), (H, W) or (H, W, 3) float32
+        See `stereolib.images.to_light`.
+    """
 
     levels: tuple[tuple[Array, Array], ...]
+    light: tuple[Array, Array]
 
     @classmethod
     def of(cls, left: Array, right: Array) -> AlignedPair:
@@ -38,8 +47,12 @@ class AlignedPair:
         check_pair(left, right)
         grey = [to_grey(image) for image in (left, right)]
         sharp = [cv2.subtract(image, cv2.blur(image, (31, 31)), dtype=cv2.CV_32F) for image in grey]
-        fine, coarse = ([cv2.blur(image, (size, size)) for image in sharp] for size in (3, 7))
-        return cls(((coarse[0], coarse[1]), (fine[0], fine[1])))
+        coarse, fine = ([_with_slope(cv2.blur(image, (size, size))) for image in sharp] for size in (7, 3))
+        return cls(((coarse[0], coarse[1]), (fine[0], fine[1])), (to_light(left), to_light(right)))
+
+
+def _with_slope(image: Array) -> Array:
+    return np.asarray(cv2.merge([image, cv2.Sobel(image, cv2.CV_32F, 1, 0, ksize=1, scale=0.5)]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,16 +93,16 @@ def align(
     parameters = np.array(start, float)
     some = slice(None, None, max(1, -(-len(u) // _MOST_PIXELS)))
     u, v, x = u[some], v[some], x[some]
-    row, column = v.astype(int), u.astype(int).clip(1, pair.levels[0][0].shape[1] - 2)
+    row, column = v.astype(int), u.astype(int)
     for (left, right), count in zip(pair.levels, (coarse_steps, steps), strict=True):
-        mine, my_slope = left[row, column], 0.5 * (left[row, column + 1] - left[row, column - 1])
+        mine, my_slope = left[row, column].T
         for _ in range(count):
             where = u - x @ parameters
             inside = (where > 2) & (where < left.shape[1] - 3)
-            theirs, before, after = (sample(right, np.where(inside, where + k, 0), v) for k in (0, -1, 1))
+            theirs, their_slope = sample(right, np.where(inside, where, 0), v).T
             gain = float(np.clip((mine @ theirs) / max(float(theirs @ theirs), 1e-9), 0.7, 1.4))
             e = (mine - gain * theirs) * inside
-            slope = 0.5 * my_slope + 0.25 * gain * (after - before)
+            slope = 0.5 * (my_slope + gain * their_slope)
             reach = max(4.7 * 1.48 * float(np.median(np.abs(e[::4]))), 2.0)
             weight = np.maximum(1 - (e / reach) ** 2, 0) ** 2 * inside
             J = x * slope[:, None]
@@ -102,13 +115,14 @@ def align(
 
 
 def sample(image: Array, u: Array, v: Array) -> Array:
-    """A picture at points (N,) between its pixels, bilinear; its border goes on outside. (N,) float32."""
+    """A picture at points (N,) between its pixels, bilinear; its border goes on outside. (N,) or (N, 2) float32."""
     columns = 512  # cv2.remap limits the size of a map, so the list is folded into rows
     rows = -(-len(u) // columns)
     maps = np.zeros((2, rows * columns), np.float32)
     maps[0, : len(u)], maps[1, : len(u)] = u, v
     x, y = maps.reshape(2, rows, columns)
-    return cv2.remap(image, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE).ravel()[: len(u)]
+    found = cv2.remap(image, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return np.asarray(found.reshape(-1, *image.shape[2:])[: len(u)])
 
 
 def cell_of(u: Array, v: Array) -> Array:

@@ -13,8 +13,7 @@ from stereolib.rig import RectifiedRig
 Array = np.ndarray
 #: Lines are compared at this distance from each other, px: the width of a webcam's edge.
 _SPAN_PX = 1.5
-#: Cameras send light to this power; a blurred edge between light and dark stands right in light, not in grey levels.
-_GAMMA = 2.2
+_GROUPS = 8
 _CLEAR = 1.5  # least contrast of an edge that is looked for far and wide
 #: Least standard deviation of an edge: its own blur and staircase, px.
 _FLOOR_PX = 0.12
@@ -40,24 +39,26 @@ class Edge:
 
 
 def locate_edge(
-    images: tuple[Array, ...], rectified: RectifiedRig, points_mm: Array, positions: Array,
-    prior: tuple[float, float], step_px: float,
+    light: tuple[Array, ...], rectified: RectifiedRig, ends_mm: Array, positions: Array, prior: tuple[float, float],
+    step_px: float, *, samples: int = 96,
 ) -> Edge | None:  # fmt: skip
     """Find the one of many parallel lines in space along which both pictures have an edge.
 
     Parameters
     ----------
-    images : (left, right) or (left,), (H, W, 3) or (H, W) uint8
-        Rectified.
+    light : (left, right) or (left,), (H, W, 3) or (H, W) float32
+        Rectified pictures as light (`stereolib.images.to_light`).
     rectified : RectifiedRig
-    points_mm : (lines, samples, 3) array
-        Points of each line, in the rectified left camera's frame.
+    ends_mm : (pieces, lines, 2, 3) array
+        Both ends of each line, in the rectified left camera's frame; a line may consist of several pieces.
     positions : (lines,) array
         Where each line stands, evenly spaced.
     prior : (position, standard deviation)
         What is known beforehand, from the disparity.
     step_px : float
         Distance of neighbouring lines in the picture.
+    samples : int
+        Points of each line, shared out to its pieces by their lengths.
 
     Returns
     -------
@@ -67,47 +68,66 @@ def locate_edge(
     -----
     ``E(k) = mean over samples and colours of |I(k + m) - I(k - m)|`` of the light I, 2 m steps being 1.5 px. The prior
     chooses the peak; a parabola refines it. On a texture neighbouring lines resemble each other, across an outline
-    they do not. The deviation comes from eight groups of samples, each located by itself.
+    they do not. The deviation comes from eight groups of samples, each located by itself. Lines are straight in the
+    pictures, and so is the disparity along them.
     """
-    lines = len(points_mm)
     half = max(1, round(_SPAN_PX / 2 / step_px))
-    height, width = images[0].shape[:2]
-    depth = points_mm[..., 2]
-    u, v = (points_mm[..., i] / depth * rectified.f_px + rectified.P1[i, 2] for i in (0, 1))
+    height, width = light[0].shape[:2]
+    depth = ends_mm[..., 2]
+    u, v = (ends_mm[..., i] / depth * rectified.f_px + rectified.P1[i, 2] for i in (0, 1))
+    shift = rectified.f_px * rectified.baseline_mm / depth
+    length = np.hypot(*(np.ptp(a[:, len(positions) // 2], axis=1) for a in (u, v)))
+    counts = np.maximum(np.rint(samples * length / max(length.sum(), 1.0)), 1).astype(int)
+    u, v, shift = (_along(a, counts) for a in (u, v, shift))
     seen = []
-    shifts = (0.0, rectified.f_px * rectified.baseline_mm / depth)
-    for image, shift in zip(images, shifts, strict=False):
-        x = u - shift
+    for picture, x in zip(light, (u, u - shift), strict=False):
         inside = ((x > 1) & (x < width - 2) & (v > 1) & (v < height - 2)).all(axis=0)
-        if inside.sum() < 8:
+        count = int(inside.sum())
+        if count < 8:
             continue
-        x, y = np.ascontiguousarray(x[:, inside], np.float32), np.ascontiguousarray(v[:, inside], np.float32)
-        values = cv2.remap(image, x, y, cv2.INTER_LINEAR).astype(np.float32).reshape(lines, x.shape[1], -1)
-        values = cv2.pow(values / 255, _GAMMA).reshape(values.shape)
-        seen.append(np.abs(values[2 * half :] - values[: -2 * half]).sum(axis=2))
+        if count < len(inside):
+            x, y = np.ascontiguousarray(x[:, inside]), np.ascontiguousarray(v[:, inside])
+        else:
+            y = v
+        values = cv2.remap(picture, x, y, cv2.INTER_LINEAR).reshape(len(x), -1)
+        seen.append(cv2.absdiff(values[2 * half :], values[: -2 * half]))
     if not seen:
         return None
-    difference = np.concatenate(seen, axis=1)
+    groups = np.mean([_grouped(difference) for difference in seen], axis=0)
     middle = positions[half:-half]
     belief = np.exp(-0.5 * ((middle - prior[0]) / prior[1]) ** 2)
-    strength = difference.mean(axis=1)
+    strength = groups.mean(axis=1)
     best = int((strength * belief).argmax())
     start = max(best - 3 * half, 0)
     best = start + int(
         strength[start : best + 3 * half + 1].argmax()
     )  # the prior chooses the peak, it does not move it
-    groups = [g.mean(axis=1) for g in np.array_split(difference, 8, axis=1)]
-    window = slice(max(best - 2 * half, 0), best + 2 * half + 1)
-    own = np.array([middle[window][g[window].argmax()] for g in groups])
+    first = max(best - 2 * half, 0)
+    own = middle[first + groups[first : best + 2 * half + 1].argmax(axis=0)]
     step = float(positions[1] - positions[0])
     found = float(middle[best]) + step * _parabola(strength, best)
-    scatter = 1.48 * float(np.median(np.abs(own - np.median(own)))) / np.sqrt(len(groups) / 1.57)
+    scatter = 1.48 * float(np.median(np.abs(own - np.median(own)))) / np.sqrt(_GROUPS / 1.57)
     std = float(np.hypot(scatter, _FLOOR_PX * step / step_px))
     return Edge(found, std, float(strength[best] / max(np.median(strength), 1e-9)))
 
 
+def _along(ends: Array, counts: Array) -> Array:
+    """Values between both ends of each piece (pieces, lines, 2), as many as counted: (lines, samples) float32."""
+    parts = [
+        piece[:, :1] + (piece[:, 1:] - piece[:, :1]) * ((np.arange(n) + 0.5) / n)
+        for piece, n in zip(ends, counts, strict=True)
+    ]
+    return np.concatenate(parts, axis=1).astype(np.float32)
+
+
+def _grouped(difference: Array) -> Array:
+    """Means of neighbouring samples, (lines, 8)."""
+    each = difference.shape[1] // _GROUPS
+    return difference[:, : each * _GROUPS].reshape(len(difference), _GROUPS, each).mean(axis=2)
+
+
 def vertical_edge(
-    images: tuple[Array, ...],
+    light: tuple[Array, ...],
     floor: Floor,
     place_mm: Array,
     heights_mm: tuple[float, float],
@@ -119,8 +139,8 @@ def vertical_edge(
 
     Parameters
     ----------
-    images : (left, right) or (left,), (H, W, 3) or (H, W) uint8
-        Rectified.
+    light : (left, right) or (left,), (H, W, 3) or (H, W) float32
+        Rectified pictures as light (`stereolib.images.to_light`).
     floor : Floor
     place_mm : (2,) array
         Where the edge stands: forward and left of the left camera, along the floor (`Floor.axes`).
@@ -142,13 +162,14 @@ def vertical_edge(
     step = step_px / f * float(np.cos(start)) ** 2
     reach = min(max(3.0 * prior_std_px, 4.0), 30.0)
     angles = start + step * np.arange(-round(reach / step_px), round(reach / step_px) + 1)
-    up = np.linspace(*heights_mm, 120) - floor.camera_height_mm
     path = np.stack([np.cos(angles), np.sin(angles)], axis=1)
     facing = distance if normal is None else normal @ [forward, left] / np.maximum(path @ normal, 0.05)
     path = path * np.reshape(facing, (-1, 1))
-    ground = np.broadcast_to(path[:, None], (len(angles), len(up), 2))
-    lines = np.concatenate([ground, np.broadcast_to(up[:, None], (len(angles), len(up), 1))], axis=2) @ floor.axes
-    edge = locate_edge(images, floor.rectified, lines, angles, (start, prior_std_px / step_px * step), step_px)
+    up = np.array(heights_mm) - floor.camera_height_mm
+    ends = np.concatenate([np.repeat(path[:, None], 2, axis=1), np.tile(up[:, None], (len(angles), 1, 1))], axis=2)
+    edge = locate_edge(
+        light, floor.rectified, (ends @ floor.axes)[None], angles, (start, prior_std_px / step_px * step), step_px
+    )
     return edge if edge is not None and edge.contrast >= _CLEAR else None
 
 

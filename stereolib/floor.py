@@ -12,7 +12,7 @@ from stereolib.camera import finite_array, set_frozen
 from stereolib.rig import RectifiedRig
 
 Array = np.ndarray
-_STEP = 4  # every fourth pixel, every fourth row
+_STEP = 6  # every sixth pixel, every sixth row
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,7 +133,7 @@ def fit_floor(
     max_roll_rad: float = np.deg2rad(15.0),
     max_camera_height_mm: float = 1000.0,
     least_support: float = 0.02,
-    trials: int = 1500,
+    trials: int = 300,
 ) -> Floor:
     """Find the floor in a disparity map.
 
@@ -173,11 +173,23 @@ def fit_floor(
     u, v = float(_STEP) * column, float(_STEP) * row
     x = scaled_pixels(u, v, rectified)
     limits = (max_tilt_rad, max_roll_rad, max_camera_height_mm)
-    plane = _ransac(x, d, rectified, limits, trials, rng) if len(d) > 50 else None
     least = max(50, int(least_support * height * width / _STEP**2))
+    try:
+        return _fit(x, d, u, v, rectified, limits, least, trials, rng, pair)
+    except CannotMeasure:  # a small floor may need more luck
+        return _fit(x, d, u, v, rectified, limits, least, 6 * trials, rng, pair)
+
+
+def _fit(
+    x: Array, d: Array, u: Array, v: Array, rectified: RectifiedRig, limits: tuple[float, float, float], least: int,
+    trials: int, rng: np.random.Generator, pair: AlignedPair | None,
+) -> Floor:  # fmt: skip
+    """The best plane of some trials, refined; CannotMeasure if it is not a floor."""
+    share_of_one = _STEP**2 / float(np.prod(rectified.size))
+    plane = _ransac(x, d, rectified, limits, trials, rng) if len(d) > 50 else None
     for reach in (2.0, 1.5, 1.5):
         if plane is None or not (near := np.abs(d - x @ plane) < reach * _tolerance_px(d)).sum() >= least:
-            share = 0.0 if plane is None else 100 * near.sum() * _STEP**2 / (height * width)
+            share = 0.0 if plane is None else 100 * near.sum() * share_of_one
             raise CannotMeasure("no floor", _NO_FLOOR.format(f"{share:.1f} %"))
         weight = (1 - ((d - x @ plane)[near] / (reach * _tolerance_px(d[near]))) ** 2) ** 2
         root = x[near] * weight[:, None]
@@ -193,7 +205,7 @@ def fit_floor(
         raise CannotMeasure("no floor", _NO_FLOOR.format("no large part"))
     back = scaled_pixels(np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0]), rectified)
     back = np.stack([back[0] - back[2], back[1] - back[2], back[2]])  # planes per scaled pixel -> per pixel
-    return Floor(rectified, back @ plane, back @ covariance @ back.T, float(near.sum() * _STEP**2 / (height * width)))
+    return Floor(rectified, back @ plane, back @ covariance @ back.T, float(near.sum() * share_of_one))
 
 
 def scaled_pixels(u: Array, v: Array, rectified: RectifiedRig) -> Array:
@@ -240,7 +252,7 @@ def _ransac(
     rng: np.random.Generator,
 ) -> Array | None:  # fmt: skip
     """Best plane (3,) for the rays x (N, 3) and disparities d (N,), or None."""
-    some = rng.integers(len(d), size=600)
+    some = rng.integers(len(d), size=400)
     low, lowest = (np.flatnonzero(x[:, 1] >= np.percentile(x[:, 1], share)) for share in (50, 85))  # floors are there
     pools = ((low, low, low), (lowest, lowest, low), (lowest, low, np.arange(len(d))))
     triples = np.concatenate([np.stack([rng.choice(p, trials // 3 + 1) for p in pool], axis=1) for pool in pools])

@@ -247,8 +247,8 @@ def _rectangle(segment: Segment, fit: Lines, misfit: float, bias_mm: float) -> F
             fit.chi2,
             len(segment.beams),
         )
-        ends = tuple("free" if kind == "corner" else kind for kind in faces[best].ends)
-        face = replace(faces[best], ends=ends)
+        right, left = ("free" if kind == "corner" else kind for kind in faces[best].ends)
+        face = replace(faces[best], ends=(right, left))
         return _single(
             segment, face, line, misfit, "a single beam meets its other face, whose depth is hidden: turn the object"
         )

@@ -82,7 +82,7 @@ def corners_mm(x: Array) -> Array:
 
 
 def fuse(
-    images: tuple[Array, Array],
+    light: tuple[Array, Array],
     floor: Floor,
     *,
     footprint: Footprint | None = None,
@@ -96,8 +96,8 @@ def fuse(
 
     Parameters
     ----------
-    images : (left, right), (H, W, 3) or (H, W) uint8
-        Rectified.
+    light : (left, right), (H, W, 3) or (H, W) float32
+        Rectified pictures as light.
     floor : Floor
     footprint, laser
         What the scan shows of it, and where the laser stands.
@@ -132,7 +132,7 @@ def fuse(
             return None
         span = (0.1 * top_mm, 0.9 * top_mm)
         found = vertical_edge(
-            images if both else images[:1], floor, place, span, prior_std_px=prior_std_px, normal=normal
+            light if both else light[:1], floor, place, span, prior_std_px=prior_std_px, normal=normal
         )
         return None if found is None else (found.position, found.std)
 

@@ -14,6 +14,7 @@ from stereolib.alignment import AlignedPair, CannotMeasure, align, cell_of, clus
 from stereolib.edges import locate_edge
 from stereolib.floor import Floor, fit_floor, scaled_pixels
 from stereolib.ground_objects import STEP, Region, bearing_of, find_objects
+from stereolib.images import to_light
 from stereolib.rig import RectifiedRig
 
 Array = np.ndarray
@@ -154,11 +155,12 @@ def measure_height(
     step_px, reach_px = 0.25, 7.0
     per_px = min(float(face.points_mm(t)[0]) for face in faces for t in face.bearing) / rectified.f_px
     heights = top + per_px * np.arange(-reach_px, reach_px + step_px, step_px)
-    lines = np.concatenate([_lines_mm(floor, face, heights) for face in faces], axis=1)
-    v_top = lines[len(heights) // 2, :, 1] / lines[len(heights) // 2, :, 2] * rectified.f_px + rectified.P1[1, 2]
-    if np.median(v_top) < reach_px:
+    lines = np.stack([_level_lines_mm(floor, face, heights) for face in faces])
+    middle = lines[:, len(heights) // 2]
+    if np.mean(middle[..., 1] / middle[..., 2]) * rectified.f_px + rectified.P1[1, 2] < reach_px:
         raise CannotMeasure("cut by the frame", _CUT)
-    edge = locate_edge((left, right), rectified, lines, heights, (top, 3.0 * per_px), step_px)
+    light = (to_light(left), to_light(right)) if pair is None else pair.light
+    edge = locate_edge(light, rectified, lines, heights, (top, 3.0 * per_px), step_px, samples=160)
     if edge is None or edge.contrast < _LEAST_CONTRAST:
         raise CannotMeasure("no top edge", "the object's upper outline does not stand out; change light or background")
     parts = _parts(floor, faces, edge.position, edge.std, uncertainty)
@@ -298,15 +300,13 @@ def _rough_top(floor: Floor, region: Region, faces: tuple[Face, ...]) -> float:
     return float(np.median(np.concatenate(tops)))
 
 
-def _lines_mm(floor: Floor, face: Face, heights: Array) -> Array:
-    """Points of level lines on a face, (heights, samples, 3) mm, in the rectified left camera's frame."""
+def _level_lines_mm(floor: Floor, face: Face, heights: Array) -> Array:
+    """Both ends of level lines on a face, (heights, 2, 3) mm, in the rectified left camera's frame."""
     low, high = face.bearing
     trim = 0.04 * (high - low)
-    count = int(np.clip((high - low) * floor.rectified.f_px, 8, 160))
-    ground = face.points_mm(np.linspace(low + trim, high - trim, count))
-    up = np.broadcast_to((heights - floor.camera_height_mm)[:, None, None], (len(heights), count, 1))
-    points = np.concatenate([np.broadcast_to(ground, (len(heights), count, 2)), up], axis=2)
-    return points @ floor.axes
+    ground = np.broadcast_to(face.points_mm(np.array([low + trim, high - trim])), (len(heights), 2, 2))
+    up = np.repeat((heights - floor.camera_height_mm)[:, None, None], 2, axis=1)
+    return np.concatenate([ground, up], axis=2) @ floor.axes
 
 
 def _near(faces: tuple[Face, ...]) -> Array:

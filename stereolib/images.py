@@ -77,6 +77,14 @@ def check_pair(left: Array, right: Array, names: tuple[str, str] = ("left", "rig
         raise ValueError(f"{names[0]} is {kinds[0]}, {names[1]} is {kinds[1]}: read both the same way")
 
 
+def to_light(image: Array) -> Array:
+    """The light that made a picture, float32, 0..1: cameras send it to the power 1 / 2.2.
+
+    A blurred edge between light and dark stands right in light, not in grey levels.
+    """
+    return np.asarray(cv2.LUT(image, ((np.arange(256) / 255) ** 2.2).astype(np.float32)))
+
+
 def to_grey(image: Array) -> Array:
     """(H, W) uint8 of a grey or blue-green-red image."""
     return image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)

@@ -199,7 +199,7 @@ def _measure_one(
     fused = None
     if not round_or_odd:
         fused = fuse(
-            images, floor, footprint=footprint, laser=laser, faces=faces, top_mm=top, uncertainty=uncertainty,
+            pair.light, floor, footprint=footprint, laser=laser, faces=faces, top_mm=top, uncertainty=uncertainty,
             bias_mm=bias_mm,
         )  # fmt: skip
     if fused is None:

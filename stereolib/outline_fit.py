@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 Array = np.ndarray
+_STEPS = 5  # of Gauss-Newton: an angle right to 0.1 rad is right to 1e-8 after three
+_CANDIDATES = 2  # splits of a corner that are fitted in full
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,27 +28,29 @@ class Lines:
 def fit_lines(p: Array, sigma: Array, split: int, start: float | None = None) -> Lines:
     """Gauss-Newton on the angle and the offsets; points before the split belong to the first line."""
     second = np.arange(len(p)) >= split
-    beam = p / np.linalg.norm(p, axis=1, keepdims=True)
-    two = bool(second.any())
+    beam = p / np.hypot(*p.T)[:, None]
+    two = bool(split < len(p))
     if start is None:
         centred = p - p.mean(axis=0)
         normal = np.linalg.eigh(centred.T @ centred)[1][:, 0]
         start = float(np.arctan2(normal[1], normal[0]))
     x = np.array([start, 0.0, 0.0][: 2 + two])
-    for step in range(8):
-        n1 = np.array([np.cos(x[0]), np.sin(x[0])])
-        n2 = np.array([-n1[1], n1[0]])
-        normal, slope = np.where(second[:, None], n2, n1), np.where(second[:, None], -n1, n2)
-        facing = np.abs((normal * beam).sum(axis=1))
-        weight = 1 / (sigma * np.maximum(facing, 0.05))
-        offset = x[1 + second.astype(int)] if step else np.zeros(len(p))
-        J = np.stack([(slope * p).sum(axis=1), -1.0 * ~second, -1.0 * second], axis=1)[:, : 2 + two] * weight[:, None]
-        e = ((normal * p).sum(axis=1) - offset) * weight
-        if not step:  # the offsets first
-            x[1:] = np.linalg.lstsq(J[:, 1:], -e, rcond=None)[0]
+    # Turned back by a quarter, the second part's points lie like the first's: one normal serves both.
+    q, beam = (np.where(second[:, None], np.stack([a[:, 1], -a[:, 0]], axis=1), a) for a in (p, beam))
+    columns = np.stack([~second, second], axis=1)[:, : 1 + two].astype(float)
+    for step in range(_STEPS):
+        c, s = np.cos(x[0]), np.sin(x[0])
+        across, along = q @ [c, s], q @ [-s, c]
+        weight = 1 / (sigma * np.maximum(np.abs(beam @ [c, s]), 0.05))
+        if step == 0:  # the offsets first
+            w2 = weight**2
+            x[1:] = (w2 * across) @ columns / np.maximum(w2 @ columns, 1e-12)
             continue
-        x = x - np.linalg.lstsq(J, e, rcond=None)[0]
-    return Lines(x, np.linalg.pinv(J.T @ J), float(e @ e), split)
+        J = np.column_stack([along, -columns]) * weight[:, None]
+        e = (across - columns @ x[1:]) * weight
+        A = J.T @ J
+        x = x - np.linalg.solve(A, J.T @ e)
+    return Lines(x, np.linalg.inv(A), float(e @ e), split)
 
 
 def fit_corner(p: Array, sigma: Array) -> Lines | None:
@@ -65,7 +69,7 @@ def fit_corner(p: Array, sigma: Array) -> Lines | None:
     splits = np.arange(1, n)
     values, vectors = np.linalg.eigh(scatter(sums[:, splits]) + turn.T @ scatter(sums[:, -1:] - sums[:, splits]) @ turn)
     best: Lines | None = None
-    for at in np.argsort(values[:, 0])[:5]:
+    for at in np.argsort(values[:, 0])[:_CANDIDATES]:
         k = int(splits[at])
         fit = fit_lines(p, sigma, k, float(np.arctan2(vectors[at, 1, 0], vectors[at, 0, 0])))
         n1, n2 = fit.normal(0), fit.normal(1)
@@ -80,21 +84,30 @@ def fit_corner(p: Array, sigma: Array) -> Lines | None:
 
 
 def fit_circle(p: Array, sigma: Array) -> tuple[Array, float, Array]:
-    """Centre and radius (3,), chi square, and covariance of a circle seen from outside."""
-    from scipy.optimize import least_squares
+    """Centre and radius (3,), chi square, and covariance of a circle seen from outside.
 
-    r = np.linalg.norm(p, axis=1)
+    Gauss-Newton on the ranges, ``r = b . m - sqrt(R^2 - m^2 + (b . m)^2)`` along the beam b.
+    """
+    r = np.hypot(*p.T)
     beam = p / r[:, None]
-    design = np.column_stack([2 * p, np.ones(len(p))])
-    x, y, c = np.linalg.lstsq(design, r**2, rcond=None)[0]
-    radius = np.sqrt(max(c + x * x + y * y, 1.0))
-
-    def residual(q: Array) -> Array:
+    x, y, c = np.linalg.lstsq(np.column_stack([2 * p, np.ones(len(p))]), r**2, rcond=None)[0]
+    q = np.array([x, y, np.sqrt(max(c + x * x + y * y, 1.0))])
+    nowhere = np.full((3, 3), np.nan)
+    if np.hypot(x, y) < q[2]:  # seen from inside: the outline is hollow or straight
+        return q, np.inf, nowhere
+    best, damping = np.inf, 1e-3
+    for _ in range(20):
         along = beam @ q[:2]
-        return (along - np.sqrt(np.maximum(q[2] ** 2 - q[:2] @ q[:2] + along**2, 0)) - r) / sigma
-
-    start = np.array([x, y, radius])
-    if np.hypot(x, y) < radius:  # seen from inside: the outline is hollow or straight
-        return start, np.inf, np.full((3, 3), np.nan)
-    fit = least_squares(residual, start, method="lm", max_nfev=60)
-    return fit.x, float(2 * fit.cost), np.linalg.pinv(fit.jac.T @ fit.jac)
+        root = np.sqrt(np.maximum(q[2] ** 2 - q[:2] @ q[:2] + along**2, 1.0))
+        e = (along - root - r) / sigma
+        if e @ e < best * (1 + 1e-9):
+            done = best - e @ e < 1e-9 * best
+            best, kept, damping = float(e @ e), q, damping / 3
+            J = np.column_stack([beam - (along[:, None] * beam - q[:2]) / root[:, None], -q[2] / root]) / sigma[:, None]
+            A, g = J.T @ J, J.T @ e
+            if done:
+                break
+        else:
+            damping *= 10
+        q = kept - np.linalg.solve(A + damping * np.diag(np.diag(A)), g)
+    return kept, best, np.linalg.pinv(A)

@@ -16,6 +16,7 @@ from stereolib.edges import vertical_edge
 from stereolib.floor import Floor, fit_floor, floor_from_pose, scaled_pixels
 from stereolib.ground import Uncertainty, height_of_nearest, measure_height
 from stereolib.ground_objects import find_objects
+from stereolib.images import to_light
 from stereolib.scale import rig_pose
 from stereolib.uncertainty import rectified_std, rig_covariance
 from stereolib.virtual import dataset
@@ -280,11 +281,16 @@ def test_outer_edges_to_a_fraction_of_a_pixel():
         true = np.arctan2(side * half, 700 + half)
         beside = true + side * 5 / RECT.f_px
         place = np.hypot(half, 700 + half) * np.array([np.cos(beside), np.sin(beside)])
-        edge = vertical_edge((left, right), floor, place, (30.0, 270.0), prior_std_px=5.0)
+        edge = vertical_edge((to_light(left), to_light(right)), floor, place, (30.0, 270.0), prior_std_px=5.0)
         # The rectified camera looks along the world's x: bearings agree.
         assert (edge.position - true) * RECT.f_px == pytest.approx(0, abs=0.35)
         assert abs(edge.position - true) < 3 * edge.std < 3 / RECT.f_px
-    assert vertical_edge((left, right), floor, np.array([700.0, 900.0]), (30.0, 270.0), prior_std_px=5.0) is None
+    assert (
+        vertical_edge(
+            (to_light(left), to_light(right)), floor, np.array([700.0, 900.0]), (30.0, 270.0), prior_std_px=5.0
+        )
+        is None
+    )
 
 
 @pytest.mark.parametrize(("name", "reason"), [("glare", "no floor"), ("poor_light", "no floor"), ("plain", "no")])

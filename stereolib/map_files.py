@@ -17,8 +17,9 @@ import numpy as np
 from stereolib.camera import set_frozen
 from stereolib.datasets import write_atomic
 from stereolib.floor import Floor, checked_disparity, scaled_pixels
-from stereolib.mapping import Map, Station
+from stereolib.mapping import Map
 from stereolib.occupancy import OccupancyGrid
+from stereolib.stations import Station
 
 Array = np.ndarray
 #: Colours of objects, red-green-blue: those of the figures, without the walls' grey.

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stereolib.camera import set_frozen
-from stereolib.mapping import Station
+from stereolib.stations import Station
 
 Array = np.ndarray
 FREE, UNKNOWN, OCCUPIED = 254, 205, 0  # grey levels of ROS's map_server

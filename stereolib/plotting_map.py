@@ -9,8 +9,9 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Circle, Ellipse, Polygon
 
 from stereolib.map_files import COLORS as RGB
-from stereolib.mapping import Map, Station
+from stereolib.mapping import Map
 from stereolib.occupancy import FREE, OCCUPIED, OccupancyGrid
+from stereolib.stations import Station
 
 Array = np.ndarray
 

@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from stereolib.mapping import Station
 from stereolib.scan_segments import XV11_SIGMA
+from stereolib.stations import Station
 
 Array = np.ndarray
 _LEAST_PAIRS = 30

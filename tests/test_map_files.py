@@ -15,10 +15,11 @@ from stereolib import map_files
 from stereolib.floor import floor_from_pose
 from stereolib.map_files import Cloud, cloud, solids, write_cloud, write_grid, write_mesh
 from stereolib.map_view import Eye, view_map
-from stereolib.mapping import Station, merge
+from stereolib.mapping import merge
 from stereolib.occupancy import FREE, OCCUPIED, UNKNOWN, occupancy_grid
 from stereolib.plotting import panels, picture_of
 from stereolib.plotting_map import plot_grid, plot_scans, plot_sizes, plot_top_view
+from stereolib.stations import Station
 from stereolib.virtual import dataset, walk
 
 
@@ -94,7 +95,7 @@ def test_points_lie_where_the_scene_is_and_have_its_colours(tmp_path):
     left, _ = dataset.rectified().rectify(*dataset.load_pair(name))
     floor = floor_from_pose(dataset.rectified(), dataset.setup())
     made = cloud(truth.disparity_px, left, floor, pose=walk.POSES[name], step=4, max_mm=4000.0)
-    (x0, x1), (y0, y1) = walk.ROOM_MM
+    (_, x1), (y0, _) = walk.ROOM_MM
     assert made.points_mm[:, 2].min() == pytest.approx(0, abs=1.0)
     assert made.points_mm[:, 0].max() < x1 + 1 and made.points_mm[:, 1].min() > y0 - 1
     box = walk.objects()[4]

@@ -7,8 +7,8 @@ import pytest
 import walks
 
 from stereolib import lrf, xv11
-from stereolib.mapping import Station
 from stereolib.scan_matching import refine_poses
+from stereolib.stations import Station
 from stereolib.virtual import walk
 from stereolib.virtual.lidar import VirtualLidar
 from stereolib.virtual.scene import Scene, box_on_floor, room

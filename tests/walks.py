@@ -7,12 +7,12 @@ from functools import cache
 import numpy as np
 
 from stereolib import lrf
-from stereolib.mapping import Station
 from stereolib.objects import MeasuredObject
+from stereolib.stations import Station
 from stereolib.virtual import dataset, walk
 
 #: Which boxes a station sees, and whether two of their faces.
-SEEN = {1: {2: 1, 4: 1}, 2: {0: 1, 3: 0}, 3: {2: 1, 4: 1}, 4: {1: 1, 3: 1}, 5: {0: 1, 1: 1}}
+SEEN = {1: {3: 1}, 2: {2: 0, 4: 1}, 3: {0: 1, 1: 1, 3: 1}, 4: {2: 1, 4: 1}, 5: {0: 1, 1: 1}}
 STD_MM, STD_RAD = 2.0, 0.004
 
 

@@ -1,7 +1,7 @@
 """A walk of the virtual rig through a room with five boxes: where it stood, and what it looked at.
 
-Each box is seen by two of the five stations, from different sides; one station sees only one face of one of them. The
-room's frame is the map's: every station's place in it is known, as `POSES`.
+Four boxes are in the pictures of two of the five stations, from different sides; the fourth box is in those of one, and
+another's laser sees two of its faces. The room's frame is the map's: every station's place in it is known, as `POSES`.
 """
 
 from __future__ import annotations
@@ -17,20 +17,20 @@ Array = np.ndarray
 LASER_HEIGHT_MM = 60.0
 #: Of each station's floor frame in the map: x_mm, y_mm, yaw_rad.
 POSES: dict[str, tuple[float, float, float]] = {
-    "room/1": (165.0, 840.0, float(np.radians(-29.0))),
-    "room/2": (430.0, 1095.0, float(np.radians(-84.0))),
-    "room/3": (1860.0, 1175.0, float(np.radians(-127.0))),
-    "room/4": (-575.0, 785.0, float(np.radians(-40.5))),
-    "room/5": (1470.0, -950.0, float(np.radians(145.5))),
+    "room/1": (-675.0, -200.0, float(np.radians(50.0))),
+    "room/2": (1520.0, -660.0, float(np.radians(123.5))),
+    "room/3": (-530.0, -15.0, float(np.radians(-21.0))),
+    "room/4": (95.0, 1140.0, float(np.radians(-37.0))),
+    "room/5": (1975.0, -495.0, float(np.radians(-178.5))),
 }
-ROOM_MM = ((-870.0, 2180.0), (-1220.0, 1480.0))
+ROOM_MM = ((-970.0, 2280.0), (-1060.0, 1440.0))
 #: Length, width, height (mm); place of the foot's centre (mm) and direction of the length (degrees); colour; texture.
 _BOXES = (
-    ((400.0, 250.0, 300.0), (712.0, -217.0, 157.0), (0.34, 0.46, 0.58), 6.0),
-    ((300.0, 200.0, 200.0), (250.0, -363.0, 172.0), (0.52, 0.42, 0.24), 8.0),
-    ((130.0, 100.0, 150.0), (1080.0, 395.0, 26.5), (0.24, 0.30, 0.62), 5.0),
-    ((200.0, 160.0, 100.0), (302.0, 193.0, 178.0), (0.30, 0.52, 0.32), 5.0),
-    ((280.0, 180.0, 380.0), (1156.0, -8.0, 83.0), (0.30, 0.56, 0.62), 7.0),
+    ((400.0, 250.0, 300.0), (772.0, -336.0, 18.0), (0.34, 0.46, 0.58), 6.0),
+    ((300.0, 200.0, 200.0), (597.0, -759.0, 171.0), (0.52, 0.42, 0.24), 8.0),
+    ((130.0, 100.0, 150.0), (1159.0, 633.0, 87.0), (0.24, 0.30, 0.62), 5.0),
+    ((200.0, 160.0, 100.0), (-48.0, 360.0, 71.0), (0.30, 0.52, 0.32), 5.0),
+    ((280.0, 180.0, 380.0), (1041.0, 119.0, 80.5), (0.30, 0.56, 0.62), 7.0),
 )
 
 

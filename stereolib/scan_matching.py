@@ -15,6 +15,7 @@ from stereolib.stations import Station
 
 Array = np.ndarray
 _LEAST_PAIRS = 30
+_BESIDE_MM = 200.0  # a reading may lie so far past the last one of the line it is matched with
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +47,7 @@ def refine_poses(
     reach_mm: tuple[float, float] = (300.0, 40.0),
     facing_rad: float = np.deg2rad(35.0),
     rounds: int = 12,
-    bias_mm: tuple[float, float] = (1.0, 0.4e-6),
+    bias_mm: tuple[float, float] = (1.0, 0.8e-6),
     least_share: float = 0.012,
     sigma: Callable[[Array], Array] = XV11_SIGMA,
 ) -> ScanMatch:
@@ -57,14 +58,16 @@ def refine_poses(
     stations : sequence of Station
         Two or more, with poses known to some 50 mm and 3 degrees.
     reach_mm : (first, last)
-        How far apart readings may lie to be matched; it shrinks from round to round.
+        How far off a line readings may lie to be matched with it; it shrinks from round to round.
     facing_rad : float
         How much the directions of two matched bits may differ: the far side of a thin box is another wall.
     rounds : int
         Matchings, each followed by least squares.
     bias_mm : (a, b)
-        What all readings of one station on one straight bit have in common: a standard deviation of ``a + b r^2``, in
-        mm and 1/mm. A laser that triangulates errs with the square of the range in this, too.
+        Standard deviations of what averaging does not remove, mm and 1/mm: `a` is what all readings of one station on
+        one straight bit share (brightness and angle), ``b r^2`` what all readings share, as a laser that triangulates
+        errs with the square of the range. The second is 0 if it was learnt and taken off
+        (`stereolib.lrf.learn_bias`).
     least_share : float
         How firmly every direction must be held, as a share of what the best-held one is; less is refused.
     sigma : callable
@@ -79,9 +82,9 @@ def refine_poses(
     Notes
     -----
     Minimises ``sum rho((R_j n) . (T_i p - T_j q) / s)`` over the poses ``T``: p is a reading of station i, q the
-    nearest bit of station j with its normal n, s what noise and bias leave open; rho is Cauchy's loss, at two
-    deviations. The covariance is ``H^-1 (sum_c g_c g_c' + N) H^-1``: ``g_c`` is what the bias does through all pairs of
-    one station with one bit of another, which err together; N is the noise's part.
+    nearest bit of station j with its normal n, s its deviation by noise and a; rho is Cauchy's loss, at two
+    deviations. The covariance is ``H^-1 (N + sum_c g_c g_c' + g g') H^-1``: N is the noise's part, ``g_c`` what the
+    bias does through all pairs of one station with one bit of another, which err together, g what b does through all.
     """
     if len(stations) < 2:
         raise ValueError(f"matching needs two stations or more, got {len(stations)}: a single one has nothing to match")
@@ -109,18 +112,21 @@ def refine_poses(
 
 @dataclass(frozen=True, eq=False)
 class _Scan:
-    """Readings (N, 2) in the station's frame, their normals towards the laser (NaN where not straight), the number of
-    the straight bit, and the deviations of noise and of what a bit's readings have in common."""
+    """Readings (N, 2) in the station's frame, what they are on the line of their straight bit, its normal towards the
+    laser (NaN where not straight) and number, the deviations of
+    noise and of what a bit's readings share, and the shift (N, 2) that all readings share."""
 
     points: Array
+    anchors: Array
     normals: Array
     bit: Array
     noise: Array
     bias: Array
+    common: Array
 
     @classmethod
     def of(
-        cls, number: int, station: Station, sigma: Callable[[Array], Array], bias_mm: tuple[float, float], half: int = 4
+        cls, number: int, station: Station, sigma: Callable[[Array], Array], bias_mm: tuple[float, float], half: int = 3
     ) -> _Scan:
         p = station.scan_mm
         if len(p) < 2 * half + 1:
@@ -142,8 +148,19 @@ class _Scan:
                 f"match with; scan where there are walls"
             )
         turn = np.abs(np.diff(np.unwrap(np.arctan2(normals[:, 1], normals[:, 0])), prepend=0)) > 0.3
-        bias = bias_mm[0] + bias_mm[1] * range_mm**2
-        return cls(p, np.where(straight[:, None], normals, np.nan), np.cumsum(turn | ~straight), noise, bias)
+        common = bias_mm[1] * range_mm[:, None] * (p - station.laser_mm)
+        bias, bit = np.full(len(p), bias_mm[0]), np.cumsum(turn | ~straight)
+        anchors, normals = p.copy(), np.where(straight[:, None], normals, np.nan)
+        for members in (np.flatnonzero(straight & (bit == k)) for k in np.unique(bit[straight])):
+            if len(members) < 3:
+                continue
+            middle = p[members].mean(axis=0)
+            line = np.linalg.svd(p[members] - middle, full_matrices=False)[2][1]
+            off = (p[members] - middle) @ line
+            if np.sqrt(np.mean(off**2)) < 2 * np.median(noise[members]):  # one line for all of it
+                normals[members] = line * np.sign(line @ normals[members].sum(axis=0))
+                anchors[members] -= off[:, None] * line
+        return cls(p, anchors, normals, bit, noise, bias, common)
 
 
 def _match(scans: Sequence[_Scan], poses: Array, reach: float, facing: float) -> tuple[Array, ...]:
@@ -152,25 +169,31 @@ def _match(scans: Sequence[_Scan], poses: Array, reach: float, facing: float) ->
 
     placed = [_placed(scan, pose) for scan, pose in zip(scans, poses, strict=True)]
     found = []
-    for j, (there, normals) in enumerate(placed):
+    for j, (_, there, normals) in enumerate(placed):
         lines = np.flatnonzero(np.isfinite(normals[:, 0]))
         tree = cKDTree(there[lines])
-        for i, (here, own) in enumerate(placed):
+        for i, (here, _, own) in enumerate(placed):
             if i == j:
                 continue
-            distance, nearest = tree.query(here, distance_upper_bound=reach)
+            distance, nearest = tree.query(here, distance_upper_bound=max(reach, _BESIDE_MM))
             near = np.flatnonzero(np.isfinite(distance))
             q = lines[nearest[near]]
             alike = (own[near] * normals[q]).sum(axis=1) > np.cos(facing)  # NaN is not alike
+            alike &= np.abs(((here[near] - there[q]) * normals[q]).sum(axis=1)) < reach
             near, q = near[alike], q[alike]
             found.append(np.stack([np.full(len(near), i), near, np.full(len(near), j), q]))
     return tuple(np.concatenate(found, axis=1))
 
 
-def _placed(scan: _Scan, pose: Array) -> tuple[Array, Array]:
-    c, s = np.cos(pose[2]), np.sin(pose[2])
-    R = np.array([[c, s], [-s, c]])
-    return scan.points @ R + pose[:2], scan.normals @ R
+def _placed(scan: _Scan, pose: Array) -> tuple[Array, Array, Array]:
+    """Readings, anchors and normals in the map."""
+    R = _turn(pose[2])
+    return scan.points @ R + pose[:2], scan.anchors @ R + pose[:2], scan.normals @ R
+
+
+def _turn(yaw: float) -> Array:
+    """Transposed rotation: rows of points times it are turned by yaw."""
+    return np.array([[np.cos(yaw), np.sin(yaw)], [-np.sin(yaw), np.cos(yaw)]])
 
 
 def _residuals(scans: Sequence[_Scan], poses: Array, pairs: tuple[Array, ...]) -> tuple[Array, Array]:
@@ -178,8 +201,8 @@ def _residuals(scans: Sequence[_Scan], poses: Array, pairs: tuple[Array, ...]) -
     placed = [_placed(scan, pose) for scan, pose in zip(scans, poses, strict=True)]
     i, a, j, b = pairs
     starts = np.cumsum([0, *(len(scan.points) for scan in scans)])
-    points, normals = (np.concatenate([scan[k] for scan in placed]) for k in (0, 1))
-    p, q, n = points[starts[i] + a], points[starts[j] + b], normals[starts[j] + b]
+    points, anchors, normals = (np.concatenate(parts) for parts in zip(*placed, strict=True))
+    p, q, n = points[starts[i] + a], anchors[starts[j] + b], normals[starts[j] + b]
     residual = ((p - q) * n).sum(axis=1)
     J = np.zeros((len(i), 3 * len(scans)))
     row = np.arange(len(i))
@@ -231,8 +254,12 @@ def _covariance(scans: Sequence[_Scan], poses: Array, pairs: tuple[Array, ...]) 
     cluster = np.unique(np.stack([i, j, wall]), axis=1, return_inverse=True)[1].ravel()
     G = np.zeros((cluster.max() + 1, J.shape[1]))
     np.add.at(G, cluster, (weight * common / deviation)[:, None] * J)
+    turned = [scan.common @ _turn(pose[2]) for scan, pose in zip(scans, poses, strict=True)]
+    normal = [_placed(scan, pose)[2] for scan, pose in zip(scans, poses, strict=True)]
+    shift = np.array([(turned[k][m] - turned[n][q]) @ normal[n][q] for k, m, n, q in zip(*pairs, strict=True)])
+    shared = J.T @ (weight * shift / deviation)
     own = J * (weight * np.sqrt(1 - (common / deviation) ** 2))[:, None]
-    return np.asarray(inverse @ (G.T @ G + own.T @ own) @ inverse)
+    return np.asarray(inverse @ (G.T @ G + own.T @ own + np.outer(shared, shared)) @ inverse)
 
 
 def _check_linked(pairs: tuple[Array, ...], count: int) -> None:

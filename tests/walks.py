@@ -66,7 +66,7 @@ def into(pose, centre, yaw):
 
 @cache
 def scan_mm(k):
-    return lrf.points_mm(lrf.gate(dataset.scan(f"room/{k}"), 3000.0))
+    return lrf.points_mm(dataset.scan(f"room/{k}"))
 
 
 def station(k, rng, *, only=None, **fields):

@@ -12,6 +12,7 @@ from stereolib.cli_calibrate import CALIBRATE
 from stereolib.cli_command import Command
 from stereolib.cli_disparity import DISPARITY
 from stereolib.cli_lrf import LRF_COMMANDS
+from stereolib.cli_measure import CALIBRATE_LASER, MEASURE
 
 
 def _reproduce_arguments(parser: argparse.ArgumentParser) -> None:
@@ -125,6 +126,8 @@ COMMANDS = (
         "lrf", "read, record, replay or emulate the laser range finder", "stereolib lrf emulate", commands=LRF_COMMANDS
     ),
     CALIBRATE,
+    CALIBRATE_LASER,
+    MEASURE,
 )
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from stereolib import paper, scale
 from stereolib.camera import Camera
 from stereolib.disparity import SGBMParams, compute_disparity
-from stereolib.height import height_by_maximum, height_of_top
+from stereolib.height import HeightResult, height_by_maximum, height_of_top
 from stereolib.rig import StereoRig, rigid
 from stereolib.study import repair, score
 
@@ -113,7 +113,9 @@ def _pixel_grid(camera: Camera) -> Array:
 
 
 @lru_cache(maxsize=4)
-def _cube(distance_mm: float, yaw_deg: float, pitch_deg: float, side: str) -> Array:
+def _cube(
+    distance_mm: float, yaw_deg: float, pitch_deg: float, side: str, lateral_mm: float = 0.0, tall_mm: float = 300.0
+) -> Array:
     """Rectified picture of the cube from the virtual rig, one ray a pixel; kept for the sliders that change nothing."""
     from stereolib.virtual import dataset, render, scene, sensor
 
@@ -122,33 +124,64 @@ def _cube(distance_mm: float, yaw_deg: float, pitch_deg: float, side: str) -> Ar
     pose = scale.rig_pose(rectified, np.radians(pitch_deg), scale.paper_setup().camera_height_mm)
     camera = rig.left if side == "left" else rig.right
     T_camera_world = pose if side == "left" else rigid(rig.R, rig.T) @ pose
-    cube = scene.cube_scene(distance_mm, yaw_rad=np.radians(yaw_deg))
+    size = (300.0, 300.0, tall_mm)
+    cube = scene.cube_scene(distance_mm, size_mm=size, yaw_rad=np.radians(yaw_deg), lateral_mm=lateral_mm)
     light = render.render(cube, camera, T_camera_world, samples=1, light_samples=1)
     picture = sensor.Webcam().shoot(light, np.random.default_rng([6, side == "left"]))
     return rectified.rectify(picture, picture)[side == "right"]
 
 
-def draw_height(
-    distance_mm: float, yaw_deg: float, pitch_deg: float, tolerance_px: float, foot: str
-) -> tuple[Array, str]:
-    """Notebook 06: the paper's height method, and the ray's, while cube and camera move."""
+def draw_recipe(set_up: str, rows: int, tolerance_px: float, dilate_px: int) -> tuple[Array, str]:
+    """Notebook 06: the paper's recipe with its knobs, on a recording of either set-up."""
     from stereolib.virtual import dataset
 
-    left, right = (_cube(distance_mm, yaw_deg, pitch_deg, side) for side in ("left", "right"))
-    disparity = compute_disparity(left, right, SGBMParams(num_disparities=160))
-    setup = replace(scale.paper_setup(), distance_mm=distance_mm)
-    view = scale.cube_view(dataset.rectified(), setup, pitch_rad=np.radians(pitch_deg))
-    constant = setup.constant_rows if foot.startswith("constant") else max(view.constant_rows, 0)
-    found = height_by_maximum(disparity, paper.value("scale.cm_per_px"), round(constant), tolerance_px=tolerance_px)
-    ray_mm = height_of_top(dataset.rectified(), view.T_left_world, found)
+    left, right = dataset.rectified().rectify(*dataset.load_pair(f"conditions/{_RECORDED[set_up]}"))
+    found = height_by_maximum(
+        compute_disparity(left, right, SGBMParams(128)), paper.value("scale.cm_per_px"), rows,
+        tolerance_px=tolerance_px, dilate_px=dilate_px,
+    )  # fmt: skip
+    picture = _marked(left, found)
+    ray_mm = height_of_top(dataset.rectified(), dataset.setup(set_up), found)
+    text = f"{found.mask.sum()} pixels count, rows {found.top_row} to {found.foot_row}: "
+    return picture, text + f"the recipe reads {found.height_mm / 10:.1f} cm, the top pixel's ray {ray_mm / 10:.1f} cm"
+
+
+_RECORDED = {"pitched": "texture", "level": "level"}
+
+
+def draw_heights(distance_mm: float, yaw_deg: float, lateral_mm: float, height_mm: float) -> tuple[Array, str]:
+    """Notebook 06: a box of some height is moved; the paper's reading and the ground plane's beside the truth."""
+    from stereolib.ground_study import attempt_height
+    from stereolib.plotting import panels, picture_of
+    from stereolib.plotting_ground import plot_found
+    from stereolib.virtual import dataset
+
+    rectified = dataset.rectified()
+    view = scale.solve_pitch(rectified, scale.paper_setup())
+    where = (distance_mm, yaw_deg, float(np.degrees(view.pitch_rad)))
+    left, right = (_cube(*where, side, lateral_mm, height_mm) for side in ("left", "right"))
+    tolerance = view.disparity_foot_px - view.disparity_top_px + 2  # SGBM's scatter with one ray a pixel
+    recipe = height_by_maximum(
+        compute_disparity(left, right, SGBMParams(160)), paper.value("scale.cm_per_px"),
+        paper.value("height.constant_rows"), tolerance_px=tolerance,
+    )  # fmt: skip
+    attempt = attempt_height(left, right, rectified)
+    figure, axes = panels(1, width_in=6.4)
+    plot_found(attempt, axes[0], f"floor, faces, near edge, top: {attempt.refused or 'measured'} (virtual rig)")
+    ours = f"{attempt.height_mm / 10:.2f} ± {0.196 * attempt.std_mm:.2f} cm (95 %)"
+    ours = f"refused, {attempt.refused}" if attempt.refused else ours
+    text = f"true height {height_mm / 10:.1f} cm; the paper's recipe reads {recipe.height_mm / 10:.1f} cm, "
+    return np.hstack([_marked(left, recipe), picture_of(figure)]), text + f"the ground plane {ours}"
+
+
+def _marked(left: Array, found: HeightResult) -> Array:
+    """A picture with the pixels that the recipe counted, its two rows, and a ring around its top pixel."""
     picture = left.copy()
     picture[found.mask] = (0, 94, 213)
     for row in (found.top_row, found.foot_row):
         cv2.line(picture, (0, row), (639, row), (233, 180, 86), 1)
     cv2.circle(picture, (found.column, found.top_row), 7, (255, 255, 255), 2, cv2.LINE_AA)
-    text = f"rows {found.top_row} to {found.foot_row}: the paper's recipe reads {found.height_mm / 10:.1f} cm"
-    fall = view.disparity_foot_px - view.disparity_top_px
-    return picture, f"{text}, the ray {ray_mm / 10:.1f} cm (true 30.0). A near edge here falls by {fall:.1f} px."
+    return picture
 
 
 def draw_width(distance_mm: float, yaw_deg: float, pitch_deg: float) -> tuple[Array, str]:

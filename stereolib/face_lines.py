@@ -9,9 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stereolib.faces import Face
 from stereolib.floor import Floor
 from stereolib.footprint import Footprint
-from stereolib.ground import Face, Uncertainty
+from stereolib.ground import Uncertainty
 from stereolib.lidar_camera import LidarCamera
 
 Array = np.ndarray

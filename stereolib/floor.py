@@ -88,6 +88,12 @@ class Floor:
         """Height above the floor of what pixels show, ``(1 - d_floor / d) / |n|``, mm."""
         return self.camera_height_mm * (1 - self.disparity(u, v) / disparity_px)
 
+    def pixels(self, points_mm: Array) -> Array:
+        """Pixels (N, 2) of the rectified left image of points (N, 3): forward, left, up from below the camera, mm."""
+        ray = (np.asarray(points_mm, float) - [0.0, 0.0, self.camera_height_mm]) @ self.axes
+        ahead = np.where(ray[:, 2:] > 0, ray[:, 2:], np.nan)
+        return np.asarray(ray[:, :2] / ahead * self.rectified.f_px + self.rectified.P1[:2, 2])
+
 
 def floor_from_pose(
     rectified: RectifiedRig,

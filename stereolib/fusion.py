@@ -13,9 +13,10 @@ import numpy as np
 
 from stereolib.edges import vertical_edge
 from stereolib.face_lines import LaserOnFloor, Lines, combined, pictured_lines, scanned_lines, without
+from stereolib.faces import Face
 from stereolib.floor import Floor
 from stereolib.footprint import Footprint
-from stereolib.ground import Face, Uncertainty
+from stereolib.ground import Uncertainty
 
 Array = np.ndarray
 _MAP_END_PX = 4.0  # how well a disparity map shows where a face ends
@@ -124,6 +125,8 @@ def fuse(
     if scanned is None and pictured is None:
         return None
     lines, shares, disagreement = combined(scanned, pictured)
+    if disagreement and shares == "image":
+        footprint = None  # it is of another moment
 
     def edge(
         place: Array, prior_std_px: float, normal: Array | None = None, both: bool = True

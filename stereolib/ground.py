@@ -10,17 +10,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stereolib.alignment import AlignedPair, CannotMeasure, align, cell_of, clustered_covariance
+from stereolib.alignment import AlignedPair, CannotMeasure
 from stereolib.edges import locate_edge
+from stereolib.faces import Face, find_faces
 from stereolib.floor import Floor, fit_floor, scaled_pixels
-from stereolib.ground_objects import STEP, Region, bearing_of, find_objects
+from stereolib.ground_objects import STEP, Region, find_objects
 from stereolib.images import to_light
 from stereolib.rig import RectifiedRig
 
 Array = np.ndarray
 _LEAST_CONTRAST = 1.15  # an edge against the lines around it
 _CUT = "the object's top lies above the picture or on its border: step back or tilt the camera up"
-_BIN = 1.5  # px: width of a bin of bearing
 
 
 @dataclass(frozen=True)
@@ -50,32 +50,6 @@ class Uncertainty:
 
 #: Common errors of planes fitted to block matching's disparities alone.
 MATCHED = Uncertainty(floor_px=0.15, floor_rows=0.4, face_px=0.15)
-
-
-@dataclass(frozen=True, eq=False)
-class Face:
-    """An upright face: ``1 / forward distance = a + b t``, t the tangent of the bearing (left positive).
-
-    Attributes
-    ----------
-    line : (a, b)
-        1/mm.
-    covariance : (2, 2) float64
-    bearing : (t_right, t_left)
-        Tangents between which it was seen.
-    pixels : int
-        Pixels it was fitted to.
-    """
-
-    line: Array
-    covariance: Array
-    bearing: tuple[float, float]
-    pixels: int
-
-    def points_mm(self, t: Array | float) -> Array:
-        """Points of the face on the floor, (..., 2) mm: forward and left of the camera."""
-        forward = 1 / (self.line[0] + self.line[1] * np.asarray(t, float))
-        return np.stack([forward, forward * t], axis=-1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,6 +93,7 @@ def measure_height(
     pair: AlignedPair | None = None,
     uncertainty: Uncertainty | None = None,
     least_pixels: int = 60,
+    worst_std: float = 0.05,
 ) -> GroundHeight:
     """Height of an object with upright faces.
 
@@ -135,11 +110,13 @@ def measure_height(
         By default `Uncertainty()` with a pair, `MATCHED` without.
     least_pixels : int
         Matched pixels that a face needs.
+    worst_std : float
+        Standard deviation above which nothing is returned, as a share of the height.
 
     Raises
     ------
     CannotMeasure
-        "cut by the frame", "no texture", "no top edge".
+        "cut by the frame", "no texture", "no top edge", "too uncertain".
 
     Notes
     -----
@@ -171,6 +148,9 @@ def measure_height(
     x0, _, x1, y1 = region.bounds
     touched = {"left": x0 <= STEP, "right": x1 >= width - 1 - STEP, "bottom": y1 >= height - 1 - STEP}
     total = float(np.sqrt(sum(part**2 for part in parts.values())))
+    if total > worst_std * edge.position:
+        text = f"{edge.position:.0f} ± {total:.0f} mm; light or texture the object"
+        raise CannotMeasure("too uncertain", text)
     return GroundHeight(
         edge.position, total, faces, near, ends_px[0], ends_px[1], edge.std / per_px, parts,
         tuple(side for side, is_cut in touched.items() if is_cut),
@@ -211,77 +191,6 @@ def height_of_nearest(
             "no object", "nothing stands on the floor within 1.8 m; place the object nearer, or texture it"
         )
     return measure_height(left, right, floor, objects[0], pair=pair, uncertainty=uncertainty)
-
-
-def find_faces(floor: Floor, region: Region, pair: AlignedPair | None = None, *, least: int = 60) -> tuple[Face, ...]:
-    """One or two upright faces: the inverse distance is one straight line over the tangent of the bearing, or two.
-
-    Parameters are those of `measure_height`. Raises CannotMeasure "no texture".
-    """
-    scale = floor.rectified.f_px * floor.rectified.baseline_mm
-    top = np.percentile(region.height_mm, 97)
-    upright = region.height_mm < 0.85 * top  # what is higher may be the top face
-    u, v, d = (a[upright] for a in (region.u, region.v, region.disparity_px))
-    if len(d) < least:
-        raise CannotMeasure("no texture", f"only {len(d)} pixels of the object were matched; light or texture it")
-    t, w = bearing_of(floor, u, v, d)
-    width = _BIN / floor.rectified.f_px
-    index = np.floor((t - t.min()) / width).astype(int)
-    n = np.bincount(index).astype(float)
-    mean = np.bincount(index, w) / np.maximum(n, 1)
-    for _ in range(2):
-        keep = np.abs(w - mean[index]) * scale < 1.5
-        n = np.bincount(index[keep], minlength=len(n)).astype(float)
-        mean = np.bincount(index[keep], w[keep], len(n)) / np.maximum(n, 1)
-    full = np.flatnonzero(n > 0.2 * np.percentile(n, 80))
-    centre, mean = t.min() + (full + 0.5) * width, mean[full]
-    pieces = _hinge(centre, mean * scale)
-    ray = scaled_pixels(u, v, floor.rectified) @ floor.axes[:2].T
-    faces = []
-    for (low, high), line in pieces:
-        margin = min(3 * width, (high - low) / 6)
-        mine = (t > low + margin) & (t < high - margin) & (np.abs(d - ray @ line) < 1.0)
-        if mine.sum() < least:
-            continue  # a sliver: the other face carries the measurement
-        um, vm, xm = u[mine], v[mine], scale * ray[mine]
-        line = np.linalg.lstsq(xm, d[mine], rcond=None)[0]
-        covariance = clustered_covariance(xm, d[mine] - xm @ line, np.ones(len(um)), cell_of(um, vm))
-        if pair is not None:
-            fit = align(pair, um, vm, xm, line)
-            line, covariance = fit.parameters, fit.covariance
-        faces.append(Face(line, covariance, (float(low), float(high)), int(mine.sum())))
-    if not faces:
-        raise CannotMeasure(
-            "no texture", f"no face of the object has {least} matched pixels that agree; light or texture it"
-        )
-    return tuple(faces)
-
-
-def _hinge(t: Array, w: Array) -> list[tuple[tuple[float, float], Array]]:
-    """Split w(t) into one straight line or two that meet in a ridge: their ranges and (a, b), w in px."""
-    moments = np.stack([np.ones_like(t), t, w, t * t, t * w, w * w])
-    sums = np.concatenate([np.zeros((6, 1)), moments.cumsum(axis=1)], axis=1)
-
-    def fit(part: Array) -> tuple[Array, Array, Array]:
-        n, st, sw, stt, stw, sww = part
-        n = np.maximum(n, 1)
-        ctt, ctw, cww = stt - st * st / n, stw - st * sw / n, sww - sw * sw / n
-        b = ctw / np.maximum(ctt, 1e-12)
-        return (sw - b * st) / n, b, np.maximum(cww - b * ctw, 0)
-
-    a, b, rest = fit(sums[:, -1])
-    one = [((t[0], t[-1]), np.array([a, b]))]
-    least = 5
-    if len(t) < 3 * least:
-        return one
-    knots = np.arange(least, len(t) - least)
-    al, bl, rl = fit(sums[:, knots])
-    ar, br, rr = fit(sums[:, -1:] - sums[:, knots])
-    k = int((rl + rr).argmin())
-    if not (rl[k] + rr[k] < 0.5 * rest and bl[k] > br[k]):
-        return one
-    crossing = float(np.clip((ar[k] - al[k]) / (bl[k] - br[k]), t[0], t[-1]))
-    return [((t[0], crossing), np.array([al[k], bl[k]])), ((crossing, t[-1]), np.array([ar[k], br[k]]))]
 
 
 def _rough_top(floor: Floor, region: Region, faces: tuple[Face, ...]) -> float:

@@ -7,14 +7,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
+import cv2
 import numpy as np
 
-from stereolib.camera import finite_array, set_frozen
+from stereolib import lrf
+from stereolib.camera import Camera, finite_array, set_frozen
+from stereolib.images import read_image
 from stereolib.lrf import LaserScan
 from stereolib.lrf_walls import fit_line
 from stereolib.rig import pose_left_world, rigid, skew
 from stereolib.scan_segments import XV11_SIGMA, segments
+from stereolib.targets import Board, find_board
 
 Array = np.ndarray
 #: Where objects stand: 0.5 to 1.2 m ahead, 20 degrees to either side.
@@ -122,6 +127,40 @@ def board_view(
             f"that the laser's plane cuts it and nothing like it stands near, or give the expected pose"
         )
     return BoardView(T_left_board, found[0].points_mm, found[0].sigma_mm)
+
+
+def views_from_files(
+    pictures: Sequence[Path], scans: Sequence[Path], board: Board, left: Camera, *, margin_mm: float = 0.0
+) -> list[BoardView]:
+    """Boards that both saw, from pictures of the left camera and recordings of the laser, one for one.
+
+    Parameters
+    ----------
+    pictures, scans : sequences of Path
+    board : Board
+    left : Camera
+    margin_mm : float
+        By how much the board reaches beyond its squares.
+
+    Raises
+    ------
+    ValueError
+        Naming the file in which the board was not found.
+    """
+    found = []
+    diagonal = float(np.hypot(*(np.ptp(board.points_mm[:, :2], axis=0) + 2 * (board.square_mm + margin_mm))))
+    for picture, scan in zip(pictures, scans, strict=True):
+        corners = find_board(read_image(picture), board)
+        if corners is None:
+            raise ValueError(f"{picture}: the board was not found in it; take this pose out, or take it again")
+        seen = np.isfinite(corners).all(axis=1)
+        _, turn, t = cv2.solvePnP(board.points_mm[seen], corners[seen], left.K, left.dist)
+        try:
+            turns = lrf.average(lrf.turns(lrf.load(scan)))
+            found.append(board_view(turns, rigid(cv2.Rodrigues(turn)[0], t), diagonal_mm=diagonal))
+        except ValueError as error:
+            raise ValueError(f"{scan}: {error}") from error
+    return found
 
 
 def calibrate_lidar_to_camera(

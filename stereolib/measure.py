@@ -11,21 +11,23 @@ import numpy as np
 from stereolib.alignment import AlignedPair, CannotMeasure
 from stereolib.disparity import SGBMParams, compute_disparity
 from stereolib.face_lines import LaserOnFloor
-from stereolib.floor import Floor, fit_floor
+from stereolib.faces import Face, find_faces
+from stereolib.floor import Floor, fit_floor, floor_from_pose
 from stereolib.footprint import Footprint, fit_footprint
 from stereolib.fusion import fuse
-from stereolib.ground import Face, Uncertainty, find_faces, measure_height
+from stereolib.ground import Uncertainty, measure_height
 from stereolib.ground_objects import Region, find_objects
 from stereolib.images import to_grey
 from stereolib.lidar_camera import LidarCamera
 from stereolib.lrf import LaserScan, points_mm
 from stereolib.objects import MeasuredObject, from_faces, from_scan
-from stereolib.rig import RectifiedRig
+from stereolib.rig import RectifiedRig, pose_left_world, rigid
 from stereolib.scan_segments import segments
 
 Array = np.ndarray
 #: The pictures are matched in half size: planes and edges are found in the full ones afterwards.
 HALF = SGBMParams(num_disparities=96, mode="3way")
+_BELOW = LaserOnFloor(np.eye(2), np.zeros(2), np.diag([10.0**2, 10.0**2, np.radians(1.0) ** 2]))
 _SAME_DISTANCE = 0.25  # scan and pair mean the same thing up to this relative difference
 
 
@@ -39,7 +41,8 @@ class Measurement:
         Nearest first.
     warnings : tuple of str
         What did not fit together, or was not found.
-    floor : Floor
+    floor : Floor or None
+        None if it was not seen: then all comes from the scan, in the frame of a floor below its plane.
     laser : LaserOnFloor
     scan_mm : (N, 2) float64
         All readings on the floor.
@@ -51,7 +54,7 @@ class Measurement:
 
     objects: tuple[MeasuredObject, ...]
     warnings: tuple[str, ...]
-    floor: Floor
+    floor: Floor | None
     laser: LaserOnFloor
     scan_mm: Array
     left: Array
@@ -62,9 +65,9 @@ class Measurement:
 def measure_objects(
     left: Array,
     right: Array,
-    scan: LaserScan,
+    scan: LaserScan | None,
     rectified: RectifiedRig,
-    lidar: LidarCamera,
+    lidar: LidarCamera | None,
     *,
     rng: np.random.Generator,
     floor: Floor | None = None,
@@ -78,11 +81,11 @@ def measure_objects(
     ----------
     left, right : (H, W, 3) uint8
         As the cameras gave them.
-    scan : LaserScan
-        A turn, or better the average of some, taken at the same time.
+    scan : LaserScan, optional
+        A turn, or better the average of some, taken at the same time; None: the pair alone.
     rectified : RectifiedRig
-    lidar : LidarCamera
-        Where the laser stands to the left camera.
+    lidar : LidarCamera, optional
+        Where the laser stands to the left camera; None: straight below it, within 10 mm and one degree.
     rng : numpy.random.Generator
         Of the search for the floor.
     floor : Floor, optional
@@ -97,31 +100,55 @@ def measure_objects(
     Raises
     ------
     CannotMeasure
-        "no floor": then nothing can be placed. What concerns one object or one size is said in its ``reasons``.
+        "no floor", if there is no scan either. What concerns one object or one size is said in its ``reasons``.
     ValueError
         If pictures and calibration do not fit together.
     """
-    uncertainty = uncertainty or Uncertainty()
+    uncertainty, warnings = uncertainty or Uncertainty(), []
     left, right = rectified.rectify(left, right)
     disparity = half_size_disparity(left, right, params)
     pair = AlignedPair.of(left, right)
-    if floor is None:
-        floor = fit_floor(disparity, rectified, rng=rng, pair=pair)
-    laser = LaserOnFloor.of(lidar, floor)
-    regions, warnings = find_objects(disparity, floor), []
-    prints = [fit_footprint(part, bias_mm=bias_mm) for part in segments(scan) if part.kind == "object"]
-    if not prints:
-        warnings.append("the scan shows no object within 3 m: sizes come from the pair alone")
-    together, apart = _same_things(regions, prints, floor, laser)
-    warnings += apart
+    regions: list[Region] = []
+    seen, blind = floor, ""
+    try:
+        seen = floor or fit_floor(disparity, rectified, rng=rng, pair=pair)
+        regions = find_objects(disparity, seen)
+    except CannotMeasure as error:
+        if scan is None:
+            raise
+        blind = str(error)
+        warnings.append(f"{blind}. What follows is the scan's alone")
+    ground = seen or _below(rectified, lidar)
+    if scan is not None and lidar is None:
+        warnings.append("the laser's pose is not known: it is taken to stand straight below the left camera")
+    laser = _BELOW if lidar is None else LaserOnFloor.of(lidar, ground)
+    prints: list[Footprint] = []
+    if scan is not None:
+        prints = [fit_footprint(part, bias_mm=bias_mm) for part in segments(scan) if part.kind == "object"]
+        if not prints:
+            warnings.append("the scan shows no object within 3 m: sizes come from the pair alone")
+    together, apart = _same_things(regions, prints, ground, laser)
     found = []
     for region, footprint in together:
-        thing, warning = _measure_one((left, right), floor, pair, region, footprint, laser, uncertainty, bias_mm)
+        thing, warning = _measure_one(
+            (left, right), ground, pair, region, footprint, laser, uncertainty, bias_mm, blind, bool(prints)
+        )
         found.append(thing)
-        warnings += warning
+        apart += warning
+    if not found:
+        apart.append("nothing stands on the floor within 1.8 m of the cameras or 3 m of the laser")
     found.sort(key=lambda thing: float(np.hypot(*thing.position_mm)))
-    readings = laser.points_mm(points_mm(scan))
-    return Measurement(tuple(found), tuple(warnings), floor, laser, readings, left, right, disparity)
+    readings = np.zeros((0, 2)) if scan is None else laser.points_mm(points_mm(scan))
+    return Measurement(tuple(found), tuple(warnings + apart), seen, laser, readings, left, right, disparity)
+
+
+def _below(rectified: RectifiedRig, lidar: LidarCamera | None) -> Floor:
+    """A floor nobody saw: parallel to the laser's plane, and below it and the camera."""
+    if lidar is None:
+        return floor_from_pose(rectified, rigid(rectified.R1.T, np.zeros(3)) @ pose_left_world(0.0, 100.0))
+    up = lidar.T_left_lidar[:3, 2]
+    camera_mm = -float(up @ lidar.T_left_lidar[:3, 3])  # above the laser's plane
+    return floor_from_pose(rectified, lidar.T_left_lidar @ rigid(np.eye(3), [0.0, 0.0, min(camera_mm, 0.0) - 100.0]))
 
 
 def half_size_disparity(left: Array, right: Array, params: SGBMParams = HALF) -> Array:
@@ -176,13 +203,13 @@ def _same_things(
 
 def _measure_one(
     images: tuple[Array, Array], floor: Floor, pair: AlignedPair, region: Region | None, footprint: Footprint | None,
-    laser: LaserOnFloor, uncertainty: Uncertainty, bias_mm: float,
+    laser: LaserOnFloor, uncertainty: Uncertainty, bias_mm: float, blind: str, scanned: bool,
 ) -> tuple[MeasuredObject, list[str]]:  # fmt: skip
     reasons: dict[str, str] = {}
     faces: tuple[Face, ...] = ()
     height, top = (np.nan, np.nan), np.nan
     if region is None:
-        reasons["height"] = _unseen(footprint, floor, laser)
+        reasons["height"] = blind or _unseen(footprint, floor, laser)
     else:
         try:
             seen = measure_height(*images, floor, region, pair=pair, uncertainty=uncertainty)
@@ -191,7 +218,7 @@ def _measure_one(
             reasons["height"] = str(error)
             with suppress(CannotMeasure):
                 faces, top = find_faces(floor, region, pair), float(np.percentile(region.height_mm, 97))
-    if footprint is None:
+    if footprint is None and scanned:
         reasons["object"] = "it is not in the scan (lower than its plane, or dark): its sizes come from the pair alone"
     round_or_odd = (
         footprint is not None and footprint.shape in ("circle", "irregular") and len(footprint.segment.points_mm) > 6

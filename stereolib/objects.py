@@ -119,8 +119,10 @@ def from_faces(fused: Fused, height: tuple[float, float], reasons: dict[str, str
         if any(fused.hidden if n == 1 else fused.hidden[k : k + 1]):
             refused[k] = "an end is hidden by something nearer or lies outside the picture"
         elif flat[k] < _TOO_FLAT or std[k] > _TOO_VAGUE * at[k]:
-            angle = f"{np.degrees(flat[k]):.0f} degrees"
-            refused[k] = f"seen too flat, at {angle}: {at[k]:.0f} ± {std[k]:.0f} mm; turn the object or move the rig"
+            seen = (
+                f"seen too flat, at {np.degrees(flat[k]):.0f} degrees" if flat[k] < 2 * _TOO_FLAT else "too uncertain"
+            )
+            refused[k] = f"{seen}: {at[k]:.0f} ± {std[k]:.0f} mm; turn the object or move the rig"
     kept = [k for k in range(n) if k not in refused]
     kept.sort(key=lambda k: -at[k])
     p, whole = corners_mm(fused.x), n == 2 and len(kept) == 2

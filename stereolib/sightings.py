@@ -191,7 +191,7 @@ def _solve(sightings: Sequence[Sighting]) -> tuple[Array, Array, float, int]:
     for _ in range(6):
         N, g, chi2, rows = np.zeros((6, 6)), np.zeros(6), 0.0, 0
         for sighting in sightings:
-            residual, J, weight = _residual(sighting, x)
+            residual, J, weight, _ = _residual(sighting, x)
             N += J.T @ weight @ J
             g += J.T @ weight @ residual
             chi2 += float(residual @ weight @ residual)
@@ -228,8 +228,8 @@ def _start(sightings: Sequence[Sighting]) -> Array:
     return x
 
 
-def _residual(sighting: Sighting, x: Array) -> tuple[Array, Array, Array]:
-    """What a sighting misses of the box x, its Jacobian with x, and its weights; only of what it knows."""
+def _residual(sighting: Sighting, x: Array) -> tuple[Array, Array, Array, Array]:
+    """What a sighting misses of the box x, its Jacobian with x, its weights, and which values it knows."""
     order, faces = _order(sighting, x[2]), sighting.seen.shape == "face"
     expected, J = x.copy(), np.eye(6)
     if faces:
@@ -254,7 +254,7 @@ def _residual(sighting: Sighting, x: Array) -> tuple[Array, Array, Array]:
     residual[2] = _wrapped(residual[2], _QUARTER)
     weight = np.linalg.inv(S[np.ix_(known, known)])
     J = np.where(np.isfinite(x), J[known], 0)
-    return residual[known], J, weight
+    return residual[known], J, weight, np.flatnonzero(known)
 
 
 def _order(sighting: Sighting, yaw: float) -> Array:
@@ -329,11 +329,11 @@ def _conflict(out: Sighting, thing: MeasuredObject, x: Array, covariance: Array)
     """Say by what a sighting differs most, with both values."""
     if "circle" in (out.seen.shape, thing.shape) and out.seen.shape != thing.shape:
         return f"station {out.station} sees a {out.seen.shape}, the others a {thing.shape}"
-    residual, J, weight = _residual(out, x)
+    residual, J, weight, which = _residual(out, x)
     S = np.linalg.inv(weight) + J @ np.nan_to_num(covariance) @ J.T
     rows = np.flatnonzero(np.abs(J).max(axis=1) > 0)
     worst = int(rows[np.argmax(np.abs(residual[rows]) / np.sqrt(np.diag(S)[rows]))])
-    k = int(np.argmax(np.abs(J[worst]) * [1, 1, 1, 1.1, 1.1, 1.1]))
+    k = int(which[worst])
     unit = 180 / np.pi if k == 2 else 1.0
     off, others, std = residual[worst] * unit, x[k] * unit, float(np.sqrt(S[worst, worst])) * unit
     if k < 2:

@@ -285,12 +285,8 @@ def test_outer_edges_to_a_fraction_of_a_pixel():
         # The rectified camera looks along the world's x: bearings agree.
         assert (edge.position - true) * RECT.f_px == pytest.approx(0, abs=0.35)
         assert abs(edge.position - true) < 3 * edge.std < 3 / RECT.f_px
-    assert (
-        vertical_edge(
-            (to_light(left), to_light(right)), floor, np.array([700.0, 900.0]), (30.0, 270.0), prior_std_px=5.0
-        )
-        is None
-    )
+    light = (to_light(left), to_light(right))
+    assert vertical_edge(light, floor, np.array([700.0, 900.0]), (30.0, 270.0), prior_std_px=5.0) is None
 
 
 @pytest.mark.parametrize(("name", "reason"), [("glare", "no floor"), ("poor_light", "no floor"), ("plain", "no")])

@@ -53,7 +53,7 @@ def laser_board_views(
     """
     believed = believed_left or true_left
     points = BOARD.points_mm - BOARD.points_mm.mean(axis=0)
-    diagonal_mm = float(np.hypot(*((n + 2.6) * BOARD.square_mm for n in (BOARD.columns, BOARD.rows))))
+    diagonal_mm = float(np.hypot(BOARD.columns + 2.6, BOARD.rows + 2.6) * BOARD.square_mm)
     found = []
     for pose in POSES:
         T_world_board = _held(*pose, height_mm)

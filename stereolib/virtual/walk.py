@@ -51,6 +51,17 @@ def objects() -> tuple[Box, ...]:
     return walk_scene().boxes[1:]
 
 
+def nearest_box(place_mm: Array) -> Box:
+    """The box whose foot's centre lies nearest to a place (x, y) on the floor: which one a measured object is."""
+    return min(objects(), key=lambda box: float(np.linalg.norm(box.T_world_box[:2, 3] - place_mm)))
+
+
+def outline_mm(box: Box) -> Array:
+    """Corners of a box's foot, (4, 2) mm."""
+    half = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) * np.array(box.size_mm) / 2
+    return (half @ box.T_world_box[:3, :3].T + box.T_world_box[:3, 3])[:, :2]
+
+
 def T_map_station(name: str) -> Array:
     """Pose (4, 4) of a station's floor frame in the map."""
     x, y, yaw = POSES[name]

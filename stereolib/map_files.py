@@ -99,7 +99,7 @@ def solids(found: Map, *, wall_height_mm: float = 500.0, wall_thickness_mm: floa
 def cloud(
     disparity_px: Array,
     left: Array,
-    floor: Floor,
+    floor: Floor | None,
     *,
     pose: Sequence[float] | Array = (0.0, 0.0, 0.0),
     step: int = 3,
@@ -125,8 +125,10 @@ def cloud(
     Raises
     ------
     ValueError
-        If image, disparity and rig differ in size.
+        If no floor was seen, or image, disparity and rig differ in size.
     """
+    if floor is None:
+        raise ValueError("no floor was seen in this pair: nothing tells which way is up in its cloud")
     disparity = checked_disparity(disparity_px, floor.rectified)[::step, ::step]
     if left.shape[:2] != floor.rectified.size[::-1]:
         raise ValueError(f"the image has shape {left.shape}, the disparity {disparity_px.shape}: rectify it first")
@@ -140,6 +142,11 @@ def cloud(
     color = left if left.ndim == 3 else cv2.cvtColor(left, cv2.COLOR_GRAY2BGR)
     colors = color[::step, ::step][row, column][:, ::-1]
     return Cloud(points[near], colors[near])
+
+
+def joined(clouds: Sequence[Cloud]) -> Cloud:
+    """Several clouds of one frame as one."""
+    return Cloud(np.concatenate([c.points_mm for c in clouds]), np.concatenate([c.colors_rgb for c in clouds]))
 
 
 def write_mesh(path: str | os.PathLike[str], made: Sequence[Solid], *, overwrite: bool = False) -> Path:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,6 +16,9 @@ from stereolib.map_walls import MapWall, find_walls
 from stereolib.objects import MeasuredObject
 from stereolib.sightings import MapObject, Sighting, merged, same_thing
 from stereolib.stations import Station
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 Array = np.ndarray
 _WALL_MM = 60.0  # what lies nearer to a wall belongs to it
@@ -156,3 +160,28 @@ def _objects(
             why = next(iter(s.seen.reasons.values()), "no size is known")
             lost.append(f"station {s.station} saw something at x {x:.0f}, y {y:.0f} mm and could not measure it: {why}")
     return sorted(groups, key=lambda group: float(np.linalg.norm(group.thing.position_mm))), lost
+
+
+def size_table(things: Sequence[MeasuredObject], names: Sequence[str]) -> pd.DataFrame:
+    """Sizes as a table: ``"400.9 ± 0.8"`` mm with one standard deviation, ``"?"`` where unknown.
+
+    Parameters
+    ----------
+    things : sequence of MeasuredObject
+    names : sequence of str
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns name, shape, length_mm, width_mm, height_mm, volume_l.
+    """
+    import pandas as pd
+
+    def text(value: float, std: float, digits: int = 1) -> str:
+        return f"{value:.{digits}f} ± {std:.{digits}f}" if np.isfinite(value) else "?"
+
+    rows = []
+    for name, thing in zip(names, things, strict=True):
+        sizes = [text(*each) for each in zip(thing.size_mm, thing.std_mm, strict=True)]
+        rows.append([name, thing.shape, *sizes, text(*thing.volume_l, 2)])
+    return pd.DataFrame(rows, columns=["name", "shape", "length_mm", "width_mm", "height_mm", "volume_l"])

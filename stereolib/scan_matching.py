@@ -110,6 +110,15 @@ def refine_poses(
     return ScanMatch(tuple(refined), covariance, rms[0], rms[1], len(pairs[0]))
 
 
+def disturbed(
+    stations: Sequence[Station], rng: np.random.Generator, off_mm: float, off_rad: float
+) -> tuple[Station, ...]:
+    """The stations at wrong poses, but for the first: uniform errors up to `off_mm` along x and y, `off_rad` in yaw."""
+    errors = rng.uniform(-1, 1, (len(stations), 3)) * [off_mm, off_mm, off_rad]
+    errors[0] = 0
+    return tuple(replace(s, pose=s.pose + error) for s, error in zip(stations, errors, strict=True))
+
+
 @dataclass(frozen=True, eq=False)
 class _Scan:
     """Readings (N, 2) in the station's frame, what they are on the line of their straight bit, its normal towards the

@@ -118,6 +118,8 @@ def test_clouds_refuse_what_does_not_fit(tmp_path):
     disparity = np.full((480, 640), np.nan, np.float32)
     with pytest.raises(ValueError, match=r"the image has shape \(10, 10\)"):
         cloud(disparity, np.zeros((10, 10), np.uint8), floor)
+    with pytest.raises(ValueError, match="no floor was seen"):
+        cloud(disparity, np.zeros((480, 640), np.uint8), None)
     empty = cloud(disparity, np.zeros((480, 640), np.uint8), floor)
     with pytest.raises(ValueError, match="the cloud has no point"):
         write_cloud(tmp_path / "c.ply", empty)

@@ -9,7 +9,7 @@ import pytest
 import walks
 
 from stereolib import lrf, xv11
-from stereolib.scan_matching import refine_poses
+from stereolib.scan_matching import disturbed, refine_poses
 from stereolib.stations import Station
 from stereolib.virtual import dataset, walk
 from stereolib.virtual.lidar import VirtualLidar
@@ -22,12 +22,6 @@ def stations(poses, scans):
     return [Station(pose, (), scan) for pose, scan in zip(poses, scans, strict=True)]
 
 
-def disturbed(true, rng, mm=50.0, degrees=3.0):
-    start = true.copy()
-    start[1:] += rng.uniform(-1, 1, (len(true) - 1, 3)) * [mm, mm, np.radians(degrees)]
-    return start
-
-
 def poses_of(match):
     return np.array([station.pose for station in match.stations])
 
@@ -37,7 +31,7 @@ def test_disturbed_poses_of_the_walk_come_back():
     scans = [walks.scan_mm(k) for k in walks.SEEN]
     found = []
     for seed in range(3):
-        match = refine_poses(stations(disturbed(TRUE, np.random.default_rng(seed)), scans))
+        match = refine_poses(disturbed(stations(TRUE, scans), np.random.default_rng(seed), 50.0, np.radians(3.0)))
         error = poses_of(match) - TRUE
         assert np.array_equal(error[0], [0, 0, 0]) and not match.stations[0].covariance.any()
         assert np.abs(error[:, :2]).max() < 9 and np.degrees(np.abs(error[:, 2])).max() < 0.25
@@ -69,10 +63,9 @@ def test_exact_scans_give_exact_poses_and_deviations_cover_noisy_ones():
         boxes = [box_on_floor((300.0, 200.0, 300.0), px, py, rng.uniform(0, 3)) for px, py in ((900, 500), (700, -500))]
         scene = Scene((room(x_mm=(-x, u), y_mm=(-y, v)), *boxes))
         true = np.array([[0.0, 0, 0], [300, 100, 2.0], [100, -300, -0.7]])
-        start = disturbed(true, rng)
         for laser in (perfect, VirtualLidar()):
             scans = [lrf.points_mm(lrf.average(lrf.turns(xv11.decode(laser.scan(scene, p, rng))))) for p in true]
-            match = refine_poses(stations(start, scans))
+            match = refine_poses(disturbed(stations(true, scans), rng, 50.0, np.radians(3.0)))
             error = poses_of(match)[1:] - true[1:]
             if laser is perfect:
                 assert np.abs(error[:, :2]).max() < 0.5 and np.degrees(np.abs(error[:, 2])).max() < 0.02

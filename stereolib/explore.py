@@ -262,13 +262,13 @@ def draw_map_view(azimuth_deg: int, elevation_deg: int, show: str) -> tuple[Arra
     return picture, text + f"; {len(found.walls)} walls, {len(points.points_mm)} points"
 
 
-def draw_matching(off_mm: int, off_deg: float, draw: int) -> tuple[Array, str]:
+def draw_matching(off_mm: int, off_deg: float, chance: int) -> tuple[Array, str]:
     """Notebook 08: scans of the walk at poses that are off, and after matching."""
     from stereolib.plotting import panels, picture_of
     from stereolib.plotting_map import plot_scans
 
     stations = _walk_map()[0].stations
-    start = disturbed(stations, np.random.default_rng(draw), off_mm, np.radians(off_deg))
+    start = disturbed(stations, np.random.default_rng(chance), off_mm, np.radians(off_deg))
     match = refine_poses(start)
     figure, axes = panels(2, width_in=11, aspect=0.85)
     plot_scans(start, axes[0], f"poses off by up to {off_mm} mm and {off_deg:g} degrees")

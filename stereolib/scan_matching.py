@@ -95,9 +95,9 @@ def refine_poses(
     for reach in np.geomspace(*reach_mm, rounds):
         pairs = _match(scans, poses, reach, facing_rad)
         _check_linked(pairs, len(stations))
-        poses = _least_squares(scans, poses, pairs, max(2.0, reach / 40))
         if reach == reach_mm[0]:
             _check_held(scans, poses, pairs, least_share)
+        poses = _least_squares(scans, poses, pairs, max(2.0, reach / 40))
     pairs = _match(scans, poses, reach_mm[1], facing_rad)
     _check_linked(pairs, len(stations))
     _check_held(scans, poses, pairs, least_share)

@@ -62,6 +62,13 @@ def outline_mm(box: Box) -> Array:
     return (half @ box.T_world_box[:3, :3].T + box.T_world_box[:3, 3])[:, :2]
 
 
+def wall_error_mm(ends_mm: Array) -> float:
+    """How far the middle of a wall (2, 2) lies off the room's nearest true one, mm; positive outside the room."""
+    x, y = np.mean(ends_mm, axis=0)
+    (x0, x1), (y0, y1) = ROOM_MM
+    return float(min((x0 - x, x - x1, y0 - y, y - y1), key=abs))
+
+
 def T_map_station(name: str) -> Array:
     """Pose (4, 4) of a station's floor frame in the map."""
     x, y, yaw = POSES[name]

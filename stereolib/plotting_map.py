@@ -48,7 +48,10 @@ def plot_top_view(
     for k, station in enumerate(found.stations, start=1):
         plot_station(station, ax, str(k))
     if found.objects:
-        ax.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), frameon=False, fontsize=9, borderaxespad=0)
+        ax.legend(
+            title="length x width x height", loc="upper left", bbox_to_anchor=(1.01, 1.0), frameon=False, fontsize=9,
+            borderaxespad=0,
+        )  # fmt: skip
     return _floor_axes(ax, title)
 
 

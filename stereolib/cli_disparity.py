@@ -48,7 +48,8 @@ def _disparity(arguments: argparse.Namespace) -> int:
     pair = read_pair(arguments.left, arguments.right)
     if arguments.calibration:
         pair = StereoRig.load(arguments.calibration).rectify().rectify(*pair)
-    check_rectified(*pair)
+    if np.isnan(check_rectified(*pair)):
+        print("note: too few points of the two pictures could be matched to tell whether the pair is rectified")
     found = run(*pair)
     valid = np.isfinite(found.disparity_px)
     if not valid.any():

@@ -16,7 +16,8 @@ _MODES = {"sgbm": cv2.STEREO_SGBM_MODE_SGBM, "hh": cv2.STEREO_SGBM_MODE_HH, "3wa
 _MODES["hh4"] = cv2.STEREO_SGBM_MODE_HH4
 _LARGEST = 32767  # OpenCV adds up costs in 16 bits
 _LEAST_ROOM = 88  # grey levels; see SGBMParams.room
-_LEAST_MATCHES = 60  # that tell something of a pair's rows
+_KEYPOINTS = 300  # at most, in each picture
+_LEAST_MATCHES = 50  # that tell something of a pair's rows
 
 
 @dataclass(frozen=True)
@@ -206,38 +207,6 @@ def raw_disparity(left: Array, right: Array, params: SGBMParams, border: int = 0
     return params.matcher().compute(left, right)[:, border:]
 
 
-def row_offsets(left: Array, right: Array) -> Array:
-    """By how much the rows of matched points differ, right minus left, px; (n,), empty where little can be matched.
-
-    Parameters
-    ----------
-    left, right : (H, W) or (H, W, 3) uint8
-        At any disparity, rectified or not.
-
-    Notes
-    -----
-    SIFT keypoints of the pictures in half size, matched both ways. The offset changes slowly over the image, so that
-    matches further than 2 px from a plane through it (fitted three times over) are mistaken and are left out.
-    """
-    sift = cv2.SIFT.create(nfeatures=600)
-    small = [cv2.resize(to_grey(i), None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA) for i in (left, right)]
-    points, looks = zip(*(sift.detectAndCompute(image, None) for image in small), strict=True)
-    if min(map(len, points)) < _LEAST_MATCHES:
-        return np.zeros(0)
-    pairs = cv2.BFMatcher(cv2.NORM_L2, crossCheck=True).match(*looks)
-    a = 2 * np.array([points[0][pair.queryIdx].pt for pair in pairs])
-    b = 2 * np.array([points[1][pair.trainIdx].pt for pair in pairs])
-    offset, likely = b[:, 1] - a[:, 1], np.abs(b[:, 1] - a[:, 1]) < 0.15 * left.shape[0]
-    at = np.column_stack([np.ones(len(a)), a / left.shape[1]])
-    plane = np.array([np.median(offset[likely]) if likely.any() else 0.0, 0.0, 0.0])
-    for limit in (6.0, 3.0, 2.0):
-        kept = likely & (np.abs(offset - at @ plane) < limit)
-        if kept.sum() < max(_LEAST_MATCHES, 0.2 * likely.sum()):
-            return np.zeros(0)  # chance matches prove nothing
-        plane = np.linalg.lstsq(at[kept], offset[kept], rcond=None)[0]
-    return offset[np.abs(offset - at @ plane) < 2.0]
-
-
 def check_rectified(left: Array, right: Array, limit_px: float = 1.0) -> float:
     """Refuse a pair whose rows do not agree, or whose sides are exchanged.
 
@@ -258,8 +227,10 @@ def check_rectified(left: Array, right: Array, limit_px: float = 1.0) -> float:
         With the rms that was measured.
     """
     check_pair(left, right)
-    _check_sides(to_grey(left), to_grey(right))
-    offsets = row_offsets(left, right)
+    a, b = _matched_points(left, right)
+    if not a.size or np.median(a[:, 0] - b[:, 0]) < 0:  # else the points say already which side is which
+        _check_sides(to_grey(left), to_grey(right))
+    offsets = b[:, 1] - a[:, 1]
     rms = float(np.sqrt((offsets**2).mean())) if offsets.size else float("nan")
     if rms > limit_px:
         raise ValueError(
@@ -332,6 +303,32 @@ def _match(left: Array, right: Array, params: SGBMParams, border: int) -> Array:
     if border:  # a match outside the right image is a match with the border's copies
         disparity[disparity > np.arange(disparity.shape[1])] = np.nan
     return disparity
+
+
+def _matched_points(left: Array, right: Array) -> tuple[Array, Array]:
+    """Points (n, 2) of the left and of the right picture that belong together, px; none where too few can be matched.
+
+    SIFT keypoints of the pictures in half size, matched both ways. The rows' offset changes slowly over the image, so
+    that matches further than 2 px from a plane through it (fitted three times over) are mistaken and are left out.
+    """
+    sift, none = cv2.SIFT.create(nfeatures=_KEYPOINTS), np.zeros((0, 2))
+    small = [cv2.resize(to_grey(i), None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA) for i in (left, right)]
+    points, looks = zip(*(sift.detectAndCompute(image, None) for image in small), strict=True)
+    if min(map(len, points)) < _LEAST_MATCHES:
+        return none, none
+    pairs = cv2.BFMatcher(cv2.NORM_L2, crossCheck=True).match(*looks)
+    a = 2 * np.array([points[0][pair.queryIdx].pt for pair in pairs])
+    b = 2 * np.array([points[1][pair.trainIdx].pt for pair in pairs])
+    offset, likely = b[:, 1] - a[:, 1], np.abs(b[:, 1] - a[:, 1]) < 0.15 * left.shape[0]
+    at = np.column_stack([np.ones(len(a)), a / left.shape[1]])
+    plane = np.array([np.median(offset[likely]) if likely.any() else 0.0, 0.0, 0.0])
+    for limit in (6.0, 3.0, 2.0):
+        kept = likely & (np.abs(offset - at @ plane) < limit)
+        if kept.sum() < max(_LEAST_MATCHES, 0.2 * likely.sum()):
+            return none, none  # chance matches prove nothing
+        plane = np.linalg.lstsq(at[kept], offset[kept], rcond=None)[0]
+    kept = np.abs(offset - at @ plane) < 2.0
+    return a[kept], b[kept]
 
 
 def _check_sides(left: Array, right: Array) -> None:

@@ -93,6 +93,7 @@ def measure_height(
     pair: AlignedPair | None = None,
     uncertainty: Uncertainty | None = None,
     least_pixels: int = 60,
+    least_share: float = 0.4,
     worst_std: float = 0.05,
 ) -> GroundHeight:
     """Height of an object with upright faces.
@@ -110,6 +111,8 @@ def measure_height(
         By default `Uncertainty()` with a pair, `MATCHED` without.
     least_pixels : int
         Matched pixels that a face needs.
+    least_share : float
+        Share of the faces' pixels that must have been matched: what is left of a plain or shining face is chance.
     worst_std : float
         Standard deviation above which nothing is returned, as a share of the height.
 
@@ -144,6 +147,10 @@ def measure_height(
     near = _near(faces)
     ends = np.array([[near[0], near[1], z - floor.camera_height_mm] for z in (0.0, edge.position)]) @ floor.axes
     ends_px = ends[:, :2] / ends[:, 2:] * rectified.f_px + rectified.P1[:2, 2]
+    rows, columns = abs(ends_px[0, 1] - ends_px[1, 1]), sum(np.ptp(face.bearing) for face in faces) * rectified.f_px
+    share = STEP**2 * sum(face.pixels for face in faces) / float(rows * columns)
+    if share < least_share:
+        raise CannotMeasure("no texture", f"only {100 * share:.0f} % of its faces were matched; light or texture it")
     width, height = rectified.size
     x0, _, x1, y1 = region.bounds
     touched = {"left": x0 <= STEP, "right": x1 >= width - 1 - STEP, "bottom": y1 >= height - 1 - STEP}

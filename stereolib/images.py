@@ -29,7 +29,7 @@ def read_image(path: str | PathLike[str], *, grey: bool = False) -> Array:
     Raises
     ------
     ValueError
-        If the file is missing, no picture, or cut short.
+        If the file is missing, no picture, cut short, or has more than 8 bits a sample.
     """
     path = Path(path)
     if not path.is_file():
@@ -43,9 +43,12 @@ def read_image(path: str | PathLike[str], *, grey: bool = False) -> Array:
             )
     image = None
     if data:
-        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH)
     if image is None:
         raise ValueError(f"{path}: not a readable image ({len(data)} bytes): save it as JPEG or PNG")
+    if image.dtype != np.uint8:  # cutting off the low bits would lose a dark picture
+        raise ValueError(f"{path}: the picture has {image.dtype} samples, 8 bits are needed: scale it to 0..255 and "
+                         f"save it again")  # fmt: skip
     return to_grey(image) if grey else image  # by one formula, whatever the file's decoder would do
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -28,6 +28,7 @@ Array = np.ndarray
 #: The pictures are matched in half size: planes and edges are found in the full ones afterwards.
 HALF = SGBMParams(num_disparities=96, mode="3way")
 _BELOW = LaserOnFloor(np.eye(2), np.zeros(2), np.diag([10.0**2, 10.0**2, np.radians(1.0) ** 2]))
+_FLOOR_ROWS = 0.25  # see `ground.Uncertainty`
 _SAME_DISTANCE = 0.25  # scan and pair mean the same thing up to this relative difference
 
 
@@ -104,7 +105,7 @@ def measure_objects(
     ValueError
         If pictures and calibration do not fit together.
     """
-    uncertainty, warnings = uncertainty or Uncertainty(), []
+    uncertainty, warnings = _for_half_size(uncertainty or Uncertainty()), []
     left, right = rectified.rectify(left, right)
     disparity = half_size_disparity(left, right, params)
     pair = AlignedPair.of(left, right)
@@ -140,6 +141,11 @@ def measure_objects(
     found.sort(key=lambda thing: float(np.hypot(*thing.position_mm)))
     readings = np.zeros((0, 2)) if scan is None else laser.points_mm(points_mm(scan))
     return Measurement(tuple(found), tuple(warnings + apart), seen, laser, readings, left, right, disparity)
+
+
+def _for_half_size(given: Uncertainty) -> Uncertainty:
+    """Planes that begin in a map of half size end a little farther off."""
+    return replace(given, floor_rows=max(given.floor_rows, _FLOOR_ROWS))
 
 
 def _below(rectified: RectifiedRig, lidar: LidarCamera | None) -> Floor:
@@ -197,6 +203,12 @@ def _same_things(
         free_regions.remove(i)
         free_prints.remove(j)
         pairs.append((regions[i], prints[j]))
+    for i in sorted(free_regions):  # a piece of what the scan shows whole
+        if any(
+            overlap(i, j) > 0.9 and abs(distances[i] - near[j]) < _SAME_DISTANCE * near[j] and j not in free_prints
+            for j in range(len(prints))
+        ):
+            free_regions.remove(i)
     pairs += [(regions[i], None) for i in sorted(free_regions)] + [(None, prints[j]) for j in sorted(free_prints)]
     return pairs, warnings
 

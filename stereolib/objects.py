@@ -18,8 +18,7 @@ from stereolib.ground_objects import Region
 
 Array = np.ndarray
 SIZES = ("length", "width", "height")
-_TOO_VAGUE = 0.05  # a side whose standard deviation is a larger share of it is not reported
-_TOO_FLAT = np.radians(8)  # neither is a side that is seen under a flatter angle
+_TOO_FLAT = np.radians(8)  # a side that is seen under a flatter angle is not reported
 _ONE_FACE = "only one face is seen, its depth is hidden: turn the object or move the rig to see a corner"
 
 
@@ -91,7 +90,9 @@ class MeasuredObject:
         return float(np.sqrt(gradient @ self.covariance @ gradient))
 
 
-def from_faces(fused: Fused, height: tuple[float, float], reasons: dict[str, str], scale_std: float) -> MeasuredObject:
+def from_faces(
+    fused: Fused, height: tuple[float, float], reasons: dict[str, str], scale_std: float, *, worst_std: float = 0.05
+) -> MeasuredObject:
     """A box or a face from its lines and ends, through their covariance.
 
     Parameters
@@ -103,6 +104,8 @@ def from_faces(fused: Fused, height: tuple[float, float], reasons: dict[str, str
         Why something is unknown, so far.
     scale_std : float
         Relative standard deviation that all lengths of the calibration share.
+    worst_std : float
+        A side whose standard deviation is a larger share of it is not reported.
     """
     n = 2 if fused.two else 1
 
@@ -118,7 +121,7 @@ def from_faces(fused: Fused, height: tuple[float, float], reasons: dict[str, str
     for k in range(n):
         if any(fused.hidden if n == 1 else fused.hidden[k : k + 1]):
             refused[k] = "an end is hidden by something nearer or lies outside the picture"
-        elif flat[k] < _TOO_FLAT or std[k] > _TOO_VAGUE * at[k]:
+        elif flat[k] < _TOO_FLAT or std[k] > worst_std * at[k]:
             seen = (
                 f"seen too flat, at {np.degrees(flat[k]):.0f} degrees" if flat[k] < 2 * _TOO_FLAT else "too uncertain"
             )
@@ -159,7 +162,7 @@ def _grazing_rad(x: Array) -> Array:
 
 def from_scan(
     footprint: Footprint | None, region: Region | None, laser: LaserOnFloor, height: tuple[float, float],
-    reasons: dict[str, str],
+    reasons: dict[str, str], *, worst_std: float = 0.05,
 ) -> MeasuredObject:  # fmt: skip
     """Round and irregular outlines, and what shows no straight face: as the scan has it; `height` is (mm, std)."""
     covariance, size = np.full((3, 3), np.nan), np.array([np.nan, np.nan, height[0]])
@@ -174,7 +177,8 @@ def from_scan(
         )
     centre, spread = laser.points_mm(footprint.centre_mm), np.full((2, 2), np.nan)
     outline = laser.points_mm(footprint.segment.points_mm)
-    if footprint.shape == "circle":
+    round_std = footprint.length_std_mm if footprint.shape == "circle" else np.nan
+    if round_std < worst_std * footprint.length_mm:
         size[:2] = footprint.length_mm
         covariance[:2, :2] = footprint.length_std_mm**2
         covariance[2, :2] = covariance[:2, 2] = 0.0 if np.isfinite(height[0]) else np.nan
@@ -182,7 +186,8 @@ def from_scan(
         angles = np.linspace(0, 2 * np.pi, 24, endpoint=False)
         outline = centre + footprint.length_mm / 2 * np.stack([np.cos(angles), np.sin(angles)], axis=1)
     else:
-        reasons = {**reasons, "length": footprint.reason, "width": footprint.reason}
+        why = footprint.reason or f"too uncertain: round, {footprint.length_mm:.0f} ± {round_std:.0f} mm"
+        reasons = {**reasons, "length": why, "width": why}
     sources = {"lines": "scan", "height": "image"}
-    shape = footprint.shape if footprint.shape == "circle" else "irregular"
+    shape = "circle" if np.isfinite(size[0]) else "irregular"
     return MeasuredObject(shape, size, covariance, centre, spread, np.nan, np.nan, outline, sources, reasons)

@@ -1,35 +1,36 @@
 """Whole ways from a rectified pair to a disparity map, by name: what the paper did, what is fast, what is best.
 
-Every number here was chosen on the virtual rig (`benchmarks/bench_pipeline.py` measures them again); the real pair on
-which they are tested took no part.
+The settings of "best" were chosen on virtual scenes by `benchmarks/choose_best.py`, its standard deviations calibrated
+on the same scenes by `benchmarks/bench_pipeline.py`; the photographs on which both are tested took no part.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 
 from stereolib import filling, sgm, smoothing
-from stereolib.disparity import SGBMParams, compute_disparity, left_right_check
+from stereolib.disparity import SGBMParams, check_window, compute_disparity, left_right_check
 from stereolib.images import check_pair, to_grey
 
 Array = np.ndarray
-_SPECKLE_PX = 10  # patches below 10 x 10 px go
+_SPECKLE_PX = 11  # patches below 11 x 11 px go
 _MEDIAN_PX = 5
-_NOISE_GREY = 1.0  # grey levels of noise from which on the pictures are blurred before matching
-#: Limits between classes, and the standard deviation in px of each: calibrated by `benchmarks/bench_pipeline.py` as
-#: the 68th percentile of the absolute error over five cluttered virtual scenes (the cube alone is too easy: it would
+_BLUR_FROM_GREY = 1.0  # grey levels of noise from which on the pictures are blurred before matching
+#: Limits between classes, and the standard deviation in px of each: the 68th percentile of the absolute error over
+#: five cluttered virtual scenes in three lights, rectified as well as rigs are (the cube alone is too easy: it would
 #: promise more than other scenes keep). Matched pixels are told apart by the margin of their minimum, on smooth
-#: surfaces and beside steps; filled ones by how far their two neighbours in the row lie apart.
-MARGINS = (80.0, 120.0, 160.0, 220.0, 300.0)
+#: surfaces and beside steps; filled ones by how far their two neighbours in the row lie apart. The limits of the
+#: margin are its 10th, 25th, 45th, 65th and 85th percentile.
+MARGINS = (50.0, 90.0, 136.0, 187.0, 259.0)
 GAPS_PX = (0.5, 1.0, 4.0, 16.0, 1000.0)
 SIGMA_PX = {
-    "smooth": (1.05, 0.81, 0.55, 0.28, 0.12, 0.14),
-    "step": (1.98, 1.7, 1.05, 0.5, 0.33, 0.23),
-    "filled": (1.49, 1.28, 1.69, 4.16, 0.94, 9.44),
+    "smooth": (0.99, 0.85, 0.6, 0.38, 0.26, 0.24),
+    "step": (2.36, 2.54, 2.66, 1.68, 0.67, 0.33),
+    "filled": (1.44, 1.47, 1.83, 5.64, 1.55, 9.28),
 }
 
 
@@ -92,8 +93,16 @@ def noise_grey(image: Array) -> float:
     return float(np.percentile(np.median(blocks, axis=(1, 3)), 10) / 0.6745 / 6)
 
 
-def features(matched: sgm.SGMResult) -> tuple[Array, Array, Array]:
+def features(
+    matched: sgm.SGMResult,
+    *,
+    speckle_px: int = _SPECKLE_PX,
+    median_px: int = _MEDIAN_PX,
+    margins: tuple[float, ...] = MARGINS,
+) -> tuple[Array, Array, Array]:
     """The dense map of ``"best"``, and what its standard deviation is told from.
+
+    Patches of fewer than ``speckle_px ** 2`` pixels are removed; `median_px` is 3 or 5.
 
     Returns
     -------
@@ -101,30 +110,37 @@ def features(matched: sgm.SGMResult) -> tuple[Array, Array, Array]:
     kind : (H, W) int8
         0 matched on a smooth surface, 1 matched beside a step of the map, 2 filled.
     level : (H, W) int8
-        Class of `MARGINS` (kinds 0 and 1) or of `GAPS_PX` (kind 2), counted from 0.
+        Class of `margins` (kinds 0 and 1) or of `GAPS_PX` (kind 2), counted from 0.
     """
     checked = left_right_check(matched.left_px, matched.right_px)
     checked[checked > np.arange(checked.shape[1])] = np.nan
-    checked = filling.remove_speckles(checked, _SPECKLE_PX + 1)
+    checked = filling.remove_speckles(checked, speckle_px)
     dense = filling.fill_background(checked)
     if np.isnan(dense).any():  # nothing was accepted anywhere
         dense = matched.left_px
-    disparity = cv2.medianBlur(dense, _MEDIAN_PX)
+    disparity = cv2.medianBlur(dense, median_px)
     near, far = (np.nan_to_num(side, nan=1e4) for side in filling.neighbours(checked))
     window = np.ones((5, 5), np.uint8)
     step = cv2.dilate(disparity, window) - cv2.erode(disparity, window) > 2
     kind = np.where(np.isnan(checked), 2, step).astype(np.int8)
-    gap, margin = np.digitize(np.abs(near - far), GAPS_PX), np.digitize(matched.margin, MARGINS)
+    gap, margin = np.digitize(np.abs(near - far), GAPS_PX), np.digitize(matched.margin, margins)
     return disparity, kind, np.where(kind == 2, gap, margin).astype(np.int8)
 
 
-def match_best(left: Array, right: Array, num_disparities: int) -> sgm.SGMResult:
-    """The match inside ``"best"``: `sgm.match`, of blurred pictures where the noise reaches one grey level."""
+def match_best(
+    left: Array,
+    right: Array,
+    num_disparities: int,
+    params: sgm.CensusSGM | None = None,
+    *,
+    blur_from_grey: float = _BLUR_FROM_GREY,
+) -> sgm.SGMResult:
+    """The match inside ``"best"``: `sgm.match`, of blurred pictures where their noise reaches `blur_from_grey`."""
     check_pair(left, right)
     noise = max(noise_grey(left), noise_grey(right))
-    if noise >= _NOISE_GREY:
+    if noise >= blur_from_grey:
         left, right = (cv2.GaussianBlur(image, (0, 0), noise) for image in (left, right))
-    return sgm.match(left, right, sgm.CensusSGM(num_disparities))
+    return sgm.match(left, right, replace(params or sgm.CensusSGM(), num_disparities=num_disparities))
 
 
 def _best(left: Array, right: Array, num_disparities: int) -> Estimate:
@@ -140,12 +156,13 @@ def _paper(left: Array, right: Array, num_disparities: int) -> Estimate:
 def _fast(left: Array, right: Array, num_disparities: int) -> Estimate:
     check_pair(left, right)
     height, width = left.shape[:2]
+    check_window(SGBMParams(num_disparities, 9), width)  # said in pixels of the whole picture
     half = [cv2.resize(to_grey(i), None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA) for i in (left, right)]
     params = SGBMParams(
         num_disparities // 2, 5, disp12_max_diff=-1, uniqueness_ratio=0, speckle_window_size=0, mode="3way"
     )
     found = compute_disparity(half[0], half[1], params, whole=True)
     mirrored = compute_disparity(half[1][:, ::-1], half[0][:, ::-1], params, whole=True)[:, ::-1]
-    kept = filling.remove_speckles(left_right_check(found, mirrored), _SPECKLE_PX // 2)
-    dense = cv2.medianBlur(filling.fill_background(kept), _MEDIAN_PX)
+    kept = filling.remove_speckles(left_right_check(found, mirrored), 5)
+    dense = cv2.medianBlur(filling.fill_background(kept), 5)
     return Estimate(2 * cv2.resize(dense, (width, height), interpolation=cv2.INTER_NEAREST))

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 Array = np.ndarray
+_LEAST_ROWS = 20  # from which an outline is told
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,6 +35,12 @@ class Case:
     truth_px: Array
     looked: Array
     on_object: Array
+
+    def around_object(self, margin_px: int) -> Case:
+        """The part of it around the object, and all that is left of it: there the right view shows the object."""
+        rows, columns = (np.flatnonzero(self.on_object.any(axis=axis)) for axis in (1, 0))
+        part = slice(max(0, rows[0] - margin_px), rows[-1] + 1 + margin_px), slice(0, columns[-1] + 1 + margin_px)
+        return Case(*(array[part] for array in vars(self).values()))
 
 
 def case(pair: tuple[Array, Array], truth_px: Array, looked: Array, on_object: Array) -> Case:
@@ -63,7 +70,9 @@ def measure(
     DataFrame
         One row a method and case: ``filled_pct`` of the holes; ``wrong2_pct`` of the filled pixels, off by more than
         2 px; ``shift_px`` of the pixels that were right; ``growth_px`` and ``growth_cm`` of the outline over its right
-        border, NaN where it cannot be told; ``bad2_pct`` over all pixels looked at; ``time_ms``.
+        border, counted in rows where most of the background beside it was matched, NaN if they are few: where there
+        was none, nobody can say whether the object grew or a hole was filled; ``bad2_pct`` over all pixels looked at;
+        ``time_ms``.
 
     Raises
     ------
@@ -73,13 +82,14 @@ def measure(
     import pandas as pd
 
     rows = []
+    seen = {name: _told(one, 2 * size_px) for name, one in cases.items()}
     for method in methods:
         for name, one in cases.items():
             start = time.perf_counter()
             after = smooth(one.left_px, method, size_px=size_px, image=one.left, right_px=one.right_px)
             taken_ms = 1000 * (time.perf_counter() - start)
             done = repair(one.left_px, after, one.truth_px, one.looked)
-            grown = _reach(one, after) - _reach(one, one.left_px)
+            grown = _reach(one, after, seen[name]) - _reach(one, one.left_px, seen[name])
             bad2 = score(after, one.truth_px, one.looked).bad2_pct
             rows.append((method, name, done.filled_pct, done.wrong2_pct, done.shift_px, grown, grown * cm_per_px, bad2,
                          taken_ms))  # fmt: skip
@@ -87,8 +97,21 @@ def measure(
     return pd.DataFrame(rows, columns=names)
 
 
-def _reach(one: Case, disparity_px: Array) -> float:
+def _told(one: Case, width_px: int) -> Array:
+    """The object in the rows where at least half of the pixels right of it were matched."""
+    rows = np.flatnonzero(one.on_object.any(axis=1))
+    last = one.on_object.shape[1] - 1 - one.on_object[rows, ::-1].argmax(axis=1)
+    beside = [one.left_px[row, column + 1 : column + 1 + width_px] for row, column in zip(rows, last, strict=True)]
+    known = [len(values) > 0 and np.isfinite(values).mean() >= 0.5 for values in beside]
+    told = np.zeros_like(one.on_object)
+    told[rows[known]] = one.on_object[rows[known]]
+    return told
+
+
+def _reach(one: Case, disparity_px: Array, told: Array) -> float:
+    if told.any(axis=1).sum() < _LEAST_ROWS:
+        return float("nan")
     try:
-        return overreach_px(disparity_px, one.truth_px, one.on_object, step_px=40)
+        return overreach_px(disparity_px, one.truth_px, told, step_px=40)
     except ValueError:  # nothing stands clear of its background
         return float("nan")

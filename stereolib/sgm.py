@@ -1,6 +1,6 @@
 """Semi-global matching written out in numpy: the same idea as `cv2.StereoSGBM`, with a cost and a penalty of our own.
 
-Three things differ, and each was measured on the virtual rig (`benchmarks/bench_pipeline.py`): the cost is census plus
+Three things differ, and each was measured on the virtual rig (`benchmarks/choose_best.py`): the cost is census plus
 colour difference instead of Birchfield-Tomasi on gradients; the penalty for a step falls where the image has an edge;
 and the whole cost volume is at hand afterwards, so that the right view's disparity and a confidence cost no new match.
 """
@@ -22,7 +22,7 @@ _NEVER = np.int16(32000)  # dearer than any sum of eight paths
 
 @dataclass(frozen=True)
 class CensusSGM:
-    """Parameters of `match`; the defaults are those that lost fewest pixels on the virtual rig's cluttered scenes.
+    """Parameters of `match`; the defaults were chosen on virtual scenes by `benchmarks/choose_best.py`.
 
     Parameters
     ----------
@@ -45,13 +45,13 @@ class CensusSGM:
     """
 
     num_disparities: int = 128
-    census_px: tuple[int, int] = (5, 7)
-    color_weight: float = 0.5
+    census_px: tuple[int, int] = (5, 5)
+    color_weight: float = 1.0
     color_cap: float = 20.0
     block_size: int = 3
-    p1: int = 30
-    p2: int = 240
-    edge: float = 4.0
+    p1: int = 20
+    p2: int = 120
+    edge: float = 16.0
 
     def __post_init__(self) -> None:
         if self.num_disparities < 2:
@@ -132,14 +132,19 @@ def _cost(left: Array, right: Array, params: CensusSGM) -> Array:
     """Cost volume (H, D, W) int16: census distance plus capped colour difference, averaged over the block."""
     bits = [census(to_grey(image), params.census_px) for image in (left, right)]
     height, width = left.shape[:2]
+    channels = list(zip(_channels(left), _channels(right), strict=True))
     cost = np.empty((height, params.num_disparities, width), np.int16)
     for d in range(params.num_disparities):
-        unlike = cv2.absdiff(left[:, d:], right[:, : width - d]).reshape(height, width - d, -1).mean(2, np.float32)
+        unlike = sum(cv2.absdiff(a[:, d:], b[:, : width - d]).astype(np.float32) for a, b in channels) / len(channels)
         distance = np.bitwise_count(bits[0][:, d:] ^ bits[1][:, : width - d]).astype(np.float32)
         distance += params.color_weight * np.minimum(unlike, params.color_cap)
         cost[:, d, d:] = np.rint(cv2.blur(distance, (params.block_size,) * 2))
         cost[:, d, :d] = cost[:, d, d : d + 1]  # the match would lie outside the right image: as its first column
     return cost
+
+
+def _channels(image: Array) -> list[Array]:
+    return [image] if image.ndim == 2 else list(cv2.split(image))
 
 
 def _aggregate(cost: Array, grey: Array, params: CensusSGM) -> Array:

@@ -85,7 +85,49 @@ def test_keeps_what_is_there(pair, tmp_path, capsys):
     assert (tmp_path / "d.png").read_bytes() != b"mine"
 
 
-def test_refuses_a_pair_that_is_not_rectified(pair, tmp_path, capsys):
-    cv2.imwrite(pair[1], np.roll(cv2.imread(pair[1]), 5, axis=0))
-    assert run(*pair, "--out", tmp_path / "d.npy") == 2
-    assert "not rectified" in capsys.readouterr().err
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        (lambda right: np.roll(right, 5, axis=0), "differ by 5.0 px rms (median +5.0 px), at most 1 px is allowed"),
+        (lambda right: turned(right, 1.0), "the pair is not rectified"),
+        (lambda right: right[:400], "a stereo pair must have one size"),
+        (lambda right: right.astype(np.uint16) * 257, "the picture has uint16 samples, 8 bits are needed"),
+        (lambda right: (right / 255).astype(np.float32), "the picture has float32 samples, 8 bits are needed"),
+    ],
+)
+def test_refuses_a_pair_that_is_none(pair, tmp_path, capsys, change, text):
+    right = tmp_path / "changed.tif"
+    cv2.imwrite(str(right), change(cv2.imread(pair[1])))
+    assert run(pair[0], right, "--out", tmp_path / "d.npy") == 2
+    assert text in capsys.readouterr().err
+    assert not (tmp_path / "d.npy").exists()
+
+
+@pytest.mark.parametrize("name", ["paper", "fast", "best"])
+def test_refuses_a_window_wider_than_the_pictures(pair, tmp_path, capsys, name):
+    assert run(*pair, "--pipeline", name, "--max-disparity", 640, "--out", tmp_path / "d.npy") == 2
+    shown = capsys.readouterr().err
+    assert "640" in shown and "640 px wide" in shown and "reduce num_disparities" in shown
+
+
+def test_refuses_exchanged_and_missing_pictures(pair, tmp_path, capsys):
+    out = tmp_path / "d.npy"
+    assert run(*pair[::-1], "--out", out) == 2
+    assert "left and right are exchanged" in capsys.readouterr().err
+    assert run(pair[0], tmp_path / "none.png", "--out", out) == 2
+    assert "none.png: no such image file" in capsys.readouterr().err
+    assert not out.exists()
+
+
+def test_says_when_the_rows_could_not_be_checked(tmp_path, capsys):
+    files = [tmp_path / f"{side}.png" for side in "lr"]
+    for file, seed in zip(files, (1, 1), strict=True):
+        smooth = cv2.GaussianBlur(np.random.default_rng(seed).random((120, 160)).astype(np.float32), (0, 0), 6)
+        cv2.imwrite(str(file), cv2.normalize(smooth, None, 100, 130, cv2.NORM_MINMAX).astype(np.uint8))
+    assert run(*files, "--pipeline", "fast", "--max-disparity", 32, "--out", tmp_path / "d.npy") == 0
+    assert "note: too few points" in capsys.readouterr().out
+
+
+def turned(image, degrees):
+    height, width = image.shape[:2]
+    return cv2.warpAffine(image, cv2.getRotationMatrix2D((width / 2, height / 2), degrees, 1), (width, height))

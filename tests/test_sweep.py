@@ -94,12 +94,13 @@ def test_every_backend_gives_the_same_rows(backend):
 
 
 @pytest.mark.slow
-def test_a_dask_cluster_gives_the_same_rows():
+@pytest.mark.parametrize("processes", [False, True])
+def test_a_dask_cluster_gives_the_same_rows(processes):
     distributed = pytest.importorskip("distributed")
     jobs = [small_view(), small_view("other", 7, seed=1)], SETTINGS
     expected = sweep(*jobs, n_jobs=2, progress=False)
     with (
-        distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None, processes=False) as cluster,
+        distributed.LocalCluster(2, threads_per_worker=1, dashboard_address=None, processes=processes) as cluster,
         distributed.Client(cluster),
     ):
         pd.testing.assert_frame_equal(sweep(*jobs, backend="dask", progress=False), expected)

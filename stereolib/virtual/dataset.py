@@ -96,9 +96,9 @@ def load_pair(name: str) -> tuple[Array, Array]:
 
 
 def load_truth(name: str) -> Truth:
-    """True disparity and depth of a recorded pair, in the true rig's rectified left image."""
+    """True disparity and depth of a recorded pair, in the true rig's rectified left image; read-only."""
     where, scene = _known(name)
-    return truth(scene, rectified(), setup(where))
+    return _truth(scene, where)
 
 
 def view(name: str) -> View:
@@ -116,7 +116,7 @@ def render_view(
     """
     webcam, rng = Webcam(), np.random.default_rng(seed)
     left, right = rectified().rectify(*(webcam.shoot(light * side, rng) for side in _lights(scene)))
-    return _view(name, left, right, truth(scene, rectified(), setup()), about)
+    return _view(name, left, right, _truth(scene), about)
 
 
 def scan(name: str, seed: int = 1) -> lrf.AveragedScan:
@@ -130,6 +130,14 @@ def scan(name: str, seed: int = 1) -> lrf.AveragedScan:
 @lru_cache(maxsize=8)
 def _lights(scene: Scene) -> tuple[Array, Array]:
     return render_pair(scene, paper.paper_rig(), setup(), samples=1, light_samples=2)
+
+
+@lru_cache(maxsize=16)
+def _truth(scene: Scene, where: str = "pitched") -> Truth:
+    found = truth(scene, rectified(), setup(where))
+    for array in vars(found).values():
+        array.setflags(write=False)
+    return found
 
 
 def _view(name: str, left: Array, right: Array, true: Truth, about: dict[str, float | str] | None = None) -> View:

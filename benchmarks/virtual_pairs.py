@@ -1,0 +1,68 @@
+"""The virtual scenes on which the settings of the pipelines are chosen, and others on which they are checked."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+
+from stereolib import paper
+from stereolib.virtual import dataset
+from stereolib.virtual.render import render_pair, truth
+from stereolib.virtual.scene import clutter_scene
+from stereolib.virtual.sensor import Webcam
+
+Array = np.ndarray
+#: Seeds of cluttered scenes, and recordings of the cube. No scene is in both sets.
+CHOSEN_ON = ((1, 2, 3, 4, 5), ("conditions/texture", "conditions/poor_light", "series/medium_500", "series/fine_800",
+                               "series/coarse_1000"))  # fmt: skip
+CHECKED_ON = ((6, 7, 8, 9, 10), ("conditions/glare", "conditions/plain", "conditions/level", "series/fine_600",
+                                 "series/medium_900", "series/coarse_700"))  # fmt: skip
+LIGHTS = (1.0, 0.05, 0.02)  # share of a well-lit room's light: the webcam's noise from invisible to coarse
+ROWS_OFF_PX = 0.25  # standard deviation of what a real calibration leaves between the rows
+
+
+@dataclass(frozen=True, eq=False)
+class Pair:
+    """Rectified pictures (H, W, 3) uint8 and the true disparity (H, W), px."""
+
+    name: str
+    left: Array
+    right: Array
+    truth_px: Array
+
+    @property
+    def num_disparities(self) -> int:
+        """The search window that holds all of it."""
+        return int(-(-(np.nanmax(self.truth_px) + 2) // 16) * 16)
+
+    def rows(self, first: int, last: int) -> Pair:
+        """Some rows of it."""
+        return Pair(self.name, *(a[first:last].copy() for a in (self.left, self.right, self.truth_px)))
+
+
+def cluttered(seed: int, lights: tuple[float, ...] = LIGHTS) -> list[Pair]:
+    """A cluttered scene in several lights, rectified about as well as rigs are: the right camera is turned a little."""
+    scene, where, rng = clutter_scene(seed), dataset.setup("bench"), np.random.default_rng([seed, 5])
+    true = truth(scene, dataset.rectified(), where).disparity_px
+    sides = render_pair(scene, paper.paper_rig(), where, samples=2, light_samples=1)
+    found = []
+    for light in lights:
+        rectified = dataset.rectified()
+        pitch, roll = rng.normal(0, ROWS_OFF_PX, 2) / (rectified.f_px, rectified.size[0] / 2)
+        turned = replace(rectified, R2=cv2.Rodrigues(np.array([pitch, 0.0, roll]))[0] @ rectified.R2)
+        found.append(Pair(f"{seed}@{light:g}", *turned.rectify(*(Webcam().shoot(light * s, rng) for s in sides)), true))
+    return found
+
+
+def recorded(name: str) -> Pair:
+    """A recording of the cube, rectified with the true rig."""
+    pair = dataset.rectified().rectify(*dataset.load_pair(name))
+    return Pair(name, *pair, dataset.load_truth(name).disparity_px)
+
+
+def bad2_pct(disparity_px: Array, truth_px: Array) -> float:
+    """Share of all pixels of known truth that are off by more than 2 px or not returned."""
+    known = np.isfinite(truth_px)
+    return 100 * float((~(np.abs(disparity_px - truth_px)[known] <= 2)).mean())

@@ -40,7 +40,7 @@ class Edge:
 
 def locate_edge(
     light: tuple[Array, ...], rectified: RectifiedRig, ends_mm: Array, positions: Array, prior: tuple[float, float],
-    step_px: float, *, samples: int = 96,
+    step_px: float, *, samples: int = 96, flat: float = 0.0,
 ) -> Edge | None:  # fmt: skip
     """Find the one of many parallel lines in space along which both pictures have an edge.
 
@@ -59,6 +59,8 @@ def locate_edge(
         Distance of neighbouring lines in the picture.
     samples : int
         Points of each line, shared out to its pieces by their lengths.
+    flat : float
+        All positions up to so far from the prior are equally likely.
 
     Returns
     -------
@@ -95,7 +97,7 @@ def locate_edge(
         return None
     groups = np.mean([_grouped(difference) for difference in seen], axis=0)
     middle = positions[half:-half]
-    belief = np.exp(-0.5 * ((middle - prior[0]) / prior[1]) ** 2)
+    belief = np.exp(-0.5 * (np.maximum(np.abs(middle - prior[0]) - flat, 0) / prior[1]) ** 2)
     strength = groups.mean(axis=1)
     best = int((strength * belief).argmax())
     start = max(best - 3 * half, 0)
@@ -133,6 +135,7 @@ def vertical_edge(
     heights_mm: tuple[float, float],
     *,
     prior_std_px: float,
+    flat_px: float = 0.0,
     normal: Array | None = None,
 ) -> Edge | None:
     """Bearing of an upright edge whose place is roughly known, from a laser for example.
@@ -147,7 +150,9 @@ def vertical_edge(
     heights_mm : (low, high)
         The edge is looked for between these heights.
     prior_std_px : float
-        How well the place is known, across the line of sight, as pixels: what a scan's beam spacing leaves open.
+        How well the place is known, across the line of sight, as pixels.
+    flat_px : float
+        Up to so far from it all is equally likely: half of what a scan's beam spacing leaves open.
     normal : (2,) array, optional
         Of the face that the edge ends: its line is searched; without it a circle around the camera.
 
@@ -160,16 +165,18 @@ def vertical_edge(
     forward, left = np.asarray(place_mm, float)
     start, distance = float(np.arctan2(left, forward)), float(np.hypot(forward, left))
     step = step_px / f * float(np.cos(start)) ** 2
-    reach = min(max(3.0 * prior_std_px, 4.0), 30.0)
+    reach = min(max(3.0 * prior_std_px, 4.0) + flat_px, 30.0)
     angles = start + step * np.arange(-round(reach / step_px), round(reach / step_px) + 1)
     path = np.stack([np.cos(angles), np.sin(angles)], axis=1)
     facing = distance if normal is None else normal @ [forward, left] / np.maximum(path @ normal, 0.05)
     path = path * np.reshape(facing, (-1, 1))
     up = np.array(heights_mm) - floor.camera_height_mm
     ends = np.concatenate([np.repeat(path[:, None], 2, axis=1), np.tile(up[:, None], (len(angles), 1, 1))], axis=2)
+    per_px = step / step_px
     edge = locate_edge(
-        light, floor.rectified, (ends @ floor.axes)[None], angles, (start, prior_std_px / step_px * step), step_px
-    )
+        light, floor.rectified, (ends @ floor.axes)[None], angles, (start, prior_std_px * per_px), step_px,
+        flat=flat_px * per_px,
+    )  # fmt: skip
     return edge if edge is not None and edge.contrast >= _CLEAR else None
 
 

@@ -19,7 +19,9 @@ from stereolib.footprint import Footprint
 from stereolib.ground import Uncertainty
 
 Array = np.ndarray
+Seen = tuple[float, float] | None  # an edge in the picture: bearing and its deviation, rad
 _MAP_END_PX = 4.0  # how well a disparity map shows where a face ends
+_SCAN_END_PX = 1.5  # how far beyond the two beams it is looked for
 _CORNER_SEARCH_PX = 5.0
 _ALIKE = 0.7  # cosine between normals of the same face, as two sensors have it
 _LEAST_SPAN_PX = 4.0  # less of a face is none
@@ -128,15 +130,13 @@ def fuse(
     if disagreement and shares == "image":
         footprint = None  # it is of another moment
 
-    def edge(
-        place: Array, prior_std_px: float, normal: Array | None = None, both: bool = True
-    ) -> tuple[float, float] | None:
+    def edge(place: Array, normal: Array, prior_std_px: float, flat_px: float = 0.0, both: bool = True) -> Seen:
         if not np.isfinite(top_mm):
             return None
-        span = (0.1 * top_mm, 0.9 * top_mm)
         found = vertical_edge(
-            light if both else light[:1], floor, place, span, prior_std_px=prior_std_px, normal=normal
-        )
+            light if both else light[:1], floor, place, (0.1 * top_mm, 0.9 * top_mm), prior_std_px=prior_std_px,
+            flat_px=flat_px, normal=normal,
+        )  # fmt: skip
         return None if found is None else (found.position, found.std)
 
     f = floor.rectified.f_px
@@ -153,8 +153,8 @@ def fuse(
         normal, c = lines.normal(face), lines.x[1 + face]
         # A face that the right camera does not see ends there at another edge.
         both = bool(c + normal[1] * floor.rectified.baseline_mm > 0.05 * c)
-        seen = edge(_meet(end.bearing, normal, c), f * end.std, normal, both)
-        x[3 + side], std = seen or end.fallback
+        seen = edge(_meet(end.bearing, normal, c), normal, end.soft_px, end.flat_px, both)
+        x[3 + side], std = seen or (end.bearing, end.std)
         covariance[3 + side, 3 + side] = std**2
         sources[name] = "image" if seen else end.source
     return Fused(x, covariance, sources, (roughly[0].hidden, roughly[1].hidden), disagreement)
@@ -182,7 +182,7 @@ def _with_corner(
     lines: Lines,
     ends: Sequence[float],
     sure: Sequence[int],
-    edge: Callable[..., tuple[float, float] | None],
+    edge: Callable[..., Seen],
     f_px: float,
 ) -> Lines:
     """The picture shows the corner between two faces: one more observation of the lines, or the judge over the smaller.
@@ -199,7 +199,7 @@ def _with_corner(
     g = np.array([(_corner_bearing(lines.x + step) - at) / step.sum() for step in np.diag([1e-5, 1e-3, 1e-3])])
     variance = float(g @ lines.covariance @ g)
     place = corners_mm(np.append(lines.x, [0.0, 0.0]))[1]
-    seen = edge(place, max(f_px * np.sqrt(variance), _CORNER_SEARCH_PX), lines.normal(1 - weak))
+    seen = edge(place, lines.normal(1 - weak), max(f_px * np.sqrt(variance), _CORNER_SEARCH_PX))
     if seen is None:
         return lines
     if (seen[0] - at) ** 2 < 9 * (variance + seen[1] ** 2):
@@ -225,13 +225,14 @@ def _with_corner(
 
 @dataclass(frozen=True)
 class _End:
-    """Where a face ends, before the picture is asked: bearing and deviation, and what stands in if it shows nothing."""
+    """Where a face ends, before the picture is asked: bearing and deviation, who says so, and how to search there."""
 
     bearing: float
     std: float
-    fallback: tuple[float, float]
     source: str
     hidden: bool
+    soft_px: float
+    flat_px: float
 
 
 def _rough_ends(
@@ -240,27 +241,22 @@ def _rough_ends(
     """Outer ends as scan and disparity map roughly have them: right, left."""
     rectified, ends = floor.rectified, []
     for side in (0, 1):
-        normal = lines.normal(lines.seen[-side])
-        found, hidden = [], False
-        if footprint is not None and laser is not None:
-            for face in footprint.faces:
-                if face.normal @ laser.R.T @ normal > _ALIKE and face.ends[side] != "corner":
-                    x, y = laser.points_mm(face.ends_mm[side])
-                    distance = float(np.hypot(x, y))
-                    across = face.end_std_mm[side] * abs(normal @ [x, y]) / distance
-                    found.append((float(np.arctan2(y, x)), max(float(across), 0.1) / distance, "scan"))
-                    hidden = face.ends[side] == "hidden"
-        for plane in faces:
+        normal, end = lines.normal(lines.seen[-side]), None
+        for face in footprint.faces if footprint is not None and laser is not None else ():
+            if laser is not None and face.normal @ laser.R.T @ normal > _ALIKE and face.ends[side] != "corner":
+                x, y = laser.points_mm(face.ends_mm[side])
+                distance = float(np.hypot(x, y))
+                std = max(float(face.end_std_mm[side] * abs(normal @ [x, y])) / distance, 0.1) / distance
+                # Between two beams every bearing is equally likely.
+                flat_px = np.sqrt(3) * std * rectified.f_px
+                end = _End(float(np.arctan2(y, x)), std, "scan", face.ends[side] == "hidden", _SCAN_END_PX, flat_px)
+        for plane in faces if end is None else ():
             u = rectified.P1[0, 2] - rectified.f_px * plane.bearing[side]
             if plane.line @ normal > _ALIKE * np.linalg.norm(plane.line) and 8 < u < rectified.size[0] - 8:
-                at, std = float(np.arctan(plane.bearing[side])), _MAP_END_PX / rectified.f_px
-                # The map loses what the right camera does not see: where scan and map disagree, the scan is right.
-                if not found or abs(at - found[0][0]) < 2.5 * np.hypot(std, found[0][1]):
-                    found.append((at, std, "image"))
-        if not found:  # cut by the frame, and not in the scan
+                bearing = float(np.arctan(plane.bearing[side]))
+                end = _End(bearing, _MAP_END_PX / rectified.f_px, "image", False, _MAP_END_PX, 0.0)
+        if end is None:  # cut by the frame, and not in the scan
             widest = max((plane.bearing[side] for plane in faces), key=abs, default=0.0)
-            found, hidden = [(float(np.arctan(widest)), 0.1, "image")], True
-        weights = np.array([std**-2 for _, std, _ in found])
-        bearing = float(np.average([at for at, _, _ in found], weights=weights))
-        ends.append(_End(bearing, float(weights.sum() ** -0.5), found[0][:2], found[0][2], hidden))
+            end = _End(float(np.arctan(widest)), 0.1, "image", True, _MAP_END_PX, 0.0)
+        ends.append(end)
     return ends

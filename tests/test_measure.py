@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from functools import cache
 
 import cv2
@@ -69,24 +70,34 @@ def test_a_scan_without_an_object_is_said():
 
 def test_a_scan_of_another_moment_is_said_with_both_distances():
     found = measured(scan="series/medium_1000")
-    assert any("1000 mm" in text and "were they taken at the same time" in text for text in found.warnings)
+    assert re.search(r"at 100\d mm and the pair at 70\d mm: were they taken at the same time", " ".join(found.warnings))
     np.testing.assert_allclose(the_cube(found).size_mm, 300, atol=3)
     near = measured("series/medium_700", "series/medium_800")
     assert any("disagree about the distance" in text for text in near.warnings)
 
 
+def blank(scan):
+    grey = np.full((480, 640, 3), 128, np.uint8)
+    return measure_objects(grey, grey, scan, RECT, LIDAR, rng=np.random.default_rng(0))
+
+
 def test_no_floor_leaves_what_the_scan_tells():
-    found = measured("conditions/poor_light", "conditions/poor_light")
+    found = blank(dataset.scan("conditions/texture"))
     assert found.floor is None and found.warnings[0].startswith("no floor") and "scan's alone" in found.warnings[0]
     thing = the_cube(found)
     assert np.isnan(thing.size_mm[2]) and thing.reasons["height"].startswith("no floor")
-    known = thing.size_mm[:2][np.isfinite(thing.size_mm[:2])]
-    assert len(known) and (np.abs(known - 300) < 45).all()
+    assert (np.abs(thing.size_mm - 300)[:2] < 3 * thing.std_mm[:2]).all() and thing.sources["left end"] == "scan"
+    np.testing.assert_array_equal(draw_objects(found), found.left)
 
 
 def test_no_floor_and_no_scan_is_refused():
     with pytest.raises(ValueError, match="no floor"):
-        measured("conditions/poor_light", None)
+        blank(None)
+
+
+def test_glare_is_refused_not_guessed():
+    thing = the_cube(measured("conditions/glare", "conditions/glare"))
+    assert np.isnan(thing.size_mm).all() and "irregular" in thing.reasons["length"]
 
 
 def test_a_plain_cube_is_not_measured_in_height():

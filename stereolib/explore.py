@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
@@ -13,7 +14,12 @@ from stereolib.camera import Camera
 from stereolib.disparity import SGBMParams, compute_disparity
 from stereolib.height import HeightResult, height_by_maximum, height_of_top
 from stereolib.rig import StereoRig, rigid
+from stereolib.scan_matching import disturbed, refine_poses
 from stereolib.study import repair, score
+
+if TYPE_CHECKING:
+    from stereolib.map_files import Cloud, Solid
+    from stereolib.mapping import Map
 
 Array = np.ndarray
 
@@ -242,6 +248,51 @@ def draw_dilation(condition: str, method: str, size_px: int) -> tuple[Array, str
     text = f"holes {done.holes_pct:.0f} % of the cube, filled {done.filled_pct:.0f} %; of the filled pixels "
     text += f"{done.wrong2_pct:.0f} % are off by more than 2 px; good pixels move by {done.shift_px:+.2f} px"
     return np.hstack([colored(before, 0, 128), colored(after, 0, 128)]), text
+
+
+def draw_map_view(azimuth_deg: int, elevation_deg: int, show: str) -> tuple[Array, str]:
+    """Notebook 08: the walk's map in space, as solids or as coloured points."""
+    from stereolib.map_view import view_map
+
+    found, made, points = _walk_map()
+    shown = points if show == "points" else None
+    picture = view_map(found, made, azimuth_deg=azimuth_deg, elevation_deg=elevation_deg, points=shown)
+    (volume, std), (area, area_std) = found.volume_l, found.surface_m2
+    text = f"{len(found.objects)} objects, {volume:.2f} ± {std:.2f} litres, {area:.3f} ± {area_std:.3f} m² of surface"
+    return picture, text + f"; {len(found.walls)} walls, {len(points.points_mm)} points"
+
+
+def draw_matching(off_mm: int, off_deg: float, chance: int) -> tuple[Array, str]:
+    """Notebook 08: scans of the walk at poses that are off, and after matching."""
+    from stereolib.plotting import panels, picture_of
+    from stereolib.plotting_map import plot_scans
+
+    stations = _walk_map()[0].stations
+    start = disturbed(stations, np.random.default_rng(chance), off_mm, np.radians(off_deg))
+    match = refine_poses(start)
+    figure, axes = panels(2, width_in=11, aspect=0.85)
+    plot_scans(start, axes[0], f"poses off by up to {off_mm} mm and {off_deg:g} degrees")
+    plot_scans(match.stations, axes[1], "after matching")
+    errors = np.abs([a.pose - b.pose for a, b in zip(match.stations, stations, strict=True)])
+    text = f"{match.pairs} pairs, {match.rms_before_mm:.0f} mm apart before and {match.rms_after_mm:.1f} mm after; "
+    worst = f"{errors[:, :2].max():.1f} mm and {np.degrees(errors[:, 2].max()):.2f} degrees"
+    return picture_of(figure), text + f"the worst pose is off by {worst}"
+
+
+@lru_cache(maxsize=1)
+def _walk_map() -> tuple[Map, list[Solid], Cloud]:
+    """The map of the recorded walk at its known poses, its solids and its points."""
+    from stereolib.map_files import cloud, joined, solids
+    from stereolib.mapping import merge
+    from stereolib.stations import Station
+    from stereolib.virtual import walk
+    from stereolib.virtual.measured_walk import measure_walk
+
+    measured = measure_walk()
+    stations = [Station.of(each, walk.POSES[name]) for name, each in measured.items()]
+    clouds = [cloud(m.disparity_px, m.left, m.floor, pose=walk.POSES[n], max_mm=1600.0) for n, m in measured.items()]
+    found = merge(stations, rng=np.random.default_rng(8))
+    return found, solids(found), joined(clouds)
 
 
 @lru_cache(maxsize=4)

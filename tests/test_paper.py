@@ -120,7 +120,7 @@ def test_verdicts():
             "claim.time_of_flight": "no: it triangulates",
             "setup.camera_height": 19.0,
             "misprint.tangential": "2 x'^2",
-            "future.map_3d": None,
+            "claim.low_computation": None,
         },
         reasons={"scale.cm_per_px": "a quotient"},
     ).set_index("id")
@@ -131,7 +131,7 @@ def test_verdicts():
     row = rows.loc["scale.cm_per_px"]
     assert row.tolist() == ["IV", "0.116", "0.1160", "+0.0000", "0.0005", "cm/px", "reproduced", "a quotient"]
     assert rows.loc["table1.left.fy", "reason"] == published()["table1.left.fy"].reason
-    assert rows.loc["future.map_3d", "ours"] == "-"
+    assert rows.loc["claim.low_computation", "ours"] == "-"
 
 
 def test_matrix_tolerance_is_element_by_element():
@@ -216,7 +216,7 @@ def test_recorded_prefers_the_notebook_that_owns_the_id(tmp_path):
 
 
 def test_record_keeps_rows_as_they_are(tmp_path):
-    rows = compare({"setup.camera_height": 'a, "b"\u00b0', "future.map_3d": None, "stereo.R": np.eye(3)})
+    rows = compare({"setup.camera_height": 'a, "b"\u00b0', "claim.low_computation": None, "stereo.R": np.eye(3)})
     paper.record(rows, "07_pixel_cm", tmp_path)
     back = paper.recorded(tmp_path).set_index("id").loc[rows["id"]].reset_index()
     assert back[rows.columns.tolist()].equals(rows)

@@ -22,7 +22,7 @@ from stereolib.metrics import near_edge
 from stereolib.rig import RectifiedRig, rigid
 from stereolib.targets import Checkerboard
 from stereolib.views import View
-from stereolib.virtual import lidar
+from stereolib.virtual import lidar, walk
 from stereolib.virtual.render import Truth, render_pair, truth
 from stereolib.virtual.scene import Light, Scene, board, cube_scene, room
 from stereolib.virtual.sensor import Webcam
@@ -54,17 +54,20 @@ def rectified() -> RectifiedRig:
 
 @cache
 def setup(name: str = "pitched") -> Array:
-    """Where the left camera stood: ``T_left_world`` (4, 4) of the set-up ``"pitched"``, ``"level"`` or ``"bench"``.
+    """Where the left camera stood: ``T_left_world`` (4, 4) of the set-up ``"pitched"``, ``"level"`` or ``"bench"``,
+    or of a station of the walk, ``"room/1"`` to ``"room/5"``.
 
     The first two are not typed in but solved so that the cube's foot at 0.70 m stands 53 rows above the bottom of the
     rectified image, as the paper measured (see `scale`). The rectified camera is the one that stands upright.
-    ``"bench"`` is where boards are shown to the rig: level, one metre above the floor.
+    ``"bench"`` is where boards are shown to the rig: level, one metre above the floor. On the walk the rig is pitched.
     """
+    if name in walk.POSES:
+        return setup("pitched") @ np.linalg.inv(walk.T_map_station(name))
     if name == "bench":
         return scale.rig_pose(rectified(), pitch_rad=0.0, camera_height_mm=1000.0)
     solve = {"pitched": scale.solve_pitch, "level": scale.solve_camera_height}
     if name not in solve:
-        raise ValueError(f'the set-up is "pitched", "level" or "bench", got {name!r}')
+        raise ValueError(f'the set-up is "pitched", "level", "bench" or "room/1" to "room/5", got {name!r}')
     return solve[name](rectified(), scale.paper_setup()).T_left_world
 
 
@@ -77,7 +80,7 @@ def pairs() -> dict[str, tuple[str, Scene]]:
         for distance in DISTANCES_MM:
             scene = cube_scene(float(distance), texture_scale_mm=scale_mm)
             found[f"series/{kind}_{distance}"] = ("pitched", scene)
-    return found
+    return found | {name: (name, walk.walk_scene()) for name in walk.POSES}
 
 
 def load_pair(name: str) -> tuple[Array, Array]:
@@ -117,7 +120,9 @@ def render_view(
 
 
 def scan(name: str, seed: int = 1) -> lrf.AveragedScan:
-    """What the laser sees in a recorded pair's scene: the median of five turns."""
+    """What the laser sees in a recorded pair's scene: the median of five turns, on the walk the recorded ones."""
+    if name in walk.POSES:
+        return lrf.average(lrf.turns(xv11.decode(load_laser(f"{name}_scan"))))
     data = lidar.VirtualLidar().scan(_known(name)[1], LASER_POSE, np.random.default_rng(seed), turns=5)
     return lrf.average(lrf.turns(xv11.decode(data)))
 
@@ -192,17 +197,19 @@ def board_scene(T_left_board: Array, target: Checkerboard = BOARD) -> Scene:
 
 
 def laser_recordings() -> Iterable[tuple[str, bytes]]:
-    """The laser's byte streams: five turns in the room (Fig. 6) and the range series (Fig. 5)."""
+    """The laser's byte streams: five turns in the room (Fig. 6), the range series (Fig. 5), and those of the walk."""
     sensor = lidar.VirtualLidar()
     yield "lrf/room", sensor.scan(cube_scene(), LASER_POSE, np.random.default_rng(6), turns=5)
     for k, (target, albedo) in enumerate(TARGETS.items()):
         rng = np.random.default_rng([5, k])
         for distance, data in zip(RANGES_MM, sensor.range_series(RANGES_MM, albedo, rng), strict=True):
             yield f"lrf/range/{target}_{distance:04d}", data
+    for name in walk.POSES:
+        yield f"{name}_scan", walk.scan_bytes(name)
 
 
 def load_laser(name: str) -> bytes:
-    """Raw bytes of a laser recording: ``"lrf/room"`` or, for example, ``"lrf/range/grey_0700"``."""
+    """Raw bytes of a laser recording: ``"lrf/room"``, or for example ``"lrf/range/grey_0700"``, ``"room/1_scan"``."""
     return datasets.data_path(f"virtual/{name}.bin").read_bytes()
 
 

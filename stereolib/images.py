@@ -25,6 +25,7 @@ def read_image(path: str | PathLike[str], *, grey: bool = False) -> Array:
     Returns
     -------
     (H, W, 3) uint8 blue-green-red, or (H, W) uint8
+        Of 16-bit files the upper 8 of those bits that the picture uses (10, 12, 14 or 16, as cameras have them).
 
     Raises
     ------
@@ -43,6 +44,11 @@ def read_image(path: str | PathLike[str], *, grey: bool = False) -> Array:
             )
     image = None
     if data:
+        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH)
+    if image is not None and image.dtype == np.uint16:
+        bits = next(bits for bits in (8, 10, 12, 14, 16) if image.max() < 2**bits)
+        image = (image >> (bits - 8)).astype(np.uint8)
+    elif image is not None and image.dtype != np.uint8:
         image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
     if image is None:
         raise ValueError(f"{path}: not a readable image ({len(data)} bytes): save it as JPEG or PNG")

@@ -114,7 +114,8 @@ class StereoRig:
             left, right = (Camera(c["K"], c["dist"], tuple(c["size"])) for c in (rig["left"], rig["right"]))
             return cls(left, right, rig["R"], rig["T_mm"])
         except (ValueError, LookupError, TypeError, OverflowError) as error:
-            raise ValueError(f"{path} is not a rig file of stereolib ({error!r})") from error
+            why = f"it has no {error}" if isinstance(error, KeyError) else error
+            raise ValueError(f"{path} is not a rig file of stereolib: {why}") from error
 
 
 @dataclass(frozen=True, eq=False)

@@ -26,6 +26,15 @@ def test_lossless_file_comes_back_exactly(tmp_path, picture):
     np.testing.assert_array_equal(read_image(str(path), grey=True), to_grey(picture))
 
 
+@pytest.mark.parametrize("bits", [10, 12, 14, 16])
+def test_deep_pictures_keep_their_upper_eight_bits(tmp_path, picture, bits):
+    """Cameras of 10 and 12 bits write files of 16: taken as such, little more than black would be left."""
+    picture = picture.copy()
+    picture[0, 0] = 255
+    cv2.imwrite(str(tmp_path / "deep.png"), picture.astype(np.uint16) << (bits - 8))
+    np.testing.assert_array_equal(read_image(tmp_path / "deep.png"), picture)
+
+
 def test_grey_is_the_luminance(picture):
     expected = picture.astype(float) @ [0.114, 0.587, 0.299]
     np.testing.assert_allclose(to_grey(picture), expected, atol=0.51)

@@ -276,8 +276,9 @@ def test_files_of_other_tools_hold_the_same_rig(done: tuple[int, Path, list[str]
 
 def test_report_is_one_file_with_the_pictures(done: tuple[int, Path, list[str]]) -> None:
     page = (done[1] / "report.html").read_text(encoding="utf-8")
+    assert "9 x 6 inner corners, squares of 25 mm; 18 of 18 pairs of 640 x 480 px; lens model brown3" in page
     assert re.findall(r"<h2>(.*?)</h2>", page) == [
-        "Corners found", "Coverage", "Errors", "Lenses", "Uncertainty", "Pairs"]  # fmt: skip
+        "Checked", "Result", "Corners found", "Coverage", "Errors", "Lenses", "Uncertainty", "Pairs"]  # fmt: skip
     sources = re.findall(r"<img[^>]*src=\"([^\"]*)\"", page)
     assert len(sources) == 6 and not re.search(r"https?:|<script|<link|url\(", page)
     for source in sources:
@@ -303,8 +304,8 @@ def test_text_says_what_is_asked_with_deviations(diagnosis: Any) -> None:
         replace(diagnosis, verdict="bad", reasons=("too <few>",), pairs_refused={"odd.jpg": "moved"})
     )
     lines = shown.splitlines()
-    assert re.match(r"bad +too <few>$", lines[0])
-    assert re.search(r"^baseline_mm +93\.\d+ ± 0\.\d\d+$", shown, re.M)
+    assert re.match(r"bad +do not measure with it", lines[0]) and re.match(r"because +too <few>$", lines[1])
+    assert re.search(r"^baseline \(mm\) +93\.\d+ ± 0\.\d\d+$", shown, re.M)
     assert re.search(r"^K left \(px\) +fx 7\d\d\.\d+ ± 0\.\d+  fy .* cx .* cy ", shown, re.M)
     assert re.search(r"^dist right +k1 .*±.* p2 .*\n +k3 .*±", shown, re.M)
     assert re.search(r"^T \(mm\) +x -93\.\d+ ± ", shown, re.M)

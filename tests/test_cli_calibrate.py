@@ -307,7 +307,7 @@ def test_text_says_what_is_asked_with_deviations(diagnosis: Any) -> None:
     assert re.match(r"bad +do not measure with it", lines[0]) and re.match(r"because +too <few>$", lines[1])
     assert re.search(r"^baseline \(mm\) +93\.\d+ ± 0\.\d\d+$", shown, re.M)
     assert re.search(r"^K left \(px\) +fx 7\d\d\.\d+ ± 0\.\d+  fy .* cx .* cy ", shown, re.M)
-    assert re.search(r"^dist right +k1 .*±.* p2 .*\n +k3 .*±", shown, re.M)
+    assert re.search(r"^dist right +k1 .*±.* p2 .*\s+k3 .*±", shown, re.M)
     assert re.search(r"^T \(mm\) +x -93\.\d+ ± ", shown, re.M)
     assert "odd.jpg: moved" in shown and re.search(r"^pairs refused +1$", shown, re.M)
 

@@ -304,7 +304,7 @@ def plot_map(
         if ax.figure is not None:
             ax.figure.colorbar(mesh, ax=ax, label=label, shrink=0.85, extend="max")
         if lines and high > low and min(shown.shape) > 1:
-            levels = MaxNLocator(6).tick_values(low, high)[1:-1]  # round numbers
+            levels = MaxNLocator(4).tick_values(low, high)[1:-1]  # round numbers
             drawn = ax.contour(columns_px, rows_px, shown, levels=levels, colors="white", linewidths=0.8)
             for text in ax.clabel(drawn, fontsize=8, fmt="%g", colors="black"):
                 text.set_bbox({"facecolor": "white", "alpha": 0.75, "lw": 0, "pad": 0.6})

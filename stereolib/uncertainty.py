@@ -151,13 +151,13 @@ def table(rig: StereoRig, covariance: Array, truth: StereoRig) -> pd.DataFrame:
     -------
     DataFrame of str
         Columns parameter, true, ours, ± (95 %), inside. R stands as the turns about x, y, z that lead from the true
-        one to ours, rad. Coefficients that the true lens does not have are zero, those that ours does not have left out.
+        one to ours, rad. True coefficients that ours has not are left out, those that only ours has are zero.
     """
     import pandas as pd
 
     n = rig.left.dist.size
-    lenses = (Camera(c.K, np.pad(c.dist, (0, n))[:n], c.size) for c in (truth.left, truth.right))
-    truth = StereoRig(*lenses, truth.R, truth.T)
+    left, right = (Camera(c.K, np.pad(c.dist, (0, n))[:n], c.size) for c in (truth.left, truth.right))
+    truth = StereoRig(left, right, truth.R, truth.T)
     ours = np.concatenate([*(_lens_values(c) for c in (rig.left, rig.right)), vector(rig, truth)[-6:-3], rig.T])
     true = np.concatenate([*(_lens_values(c) for c in (truth.left, truth.right)), np.zeros(3), truth.T])
     rows = []

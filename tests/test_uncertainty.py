@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from stereolib import bundle
+from stereolib.calibration import calibrate_stereo
 from stereolib.metric import triangulate
 from stereolib.uncertainty import (
     INTERVAL,
@@ -142,3 +143,14 @@ def test_table_shows_every_parameter_beside_the_truth(fitted, covariance, rig):
     assert list(rows["inside"] == "yes") == list(off <= INTERVAL * std(covariance))
     width = rows["± (95 %)"].astype(float)
     np.testing.assert_allclose(width, INTERVAL * std(covariance), rtol=0.06, atol=0.06)
+
+
+@pytest.mark.parametrize(("model", "count"), [("pinhole", 0), ("brown2", 4), ("rational8", 8)])
+def test_table_of_another_lens_than_the_true_one(views, rig, model, count):
+    found = calibrate_stereo(views, model=model).fit
+    rows = table(found.rig, rig_covariance(found), rig).set_index("parameter")
+    assert list(rows.index) == list(parameter_names(found.rig)) and len(rows) == 2 * (4 + count) + 6
+    if count > 5:
+        assert float(rows.loc["left k4", "true"]) == 0
+    if count:
+        assert float(rows.loc["right k1", "true"]) == pytest.approx(rig.right.dist[0], abs=0.05)

@@ -36,7 +36,7 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("right", type=Path, metavar="RIGHT_DIR", help="of the right one, by the same names or numbers")
     parser.add_argument("--board", required=True, metavar="9x6", help="inner corners, columns x rows")
     parser.add_argument(
-        "--square-mm", required=True, metavar="MM", help="edge of a square; 24.9x25.1 if width and height differ"
+        "--square-mm", required=True, metavar="MM", help="edge of a square, or width x height, as 24.9x25.1"
     )
     parser.add_argument("--marker-mm", type=float, metavar="MM", help="edge of a marker, if the board is ChArUco")
     parser.add_argument("--dictionary", default="5X5_100", metavar="NAME", help="its markers (default: 5X5_100)")
@@ -54,9 +54,7 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--format", action="append", default=[], choices=list(_FORMATS), help="write the rig for another tool as well"
     )
-    parser.add_argument(
-        "--force", action="store_true", help="replace calibration.json and report.html if they are there"
-    )
+    parser.add_argument("--force", action="store_true", help="replace files that are there")
     parser.add_argument("--json", action="store_true", help="print one JSON object")
 
 

@@ -206,12 +206,12 @@ def _lens_findings(found: Diagnosis) -> list[Finding]:
     lenses = {lens.model: lens for lens in found.lenses}
     if not lenses or (best := lenses[choose(found.lenses)]) == (ours := lenses[found.model]):
         return []
-    errors = f"({best.hold_out_rms_px:.3f} px against {ours.hold_out_rms_px:.3f} px); use --model {best.model}"
+    errors = f"({best.hold_out_rms_px:.3f} px against {ours.hold_out_rms_px:.3f} px)"
     if best.coefficients > ours.coefficients:
-        return [(1, f"the lens model {ours.model} is too short, which no deviation stated here counts: {best.model} "
-                    f"predicts boards left out better {errors}")]  # fmt: skip
+        return [(1, f"the lens model {ours.model} is too short: {best.model} predicts boards left out better {errors}, "
+                    f"and no deviation stated here counts that; use --model {best.model}")]  # fmt: skip
     return [(0, f"the last coefficients of {ours.model} cannot be told from these pictures: {best.model} predicts "
-                f"boards left out as well {errors}")]  # fmt: skip
+                f"boards left out as well {errors}; use --model {best.model}")]  # fmt: skip
 
 
 def _fold_finding(found: Diagnosis, side: str, fold: Fold) -> Finding:

@@ -299,7 +299,7 @@ def plot_map(
     ax.set_facecolor("#d9d9d9")
     if shown.count():
         low, most = np.percentile(shown.compressed(), [0, 95])
-        high = high or float(most)
+        high = float(most) if high is None or not np.isfinite(high) else high
         mesh = ax.pcolormesh(columns_px, rows_px, shown, cmap="viridis", shading="nearest", vmin=low, vmax=high)
         if ax.figure is not None:
             ax.figure.colorbar(mesh, ax=ax, label=label, shrink=0.85, extend="max")

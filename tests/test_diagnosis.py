@@ -184,6 +184,15 @@ def test_coverage_counts_boards_over_cells():
     assert count[7, 10] == 2 and count[2, 2] == 0
 
 
+def test_coverage_names_a_third_that_one_camera_never_saw():
+    wide = corner_set(np.random.default_rng(0), pairs=60)
+    some = wide.only(np.flatnonzero(wide.right_px[..., 0].max(axis=1) < 424).tolist())
+    fitted = bundle.fit(some, paper_rig())
+    found = measure(some, fitted.turns, fitted.shifts)
+    assert found.missing == ("no views in the right third of the right image",)
+    assert str(found).endswith(found.missing[0])
+
+
 def test_coverage_of_a_wide_set_is_high():
     rng = np.random.default_rng(0)
     rig = draw_rig(rng)

@@ -145,7 +145,7 @@ def faults(seeds: int = 2) -> dict[str, Any]:
     for seed in range(seeds):
         for fault in bad_sets(seed):
             try:
-                found = diagnose(fault.views, ruler_mm=fault.ruler_mm)
+                found = diagnose(fault.views, model=fault.model, ruler_mm=fault.ruler_mm)
                 right = not fault.refused and any(fault.says in text for text in found.warnings)
                 right &= found.verdict != "good" and set(found.pairs_refused) == set(fault.pairs)
             except ValueError as error:

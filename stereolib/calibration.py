@@ -15,12 +15,14 @@ from stereolib.targets import Board, BoardViews
 
 Array = np.ndarray
 
-#: Lens models by name: (number of coefficients, OpenCV flags). Table I is ``brown3``.
+#: Lens models by name, shortest first: (number of coefficients, OpenCV flags). Table I is ``brown3``; ``brown2`` is all
+#: that Kalibr's files hold.
 LENS_MODELS: dict[str, tuple[int, int]] = {
     "pinhole": (
         0,
         cv2.CALIB_ZERO_TANGENT_DIST | cv2.CALIB_FIX_K1 | cv2.CALIB_FIX_K2 | cv2.CALIB_FIX_K3,
     ),
+    "brown2": (4, cv2.CALIB_FIX_K3),
     "brown3": (5, 0),
     "rational8": (8, cv2.CALIB_RATIONAL_MODEL),
     "thin_prism12": (12, cv2.CALIB_RATIONAL_MODEL | cv2.CALIB_THIN_PRISM_MODEL),
@@ -117,7 +119,7 @@ def calibrate_stereo(views: BoardViews, *, model: str = "brown3", fixed: bool = 
     Raises
     ------
     ValueError
-        As `calibrate_camera`; or if left and right are exchanged (the right camera would stand left).
+        As `calibrate_camera`; or if left and right are the same, or exchanged (the right camera would stand left).
 
     Notes
     -----
@@ -129,10 +131,10 @@ def calibrate_stereo(views: BoardViews, *, model: str = "brown3", fixed: bool = 
         calibrate_camera(views.board, corners, views.size, model=model) for corners in (views.left_px, views.right_px)
     )
     R, T = _relative(views, left.camera, right.camera, _model(model)[1])
-    if T[0] > 0:
+    if T[0] > abs(T[1]):
         raise ValueError(
             f"the right camera comes out {T[0]:.0f} mm to the LEFT of the left one: the two image sets are "
-            f"exchanged; swap them"
+            f"exchanged; swap them (or both cameras hang upside down: turn all pictures by 180 degrees)"
         )
     fit = bundle.fit(views, StereoRig(left.camera, right.camera, R, T), free=not fixed)
     return StereoCalibration(fit.rig, left, right, fit.rms_px, fit.pair_rms_px, fit)

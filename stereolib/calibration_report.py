@@ -10,8 +10,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from stereolib.calibration_facts import meaning, parameters, refused, remarks
+from stereolib import __version__
+from stereolib.calibration_facts import MEANS, board_text, checked, meaning, parameters, refused, remarks
 from stereolib.camera import Camera
+from stereolib.coverage import covered
 from stereolib.datasets import write_atomic
 from stereolib.diagnosis import Diagnosis
 from stereolib.images import read_image
@@ -45,21 +47,26 @@ def build(path: Path, diagnosis: Diagnosis, files: Files) -> Path:
     """
     sections = (
         ("Corners found", _corners(diagnosis, files), "In the order in which they were matched; the first is ringed."),
-        ("Coverage", _coverage(diagnosis), _missing(diagnosis)),
-        ("Errors", _residuals(diagnosis), "Found minus predicted, grey each corner, in colour the mean of a region: "
-         "a good lens model leaves chance alone, whose means vanish."),
-        ("Lenses", _lenses(diagnosis), "How far the lens moves each pixel from where a pinhole would have it. Grey: "
-         "no direction is seen there, the model folds over."),
-        ("Uncertainty", _uncertainty(diagnosis), f"One standard deviation at {diagnosis.error_map.at_mm:g} mm, from "
-         "the calibration alone: matching adds its own."),
+        ("Coverage", _coverage(diagnosis), f"{diagnosis.coverage}. Tilt 0, 0 is a board parallel to the image."),
+        ("Errors", _residuals(diagnosis), "Found minus predicted, to the scale of the key: grey each corner, in colour "
+         "the mean of a region. A good lens model leaves chance alone, whose means vanish. Pairs that stand out: look "
+         "at their pictures, and take them away if they are blurred."),
+        ("Lenses", _lenses(diagnosis), "How far the lens moves each pixel from where a pinhole would have it. Hatched: "
+         "no board was seen there, the lens is a guess. Grey: it has no direction there, the model folds over."),
+        ("Uncertainty", _uncertainty(diagnosis), "One standard deviation of what is measured at "
+         f"{diagnosis.error_map.at_mm:g} mm, over the left image, from the calibration alone: matching adds its own, "
+         "and a lens model that does not fit is not in it. Hatched: no board was seen there. Grey: out of the right "
+         "camera's sight."),
     )  # fmt: skip
     pictures = "\n".join(
         f"<h2>{title}</h2>\n<figure>{''.join(_img(data, title) for data in drawn)}\n"
         f"<figcaption>{escape(caption)}</figcaption></figure>"
         for title, drawn, caption in sections
+        if drawn
     )
     color = _COLORS.get(diagnosis.verdict, "#555555")
     notes, left_out = [*diagnosis.reasons, *remarks(diagnosis)], refused(diagnosis)
+    width, height = diagnosis.views.size
     used = f"{len(diagnosis.pairs_used)} of {len(diagnosis.pairs_used) + len(left_out)} pairs"
     page = f"""<!DOCTYPE html>
 <html lang="en">
@@ -71,9 +78,14 @@ def build(path: Path, diagnosis: Diagnosis, files: Files) -> Path:
 </head>
 <body>
 <h1>Stereo calibration</h1>
-<p><b class="verdict" style="color: {color}">{escape(diagnosis.verdict)}</b>: {diagnosis.rms_px:.3f} px rms over {used},
-lens model {escape(diagnosis.model)}</p>
+<p><b class="verdict" style="color: {color}">{escape(diagnosis.verdict)}</b>: {MEANS.get(diagnosis.verdict, "")}</p>
 {_list(notes)}
+<p>{escape(board_text(diagnosis.views.board))}; {used} of {width} x {height} px; lens model {escape(diagnosis.model)};
+stereolib {__version__}</p>
+<h2>Checked</h2>
+{_grid(("", "measured", "good up to", "usable up to"), checked(diagnosis))}
+<h2>Result</h2>
+<p>± is one standard deviation.</p>
 {_table([*parameters(diagnosis), *meaning(diagnosis)])}
 {pictures}
 <h2>Pairs</h2>
@@ -113,7 +125,8 @@ def _coverage(diagnosis: Diagnosis) -> list[bytes]:
         plotting.plot_points(corners, views.size, ax, f"{side}: corners of {len(views)} pairs")
     about_y, about_x, distances = _tilts(diagnosis)
     plotting.plot_dots(about_y, about_x, axes[2], color=distances, label="distance (mm)", title="tilt of the boards",
-                       xlabel="to the side (deg)", ylabel="up and down (deg)",
+                       xlabel="left (-) or right (+) side nearer (deg)",
+                       ylabel="upper (-) or lower (+) edge nearer (deg)",
                        xlim=(-60, 60), ylim=(-60, 60))  # fmt: skip
     return [plotting.save_figure(None, figure).data]
 
@@ -135,10 +148,6 @@ def _tilts(diagnosis: Diagnosis) -> tuple[Array, Array, Array]:
     return about_y, about_x, distances
 
 
-def _missing(diagnosis: Diagnosis) -> str:
-    return "; ".join(diagnosis.coverage.missing) or "Image, distance and tilt are covered."
-
-
 def _residuals(diagnosis: Diagnosis) -> list[bytes]:
     from stereolib import plotting
 
@@ -148,21 +157,27 @@ def _residuals(diagnosis: Diagnosis) -> list[bytes]:
         axes, ("left", "right"), (views.left_px, views.right_px), diagnosis.residuals_px, strict=True
     ):
         plotting.plot_arrows(at, errors, views.size, ax, side)
-    bars, (ax,) = plotting.panels(1, width_in=12, aspect=0.22)
+    bars, (ax,) = plotting.panels(1, width_in=12, aspect=0.26)
+    worst = int(np.argmax(diagnosis.pair_rms_px.max(axis=1)))
     curves = {side: (numbers, diagnosis.pair_rms_px[:, k]) for k, side in enumerate(("left", "right"))}
-    plotting.plot_curves(
-        curves, ax, xlabel="pair, in the order used", ylabel="rms (px)", ylim=(0, None), xticks=numbers
-    )
+    title = f"rms of each pair; the largest is {views.names[worst]}"
+    plotting.plot_curves(curves, ax, xlabel="", ylabel="rms (px)", title=title, joined=False, ylim=(0, None))
+    ax.set_xticks(numbers, [name[-16:] for name in views.names], rotation=70)
     return [plotting.save_figure(None, shown).data for shown in (figure, bars)]
 
 
 def _lenses(diagnosis: Diagnosis) -> list[bytes]:
     from stereolib import plotting
 
-    figure, axes = plotting.panels(2, width_in=12, aspect=0.75)
-    for ax, side, camera in zip(axes, ("left", "right"), (diagnosis.rig.left, diagnosis.rig.right), strict=True):
-        columns, rows, shift = lens_shift_px(camera)
-        plotting.plot_map(shift, columns, rows, camera.size, ax, side, label="shift by the lens (px)")
+    cameras = diagnosis.rig.left, diagnosis.rig.right
+    if not any(camera.dist.any() for camera in cameras):
+        return []
+    maps, unseen = [lens_shift_px(camera) for camera in cameras], _unseen(diagnosis)
+    high = float(np.nanmax([_largest_seen(shift, hidden) for (_, _, shift), hidden in zip(maps, unseen, strict=True)]))
+    figure, axes = plotting.panels(2, width_in=12, aspect=0.66)
+    for ax, side, (columns, rows, shift), hidden in zip(axes, ("left", "right"), maps, unseen, strict=True):
+        plotting.plot_map(shift, columns, rows, diagnosis.views.size, ax, side, label="shift by the lens (px)",
+                          high=high, unseen=hidden)  # fmt: skip
     return [plotting.save_figure(None, figure).data]
 
 
@@ -186,13 +201,28 @@ def _uncertainty(diagnosis: Diagnosis) -> list[bytes]:
     from stereolib import plotting
 
     errors, size = diagnosis.error_map, diagnosis.views.size
-    figure, axes = plotting.panels(2, width_in=12, aspect=0.75)
+    hidden = _unseen(diagnosis)[0]
+    figure, axes = plotting.panels(2, width_in=12, aspect=0.66)
     for ax, values, what in (
         (axes[0], errors.depth_mm, "depth"),
         (axes[1], errors.length_mm, f"length of {errors.of_mm:g} mm"),
     ):
-        plotting.plot_map(values, errors.columns_px, errors.rows_px, size, ax, what, label="standard deviation (mm)")
+        plotting.plot_map(values, errors.columns_px, errors.rows_px, size, ax, what, label="standard deviation (mm)",
+                          high=_largest_seen(values, hidden), unseen=hidden)  # fmt: skip
     return [plotting.save_figure(None, figure).data]
+
+
+def _unseen(diagnosis: Diagnosis) -> list[Array]:
+    """Cells of the left and the right image that no board covered, bool."""
+    views = diagnosis.views
+    return [covered(corners, views.size) == 0 for corners in (views.left_px, views.right_px)]
+
+
+def _largest_seen(values: Array, hidden: Array) -> float:
+    """Largest value where boards were seen, but for the last twentieth; the colours end there."""
+    seen = cv2.resize((~hidden).astype(np.uint8), values.shape[::-1], interpolation=cv2.INTER_NEAREST) > 0
+    known = values[seen & np.isfinite(values)]
+    return float(np.percentile(known, 95)) if known.size else float("nan")
 
 
 def _img(data: bytes, title: str) -> str:
@@ -201,6 +231,12 @@ def _img(data: bytes, title: str) -> str:
 
 def _list(texts: Sequence[str]) -> str:
     return "<ul>" + "".join(f"<li>{escape(text)}</li>" for text in texts) + "</ul>" if texts else ""
+
+
+def _grid(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    top = "".join(f"<th>{escape(name)}</th>" for name in head)
+    cells = "".join("<tr>" + "".join(f'<td class="n">{escape(text)}</td>' for text in row) + "</tr>\n" for row in rows)
+    return f'<div class="rows"><table>\n<tr>{top}</tr>\n{cells}</table></div>'
 
 
 def _table(rows: Sequence[tuple[str, str]]) -> str:

@@ -94,6 +94,7 @@ COMMANDS = (
         "stereolib reproduce 03 04 --check",
         _reproduce,
         _reproduce_arguments,
+        interrupted="the committed files are as they were",
     ),
     Command(
         "data",
@@ -138,7 +139,7 @@ def _add(commands: Sequence[Command], parser: argparse.ArgumentParser) -> None:
             command.name,
             help=command.summary,
             description=command.summary[0].upper() + command.summary[1:] + ".",
-            epilog=f"example:\n  {command.example}",
+            epilog="\n\n".join(filter(None, (command.notes, f"example:\n  {command.example}"))),
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
         if command.configure:
@@ -146,7 +147,7 @@ def _add(commands: Sequence[Command], parser: argparse.ArgumentParser) -> None:
         if command.commands:
             _add(command.commands, child)
         else:
-            child.set_defaults(run=command.run)
+            child.set_defaults(run=command.run, interrupted=command.interrupted)
 
 
 def make_parser() -> argparse.ArgumentParser:
@@ -178,7 +179,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"stereolib: error: {text}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
-        print("stereolib: interrupted; the committed files are as they were", file=sys.stderr)
+        print("; ".join(filter(None, ("stereolib: interrupted", arguments.interrupted))), file=sys.stderr)
         return 130
 
 

@@ -12,7 +12,8 @@ class Command:
     """One command, or a group of them.
 
     ``run`` gets the parsed arguments and returns the exit code: 0 done, 1 the work says no, 2 wrong input. A ValueError
-    or OSError that it raises becomes one line on stderr. Library modules are imported inside ``run``.
+    or OSError that it raises becomes one line on stderr. Library modules are imported inside ``run``. ``notes`` stand
+    in its help, ``interrupted`` says what Ctrl-C leaves behind.
     """
 
     name: str
@@ -21,3 +22,5 @@ class Command:
     run: Callable[[argparse.Namespace], int] | None = None
     configure: Callable[[argparse.ArgumentParser], None] | None = None
     commands: Sequence[Command] = field(default=())
+    notes: str = ""
+    interrupted: str = ""

@@ -17,6 +17,7 @@ from stereolib.targets import BoardViews
 Array = np.ndarray
 _WORSE = 4.0  # times the median rms: what honest pairs never reach
 _MIN_GROUP = 3
+_SAME_PX = 0.01
 _FLAT_DEG = 5.0
 
 
@@ -68,7 +69,7 @@ def sort_pairs(views: BoardViews, model: str = "brown3") -> Sorted:
         most = len(groups[0]) if groups else 0
         raise ValueError(
             f"the pairs do not belong together: at most {most} of {len(views)} agree on where the right camera "
-            f"stands. Are left and right files of the same moments, in the same order?"
+            f"stands. Are left and right files of the same moments, in the same order? Is one camera upside down?"
         )
     calibration, inside = _settled(views, groups[0], able, model)
     taken = set(inside.tolist())
@@ -91,11 +92,15 @@ def sort_pairs(views: BoardViews, model: str = "brown3") -> Sorted:
 
 
 def _refuse_few(views: BoardViews) -> None:
-    """Too few pairs, or too few different ones."""
+    """Too few pairs, or too few different ones, or one camera twice."""
     if len(views) < _MIN_GROUP:
         raise ValueError(
             f"{len(views)} pairs of the board are too few ({', '.join(views.names)}): at least 3 with different tilts "
             f"are needed, and 15 to 30 give a trustworthy rig"
+        )
+    if np.nanmedian(np.abs(views.left_px - views.right_px)) < _SAME_PX:
+        raise ValueError(
+            "left and right are the same pictures: the board is at the same place in both. Was one folder copied twice?"
         )
     different: list[Array] = []
     for corners in np.asarray(views.left_px, float):

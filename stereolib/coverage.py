@@ -12,6 +12,7 @@ from stereolib.targets import BoardViews
 Array = np.ndarray
 _CELL_PX = 20
 _REGION_SHARE = 0.08  # a ninth of the image with less of it covered counts as not seen
+_THIRD_SHARE = 0.02  # the same for a third of one camera's image
 _SPREAD = 1.2  # farthest over nearest board
 _TILT_DEG = 10.0
 _ROWS, _COLUMNS = ("upper", "middle", "lower"), ("left", "centre", "right")
@@ -35,6 +36,10 @@ class Coverage:
         """Mean of the three, 0 to 1."""
         return (self.image + self.distance + self.tilt) / 3
 
+    def __str__(self) -> str:
+        parts = f"image {self.image:.0%}, distance {self.distance:.0%}, tilt {self.tilt:.0%}"
+        return f"{parts}; " + ("; ".join(self.missing) or "no third of an image and no tilt is missing")
+
 
 def measure(views: BoardViews, turns: Array, shifts: Array) -> Coverage:
     """Coverage of a set of boards.
@@ -51,6 +56,7 @@ def measure(views: BoardViews, turns: Array, shifts: Array) -> Coverage:
     """
     masks = [covered(corners, views.size) for corners in (views.left_px, views.right_px)]
     missing = _regions([mask > 0 for mask in masks])
+    missing += _one_sided([mask > 0 for mask in masks], missing)
     centres = shifts + turns @ views.board.points_mm.mean(axis=0)
     near, far = float(centres[:, 2].min()), float(centres[:, 2].max())
     if far < _SPREAD * near:
@@ -59,7 +65,8 @@ def measure(views: BoardViews, turns: Array, shifts: Array) -> Coverage:
     about = np.degrees(np.abs(np.arctan2(normal[:, :2], normal[:, 2:])))  # about the vertical, the horizontal axis
     vertical, horizontal = (float(np.sort(angles)[-max(2, len(angles) // 5)]) for angles in about.T)
     if max(vertical, horizontal) < _TILT_DEG:
-        missing.append(f"all boards fronto-parallel (tilted by {about.max():.0f} degrees at most)")
+        missing.append(f"all boards fronto-parallel (hardly one tilted by more than {max(vertical, horizontal):.0f} "
+                       f"degrees): tilt some by 20 to 40, both ways")  # fmt: skip
     elif vertical < _TILT_DEG:
         missing.append("no boards turned about the vertical axis (left or right side nearer)")
     elif horizontal < _TILT_DEG:
@@ -91,6 +98,16 @@ def covered(corners_px: Array, size: tuple[int, int]) -> Array:
         cv2.fillConvexPoly(mask, np.rint(hull).astype(np.int32), 255)
         count += cv2.resize(mask, cells, interpolation=cv2.INTER_AREA) > 127
     return count
+
+
+def _one_sided(masks: list[Array], known: list[str]) -> list[str]:
+    """Upright thirds that one camera alone never saw a board in."""
+    return [
+        f"no views in the {name} third of the {side} image"
+        for side, mask in zip(("left", "right"), masks, strict=True)
+        for name, part in zip(_COLUMNS, np.array_split(mask, 3, axis=1), strict=True)
+        if part.mean() < _THIRD_SHARE and not any(name in text or "outside" in text for text in known)
+    ]
 
 
 def _regions(masks: list[Array]) -> list[str]:

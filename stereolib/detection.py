@@ -14,7 +14,7 @@ import numpy as np
 
 from stereolib.datasets import write_atomic
 from stereolib.images import read_image
-from stereolib.targets import Board, BoardViews, find_board, over_cores, paired
+from stereolib.targets import Board, BoardViews, Charuco, find_board, over_cores, paired
 
 Array = np.ndarray
 #: Folder beside the images; one small file for each view, named by what was in the image and which board was sought.
@@ -62,7 +62,7 @@ def _find(file: Path, *, board: Board, cache: bool) -> tuple[Array | None, tuple
         data = file.read_bytes()
     except OSError as error:
         return f"{file}: {error.strerror or error}"
-    key = hashlib.sha256(data + f"|{board!r}|{_VERSION}".encode()).hexdigest()
+    key = hashlib.sha256(data + f"|{_sought(board)}|{_VERSION}".encode()).hexdigest()
     kept = file.parent / CACHE / f"{key[:32]}.npz"
     if cache and (known := _load(kept)) is not None:
         return known
@@ -74,6 +74,14 @@ def _find(file: Path, *, board: Board, cache: bool) -> tuple[Array | None, tuple
     if cache:
         _keep(kept, corners, size)
     return corners, size
+
+
+def _sought(board: Board) -> str:
+    """All that a search depends on: a board's pattern, not its size in mm."""
+    pattern = f"{board.columns}x{board.rows}"
+    if isinstance(board, Charuco):
+        pattern += f" {board.dictionary} {board.marker_mm / board.square_mm:.6f}{' legacy' * board.legacy}"
+    return pattern
 
 
 def _keep(kept: Path, corners: Array | None, size: tuple[int, int]) -> None:

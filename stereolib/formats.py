@@ -200,7 +200,7 @@ def save_kalibr(path: AnyPath, rig: StereoRig) -> Path:
         if camera.dist[4:].any() or camera.K[0, 1]:
             raise ValueError(
                 f"Kalibr's radtan lens holds k1 k2 p1 p2 and no skew, the {side} camera has k3 = "
-                f"{at_least(camera.dist, 5)[4]:g} and {camera.dist.size} coefficients: calibrate without the others"
+                f"{at_least(camera.dist, 5)[4]:g} and {camera.dist.size} coefficients: calibrate with brown2 for it"
             )
         (fx, _, cx), (_, fy, cy), _ = camera.K.tolist()
         chain[f"cam{number}"] = {

@@ -46,7 +46,7 @@ class Instrument:
         rig = StereoRig.load(path)
         text: Mapping[str, Any] = json.loads(Path(path).read_text(encoding="utf-8"))
         try:
-            known = (text.get("calibration") or {}).get("rectified_std") or {}
+            known = text.get("calibration", {}).get("std", {}).get("rectified", {})
             uncertainty = Uncertainty(**{name: float(known[name]) for name in sorted(known)})
             laser = text.get("lidar")
             lidar = None if laser is None else _lidar(laser["T_left_lidar"], laser["covariance"])

@@ -16,6 +16,8 @@ from stereolib.targets import BoardViews
 Array = np.ndarray
 Split = tuple[Array, Array]
 _BETTER = 0.02  # a longer lens must lower the hold-out error by so much to be worth its coefficients
+_USUAL = "brown3"
+_FEW_STEPS = 6  # enough for coefficients that the boards hold; the others would creep on and gain nothing
 
 
 @dataclass(frozen=True)
@@ -75,6 +77,36 @@ def hold_out(
         HoldOut(model, LENS_MODELS[model][0], float(np.sqrt(a / m)), float(np.sqrt(b / n)))
         for model, (a, m, b, n) in squares.items()
     ]
+
+
+def left_out_rms_px(fitted: bundle.Fit) -> float:
+    """Rms of every pair before the rig of all other pairs, px: `hold_out` with as many splits as pairs.
+
+    Notes
+    -----
+    Without a refit: pair k's sum of squares after a step d of the shared parameters, its board posed anew, is
+    ``c_k - 2 g_k'd + d'N_k d`` to first order, and ``d = -(N - N_k)^-1 g_k`` leaves it out (`bundle.Fit.without_each`).
+    """
+    steps, own = fitted.without_each(), (fitted.residuals_px**2).sum(axis=(1, 2, 3))
+    more = np.einsum("ks,kst,kt->k", steps, fitted.normal, steps) - 2 * (fitted.gradient * steps).sum(axis=1)
+    return float(np.sqrt((own + more).sum() / fitted.seen.sum()))
+
+
+def neighbours(views: BoardViews, fitted: bundle.Fit, model: str) -> list[HoldOut]:
+    """`left_out_rms_px` of a lens model and of its neighbours: cheap enough to be asked of every calibration.
+
+    The neighbours are the next longer one, all up to ``brown3`` if that is not enough, and for models beyond it
+    ``brown3`` and those between.
+    """
+    names = list(LENS_MODELS)
+    usual, at = names.index(_USUAL), names.index(model)
+    rig = fitted.rig if at <= usual else calibrate_stereo(views, model=_USUAL).rig
+    results = []
+    for name in names[min(at, usual) : max(at + 1, usual) + 1]:
+        longer = bundle.fit(views, padded(rig, LENS_MODELS[name][0]), iterations=_FEW_STEPS)
+        rig = longer.rig
+        results.append(HoldOut(name, LENS_MODELS[name][0], longer.rms_px, left_out_rms_px(longer)))
+    return results
 
 
 def choose(results: Sequence[HoldOut]) -> str:

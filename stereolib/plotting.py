@@ -13,6 +13,7 @@ from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from stereolib.datasets import figures_dir, write_atomic
 from stereolib.images import to_grey
@@ -131,11 +132,12 @@ def plot_curves(
     ylabel: str,
     title: str = "",
     marker: str = "o",
+    joined: bool = True,
     **axes: Any,
 ) -> Axes:
-    """Named curves of (x, y), each with its own colour and line style; units belong into the labels."""
+    """Named curves of (x, y), each with its own colour and line style, or dots; units belong into the labels."""
     for k, (name, (x, y)) in enumerate(curves.items()):
-        style: dict[str, Any] = {"color": COLORS[k % len(COLORS)], "ls": _STYLES[k % len(_STYLES)]}
+        style: dict[str, Any] = {"color": COLORS[k % len(COLORS)], "ls": _STYLES[k % len(_STYLES)] if joined else ""}
         ax.plot(x, y, marker=marker, ms=4, lw=1.4, label=name, **style)
     ax.grid(alpha=0.3)
     ax.set(xlabel=xlabel, ylabel=ylabel, title=title, **axes)
@@ -285,22 +287,31 @@ def plot_map(
     *,
     label: str,
     lines: bool = True,
+    high: float | None = None,
+    unseen: Array | None = None,
 ) -> Axes:
     """A quantity over the image, (h, w) on a grid of pixels, with labelled contour `lines`; NaN is light grey.
 
-    Colours end at the largest twentieth, which would leave the rest without contrast.
+    Colours end at `high` or at the largest twentieth, which would leave the rest without contrast. What is `unseen`,
+    bool on any grid over the image, is hatched.
     """
     shown = np.ma.masked_invalid(values)
     ax.set_facecolor("#d9d9d9")
     if shown.count():
-        low, high = np.percentile(shown.compressed(), [0, 95])
+        low, most = np.percentile(shown.compressed(), [0, 95])
+        high = float(most) if high is None or not np.isfinite(high) else high
         mesh = ax.pcolormesh(columns_px, rows_px, shown, cmap="viridis", shading="nearest", vmin=low, vmax=high)
         if ax.figure is not None:
             ax.figure.colorbar(mesh, ax=ax, label=label, shrink=0.85, extend="max")
         if lines and high > low and min(shown.shape) > 1:
-            levels = np.linspace(low, high, 7)[1:]
+            levels = MaxNLocator(4).tick_values(low, high)[1:-1]  # round numbers
             drawn = ax.contour(columns_px, rows_px, shown, levels=levels, colors="white", linewidths=0.8)
-            ax.clabel(drawn, fontsize=8, fmt="%.2g")
+            for text in ax.clabel(drawn, fontsize=8, fmt="%g", colors="black"):
+                text.set_bbox({"facecolor": "white", "alpha": 0.75, "lw": 0, "pad": 0.6})
+    if unseen is not None and unseen.any():
+        edges = (np.linspace(0, n - 1, k) for n, k in zip(size, unseen.shape[::-1], strict=True))
+        area = ax.contourf(*edges, unseen.astype(float), levels=[0.5, 1.5], colors="none", hatches=["///"])
+        area.set(edgecolor="#808080", linewidth=0)
     return _image_axes(size, ax, title)
 
 

@@ -66,9 +66,10 @@ class StereoRig:
         if not 0 <= alpha <= 1:
             raise ValueError(f"alpha must lie between 0 (only valid pixels) and 1 (all pixels), got {alpha}")
         if not -self.T[0] > abs(self.T[1]):
+            x, y, z = self.T
             raise ValueError(
-                f"the right camera must stand to the right of the left one (T along -x), got T = {self.T} mm: "
-                f"swap the cameras, or turn a pair that is stacked by a quarter"
+                f"the right camera must stand to the right of the left one (T along -x), got T = ({x:.1f}, {y:.1f}, "
+                f"{z:.1f}) mm: swap the cameras, or, if one stands above the other, turn all pictures by a quarter"
             )
         R1, R2, P1, P2, Q, *_ = cv2.stereoRectify(
             self.left.K, self.left.dist, self.right.K, self.right.dist, self.left.size, self.R, self.T[:, None],
@@ -113,7 +114,8 @@ class StereoRig:
             left, right = (Camera(c["K"], c["dist"], tuple(c["size"])) for c in (rig["left"], rig["right"]))
             return cls(left, right, rig["R"], rig["T_mm"])
         except (ValueError, LookupError, TypeError, OverflowError) as error:
-            raise ValueError(f"{path} is not a rig file of stereolib ({error!r})") from error
+            why = f"it has no {error}" if isinstance(error, KeyError) else error
+            raise ValueError(f"{path} is not a rig file of stereolib: {why}") from error
 
 
 @dataclass(frozen=True, eq=False)

@@ -268,11 +268,18 @@ def paired(corners: Sequence[Array | None], board: Board, names: Sequence[str], 
         if left is not None and right is not None
     }
     missing = tuple(names[i] for i in range(count) if i not in both)
+    if not both and isinstance(board, Charuco):
+        raise ValueError(
+            f"no ChArUco board of {board.columns}x{board.rows} inner corners with markers of {board.dictionary}, "
+            f"{board.marker_mm:g} mm on squares of {board.square_mm:g} mm, was found in both views of any of {count} "
+            f"pairs: is the dictionary right, is the board legacy (printed by OpenCV before 4.6), or has it no markers?"
+        )
     if not both:
         raise ValueError(
             f"no board of {board.columns}x{board.rows} inner corners was found in both views of any of "
             f"{count} pairs ({', '.join(names[:5])}{', ...' if len(names) > 5 else ''}): count inner corners, "
-            f"not squares, and keep the whole board with a white rim in view"
+            f"not squares, and keep the whole board with a white rim in view (a board with markers in its squares is "
+            f"found by them: give their size)"
         )
     left_px = np.stack([left for left, _ in both.values()])
     right_px = np.stack([match_order(left, right) for left, right in both.values()])

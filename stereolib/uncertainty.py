@@ -151,10 +151,13 @@ def table(rig: StereoRig, covariance: Array, truth: StereoRig) -> pd.DataFrame:
     -------
     DataFrame of str
         Columns parameter, true, ours, ± (95 %), inside. R stands as the turns about x, y, z that lead from the true
-        one to ours, rad.
+        one to ours, rad. True coefficients that ours has not are left out, those that only ours has are zero.
     """
     import pandas as pd
 
+    n = rig.left.dist.size
+    left, right = (Camera(c.K, np.pad(c.dist, (0, n))[:n], c.size) for c in (truth.left, truth.right))
+    truth = StereoRig(left, right, truth.R, truth.T)
     ours = np.concatenate([*(_lens_values(c) for c in (rig.left, rig.right)), vector(rig, truth)[-6:-3], rig.T])
     true = np.concatenate([*(_lens_values(c) for c in (truth.left, truth.right)), np.zeros(3), truth.T])
     rows = []
@@ -209,12 +212,12 @@ def rectified_std(rectified: RectifiedRig, covariance: Array, *, step_px: int = 
 
     Notes
     -----
-    Pixels stay, the parameters move: the inverse depth moves by ``a + b / Z`` over the image and depths of 0.6 to
-    1.4 m, fitted by least squares; ``offset_px = f B std(a)``. Taken from the whole covariance: the errors of cx and
+    Pixels stay, the parameters move: the inverse depth moves by ``a + b / Z`` over the image and depths of 6.5 to
+    15 baselines, fitted by least squares; ``offset_px = f B std(a)``. Taken from the whole covariance: the errors of cx and
     of the turn about y, each of some tenths of a pixel, cancel but for their sum.
     """
     rig, scale = rectified.rig, rectified.f_px * rectified.baseline_mm
-    grids = [_grid(rig, at_mm, step_px)[2:] for at_mm in (600.0, 900.0, 1400.0)]
+    grids = [_grid(rig, k * rig.baseline_mm, step_px)[2:] for k in (6.5, 10.0, 15.0)]
     points = np.concatenate([points[seen] for points, seen in grids])
     depth = points[:, 2]
     moves = -triangulation_jacobian(rig, points)[:, 2] / depth[:, None] ** 2

@@ -147,7 +147,7 @@ def test_refuses(exact):
         calibrate_stereo(exact.only([0, 1]))
     with pytest.raises(ValueError, match="all 5 views show the board in the same place"):
         calibrate_camera(BOARD, exact.left_px[[0] * 5], exact.size)
-    with pytest.raises(ValueError, match="unknown lens model 'fisheye'; choose one of pinhole, brown3"):
+    with pytest.raises(ValueError, match="unknown lens model 'fisheye'; choose one of pinhole, brown2, brown3"):
         calibrate_camera(BOARD, exact.left_px, exact.size, model="fisheye")
 
 

@@ -61,7 +61,7 @@ def test_wrong_words_are_refused(words: list[str], capsys: pytest.CaptureFixture
         (ValueError("three\nlines  of text"), 2, "stereolib: error: three lines of text\n"),
         (FileNotFoundError(2, "No such file", "left.png"), 2, "stereolib: error: [Errno 2] No such file: 'left.png'\n"),
         (ValueError(), 2, "stereolib: error: ValueError\n"),
-        (KeyboardInterrupt(), 130, "stereolib: interrupted; the committed files are as they were\n"),
+        (KeyboardInterrupt(), 130, "stereolib: interrupted; all is kept\n"),
     ],
 )
 def test_errors_are_one_line(
@@ -74,7 +74,8 @@ def test_errors_are_one_line(
     def fail(arguments: argparse.Namespace) -> int:
         raise error
 
-    monkeypatch.setattr(cli, "COMMANDS", (cli.Command("fail", "fails", "stereolib fail", fail),))
+    command = cli.Command("fail", "fails", "stereolib fail", fail, interrupted="all is kept")
+    monkeypatch.setattr(cli, "COMMANDS", (command,))
     assert cli.main(["fail"]) == code
     assert capsys.readouterr().err == line
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import base64
 import json
 import re
@@ -15,8 +16,9 @@ import numpy as np
 import pytest
 
 from stereolib import calibration_facts, calibration_report, cli, datasets, formats
+from stereolib.calibration import LENS_MODELS
 from stereolib.camera import Camera
-from stereolib.cli_calibrate import pair_files, parse_board
+from stereolib.cli_calibrate import CALIBRATE, pair_files, parse_board
 from stereolib.paper import paper_rig
 from stereolib.targets import Charuco
 from stereolib.virtual.dataset import BOARD
@@ -102,14 +104,14 @@ def test_one_folder_twice_and_none(tmp_path: Path) -> None:
 
 
 def test_board_in_inner_corners() -> None:
-    assert parse_board("9x6", 25) == parse_board(" 9 X 6 ", 25) == BOARD
-    assert parse_board("9x6", 25, 1.01).points_mm[-1, 1] > BOARD.points_mm[-1, 1]
+    assert parse_board("9x6", "25") == parse_board(" 9 X 6 ", "25.0") == BOARD
+    np.testing.assert_allclose(parse_board("9x6", "24.8x25.1").points_mm[-1], [8 * 24.8, 5 * 25.1, 0], rtol=1e-6)
     for text in ("9", "9x6x2", "axb", "-9x6", "9.5x6", ""):
         with pytest.raises(ValueError, match="inner corners"):
-            parse_board(text, 25)
-    assert parse_board("6x6", 25, marker_mm=18.5) == Charuco(6, 6, 25, 18.5)
+            parse_board(text, "25")
+    assert parse_board("6x6", "25", marker_mm=18.5, legacy=True) == Charuco(6, 6, 25, 18.5, legacy=True)
     with pytest.raises(ValueError, match="unknown ArUco dictionary '7X7'"):
-        parse_board("6x6", 25, marker_mm=18.5, dictionary="7X7")
+        parse_board("6x6", "25", marker_mm=18.5, dictionary="7X7")
 
 
 @pytest.mark.parametrize(
@@ -119,11 +121,15 @@ def test_board_in_inner_corners() -> None:
         (["--board", "9x6", "--square-mm", "-25"], "positive number of mm, got -25"),
         (["--board", "6x6", "--square-mm", "25"], "looks the same after a quarter turn"),
         (["--board", "9by6", "--square-mm", "25"], "inner corners, as 9x6"),
-        ([*WORDS, "--aspect", "0"], "height over its width must be near 1, got 0.0"),
-        ([*WORDS, "--marker-mm", "20", "--aspect", "1.01"], "taken for square, got an aspect of 1.01"),
+        (["--board", "9x6", "--square-mm", "25x50"], "height over its width must be near 1, got 2.0"),
+        (["--board", "9x6", "--square-mm", "about 25"], "an edge in mm, as 25, or width x height"),
+        (["--board", "9x6", "--square-mm", "25x25.2", "--marker-mm", "20"], "taken for square, got 25x25.2"),
+        ([*WORDS, "--legacy"], "--legacy is about ChArUco boards"),
+        ([*WORDS, "--at-mm", "0"], "--at-mm must be"),
+        ([*WORDS, "--format", "kalibr"], "cannot hold a brown3 lens: pass --model brown2"),
         ([*WORDS, "--marker-mm", "30"], "a marker must be smaller than its square"),
         ([*WORDS, "--ruler-mm", "inf"], "--ruler-mm must be"),
-        ([*WORDS, "--model", "fisheye"], "unknown lens model 'fisheye'; choose one of pinhole, brown3"),
+        ([*WORDS, "--model", "fisheye"], "unknown lens model 'fisheye'; choose one of pinhole, brown2, brown3"),
     ],
 )
 def test_bad_words_are_one_line_and_nothing_is_written(
@@ -134,6 +140,28 @@ def test_bad_words_are_one_line_and_nothing_is_written(
     error = capsys.readouterr().err
     assert hint in error and error.count("\n") == 1
     assert not (tmp_path / "rig").exists()
+
+
+def test_a_file_in_the_way_is_said_before_any_work(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folders = [str(make_files(tmp_path / side, "1.png", "2.png", "3.png")) for side in ("left", "right")]
+    (tmp_path / "rig").write_text("notes")
+    assert cli.main(["calibrate", *folders, *WORDS, "--output", str(tmp_path / "rig" / "new")]) == 2
+    assert "--output must name a folder" in capsys.readouterr().err
+
+
+def test_help_states_the_limits_that_are_applied() -> None:
+    from stereolib import diagnosis
+
+    for limits, unit in ((diagnosis._RMS_PX, "px"), (diagnosis._EPIPOLAR_PX, "px"), (diagnosis._LENGTH_PCT, "%")):
+        for limit, line in zip(limits, (r"good.*(?:\n.*)?", "usable.*"), strict=True):
+            assert re.search(rf"{line}\b{limit:g} {unit}", CALIBRATE.notes), (limit, unit)
+    assert all(name in make_help() for name in LENS_MODELS)
+
+
+def make_help() -> str:
+    parser = argparse.ArgumentParser()
+    CALIBRATE.configure(parser)
+    return parser.format_help()
 
 
 # --- folders as they come
@@ -176,6 +204,10 @@ def test_the_wrong_board_is_said(boards: list[str], tmp_path: Path, capsys: pyte
     assert cli.main(words) == 2
     error = capsys.readouterr().err
     assert "10x7 inner corners" in error and "01.jpg" in error
+    words = ["calibrate", *boards, *WORDS, "--marker-mm", "18", "--dictionary", "4X4_50", "--output", str(tmp_path)]
+    assert cli.main(words) == 2
+    error = capsys.readouterr().err
+    assert all(part in error for part in ("4X4_50, 18 mm on squares of 25 mm", "legacy", "no markers?"))
 
 
 # --- a good set: the verdict against the rig that the pictures were rendered through
@@ -226,10 +258,27 @@ def test_nothing_is_overwritten_unless_forced(
     assert {name: printed[name] for name in kept["calibration"]} == kept["calibration"]
 
 
+def test_files_of_other_tools_hold_the_same_rig(done: tuple[int, Path, list[str]], tmp_path: Path) -> None:
+    words = [
+        *done[2][:-2],
+        str(tmp_path),
+        "--model",
+        "brown2",
+        *["--format", "opencv", "--format", "ros", "--format", "kalibr"],
+    ]
+    assert cli.main(words) == 0
+    kept = formats.load(tmp_path / "calibration.json")
+    for names in (["opencv.yml"], ["left.yaml", "right.yaml"], ["camchain.yaml"]):
+        read = formats.load(*(tmp_path / name for name in names))
+        np.testing.assert_allclose(read.T, kept.T, atol=1e-6)
+        np.testing.assert_allclose(read.right.dist[:4], kept.right.dist, atol=1e-12)
+
+
 def test_report_is_one_file_with_the_pictures(done: tuple[int, Path, list[str]]) -> None:
     page = (done[1] / "report.html").read_text(encoding="utf-8")
+    assert "9 x 6 inner corners, squares of 25 mm; 18 of 18 pairs of 640 x 480 px; lens model brown3" in page
     assert re.findall(r"<h2>(.*?)</h2>", page) == [
-        "Corners found", "Coverage", "Errors", "Lenses", "Uncertainty", "Pairs"]  # fmt: skip
+        "Checked", "Result", "Corners found", "Coverage", "Errors", "Lenses", "Uncertainty", "Pairs"]  # fmt: skip
     sources = re.findall(r"<img[^>]*src=\"([^\"]*)\"", page)
     assert len(sources) == 6 and not re.search(r"https?:|<script|<link|url\(", page)
     for source in sources:
@@ -255,10 +304,10 @@ def test_text_says_what_is_asked_with_deviations(diagnosis: Any) -> None:
         replace(diagnosis, verdict="bad", reasons=("too <few>",), pairs_refused={"odd.jpg": "moved"})
     )
     lines = shown.splitlines()
-    assert re.match(r"bad +too <few>$", lines[0])
-    assert re.search(r"^baseline_mm +93\.\d+ ± 0\.\d\d+$", shown, re.M)
+    assert re.match(r"bad +do not measure with it", lines[0]) and re.match(r"because +too <few>$", lines[1])
+    assert re.search(r"^baseline \(mm\) +93\.\d+ ± 0\.\d\d+$", shown, re.M)
     assert re.search(r"^K left \(px\) +fx 7\d\d\.\d+ ± 0\.\d+  fy .* cx .* cy ", shown, re.M)
-    assert re.search(r"^dist right +k1 .*±.* p2 .*\n +k3 .*±", shown, re.M)
+    assert re.search(r"^dist right +k1 .*±.* p2 .*\s+k3 .*±", shown, re.M)
     assert re.search(r"^T \(mm\) +x -93\.\d+ ± ", shown, re.M)
     assert "odd.jpg: moved" in shown and re.search(r"^pairs refused +1$", shown, re.M)
 

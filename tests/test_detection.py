@@ -55,6 +55,13 @@ def test_the_second_run_reads_what_the_first_one_kept(files, counted):
     np.testing.assert_array_equal(first.right_px, find_in_pairs(pairs[:3], BOARD, names[:3], progress=False).right_px)
 
 
+def test_the_size_in_mm_does_not_search_again(files, counted):
+    first = find_in_files(*files, BOARD, progress=False)
+    again = find_in_files(*files, Checkerboard(9, 6, 30.0, 1.01), progress=False)
+    assert len(counted) == 6 and again.board.square_mm == 30.0
+    np.testing.assert_array_equal(first.left_px, again.left_px)
+
+
 def test_other_content_other_board_or_a_broken_file_is_searched_anew(files, counted):
     find_in_files(*files, BOARD, progress=False)
     files[0][0].write_bytes(files[0][1].read_bytes())  # under the name of another: known by its content

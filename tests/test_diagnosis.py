@@ -1,4 +1,4 @@
-"""Sixteen sets with one known fault each are named; good sets are called good."""
+"""Seventeen sets with one known fault each are named; good sets are called good."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ FAULTS = list(bad_sets())
 def test_fault_is_named(fault):
     if fault.refused:
         with pytest.raises(ValueError) as caught:
-            diagnose(fault.views, ruler_mm=fault.ruler_mm)
+            diagnose(fault.views, model=fault.model, ruler_mm=fault.ruler_mm)
         assert fault.says in str(caught.value)
         return
-    found = diagnose(fault.views, ruler_mm=fault.ruler_mm)
+    found = diagnose(fault.views, model=fault.model, ruler_mm=fault.ruler_mm)
     assert any(fault.says in warning for warning in found.warnings)
     assert found.verdict != "good"
     assert set(found.pairs_refused) == set(fault.pairs)
@@ -113,6 +113,62 @@ def test_real_webcams():
     assert mended.square_error_pct < 0.7 * found.square_error_pct
 
 
+def test_a_lens_too_short_is_named_with_the_one_to_use(recorded):
+    """Table I's lenses as pinholes: rms 0.12 px and every limit kept, yet the principal point is eleven sigma off."""
+    short = diagnose(recorded.views, model="pinhole")
+    assert short.verdict == "usable"
+    assert all(check.level == 0 for check in short.checks)
+    assert "use --model brown3" in short.reasons[0]
+    assert abs(short.rig.right.K[1, 2] - paper_rig().right.K[1, 2]) > 10 * short.std.right_K[3]
+    assert [lens.model for lens in short.lenses] == ["pinhole", "brown2", "brown3"]
+
+
+def test_depths_are_judged_where_the_boards_stood(recorded):
+    """A larger board is the same set farther away; in per cent nothing changes."""
+    large = diagnose(replace(recorded.views, board=replace(dataset.BOARD, square_mm=250.0)))
+    assert (large.verdict, large.error_map.at_mm) == ("good", pytest.approx(10 * recorded.error_map.at_mm, rel=0.1))
+    assert large.checks[-1].value == pytest.approx(recorded.checks[-1].value, rel=0.1)
+    beyond = diagnose(recorded.views, at_mm=40)
+    assert "at 40 mm the two views do not overlap" in beyond.reasons[0]
+
+
+def test_limits_of_pixels_grow_with_the_image():
+    noisy = corner_set(np.random.default_rng(3), noise_px=0.5)
+    assert "corners fit to 0.69" in diagnose(noisy).reasons[0]
+    twice = replace(noisy, size=(1280, 960), left_px=2 * noisy.left_px, right_px=2 * noisy.right_px)
+    assert diagnose(twice).checks[0].level == diagnose(noisy).checks[0].level == 1
+
+
+def turned(views):
+    """Both pictures a quarter to the right."""
+    (width, height), sides = views.size, (views.left_px, views.right_px)
+    left, right = (np.stack([height - 1 - at[..., 1], at[..., 0]], axis=-1) for at in sides)
+    return replace(views, size=(height, width), left_px=left, right_px=right)
+
+
+def test_cameras_above_each_other_are_said_to_be():
+    good = corner_set(np.random.default_rng(4), pairs=12)
+    found = diagnose(turned(good))
+    assert found.verdict == "bad"
+    assert "cannot be rectified" in found.reasons[0] and "turn all pictures by a quarter" in found.reasons[0]
+    with pytest.raises(ValueError, match="or both cameras hang upside down"):
+        diagnose(turned(turned(good)))
+
+
+def test_one_folder_twice_is_said():
+    good = corner_set(np.random.default_rng(4), pairs=12)
+    with pytest.raises(ValueError, match="left and right are the same pictures"):
+        diagnose(replace(good, right_px=good.left_px))
+
+
+@pytest.mark.parametrize("square_mm", [0.025, 2500.0])
+def test_units_that_cannot_be_millimetres_are_asked_about(square_mm):
+    good = corner_set(np.random.default_rng(4))
+    found = diagnose(replace(good, board=replace(good.board, square_mm=square_mm)))
+    assert found.verdict == "good"
+    assert "given in millimetres?" in found.warnings[0]
+
+
 @pytest.mark.parametrize("ruler", [0.0, -93.0, float("nan")])
 def test_refuses_a_senseless_ruler(ruler):
     with pytest.raises(ValueError, match="ruler's reading must be a positive number"):
@@ -126,6 +182,15 @@ def test_coverage_counts_boards_over_cells():
     assert set(np.unique(count)) == {0, 2}
     assert (count > 0).sum() * 400 == pytest.approx(200 * 100, rel=0.02)
     assert count[7, 10] == 2 and count[2, 2] == 0
+
+
+def test_coverage_names_a_third_that_one_camera_never_saw():
+    wide = corner_set(np.random.default_rng(0), pairs=60)
+    some = wide.only(np.flatnonzero(wide.right_px[..., 0].max(axis=1) < 424).tolist())
+    fitted = bundle.fit(some, paper_rig())
+    found = measure(some, fitted.turns, fitted.shifts)
+    assert found.missing == ("no views in the right third of the right image",)
+    assert str(found).endswith(found.missing[0])
 
 
 def test_coverage_of_a_wide_set_is_high():

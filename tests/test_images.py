@@ -26,6 +26,13 @@ def test_lossless_file_comes_back_exactly(tmp_path, picture):
     np.testing.assert_array_equal(read_image(str(path), grey=True), to_grey(picture))
 
 
+def test_deep_pictures_are_refused_not_crushed(tmp_path, picture):
+    """Cameras of 10 and 12 bits write files of 16: taken as 8, little more than black would be left."""
+    cv2.imwrite(str(tmp_path / "deep.png"), picture.astype(np.uint16) << 2)
+    with pytest.raises(ValueError, match=r"deep\.png: the picture has uint16 samples, 8 bits are needed"):
+        read_image(tmp_path / "deep.png")
+
+
 def test_grey_is_the_luminance(picture):
     expected = picture.astype(float) @ [0.114, 0.587, 0.299]
     np.testing.assert_allclose(to_grey(picture), expected, atol=0.51)

@@ -146,7 +146,9 @@ def test_the_boxes_are_drawn_where_the_cube_is():
 
 @pytest.fixture
 def files(tmp_path):
-    StereoRig.save(RECT.rig, tmp_path / "rig.json", calibration={"rectified_std": {"f_px": 0.1, "baseline_mm": 0.01}})
+    StereoRig.save(
+        RECT.rig, tmp_path / "rig.json", calibration={"std": {"rectified": {"f_px": 0.1, "baseline_mm": 0.01}}}
+    )
     save_lidar(tmp_path / "rig.json", LIDAR)
     for side, image in zip(("left", "right"), dataset.load_pair("conditions/texture"), strict=True):
         cv2.imwrite(str(tmp_path / f"{side}.png"), image)

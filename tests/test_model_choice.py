@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from stereolib.calibration import calibrate_stereo
 from stereolib.camera import Camera
-from stereolib.model_choice import HoldOut, choose, folds, hold_out, padded
+from stereolib.model_choice import HoldOut, choose, folds, hold_out, left_out_rms_px, neighbours, padded
 from stereolib.rig import StereoRig
 from stereolib.virtual.corners import corner_set, draw_rig
 
@@ -38,6 +39,20 @@ def test_a_lens_that_needs_more_gets_more():
     left, right = (Camera(c.K, prism, c.size) for c in (rig.left, rig.right))
     views = corner_set(np.random.default_rng(22), rig=StereoRig(left, right, rig.R, rig.T))
     assert choose(hold_out(views, ["pinhole", "brown3", "rational8", "thin_prism12"], folds(30, 3))) == "thin_prism12"
+
+
+def test_left_out_without_a_refit_is_what_refits_find(brown):
+    """One fit and its linearisation against twelve fits."""
+    some = brown.only(range(12))
+    slow = hold_out(some, ["brown3"], folds(12, 12))[0]
+    assert left_out_rms_px(calibrate_stereo(some).fit) == pytest.approx(slow.hold_out_rms_px, rel=2e-3)
+
+
+def test_neighbours_reach_the_lens_that_took_the_pictures(brown):
+    for model, asked in (("pinhole", ["pinhole", "brown2", "brown3"]), ("rational8", ["brown3", "rational8"])):
+        results = neighbours(brown, calibrate_stereo(brown, model=model).fit, model)
+        assert [r.model for r in results][: len(asked)] == asked
+        assert choose(results) in ("brown2", "brown3")  # this rig's k3 is hardly above its deviation
 
 
 def test_folds_share_out_every_pair_once():

@@ -203,6 +203,19 @@ def test_map_shows_the_values_over_the_image_and_keeps_gaps(ax):
     assert mesh.get_clim() == tuple(np.nanpercentile(values, [0, 95]))
 
 
+def test_map_hatches_what_was_not_seen_and_ends_its_colours_where_told(ax):
+    values = np.add.outer(np.arange(4.0), np.arange(5.0))
+    unseen = np.zeros((6, 10), bool)
+    unseen[:, :3] = True
+    where = np.linspace(0, 99, 5), np.linspace(0, 59, 4)
+    plotting.plot_map(values, *where, (100, 60), ax, "map", label="mm", high=4.0, unseen=unseen)
+    mesh, _, hatched = ax.collections
+    assert mesh.get_clim() == (0, 4)
+    assert {float(text.get_text()) for text in ax.texts} <= {1.0, 2.0, 3.0}  # round numbers within the colours
+    (outline,) = [path for path in hatched.get_paths() if len(path)]
+    assert 20 < outline.vertices[:, 0].max() < 35 and hatched.hatches == ["///"]
+
+
 @pytest.mark.parametrize("values", [np.full((3, 3), np.nan), np.zeros((3, 3))])
 def test_map_of_nothing_and_of_a_constant(ax, values):
     plotting.plot_map(values, np.arange(3), np.arange(3), (3, 3), ax, "map", label="px")

@@ -217,6 +217,13 @@ def test_bad_files_are_named(text, tmp_path):
         StereoRig.load(path)
 
 
+def test_a_picture_is_no_rig(tmp_path):
+    (tmp_path / "x.jpg").write_bytes(b"\xff\xd8\xff" + bytes(5000))
+    with pytest.raises(ValueError) as caught:
+        StereoRig.load(tmp_path / "x.jpg")
+    assert len(str(caught.value)) < 200
+
+
 def test_a_good_file_of_the_same_kind_is_read(tmp_path):
     path = tmp_path / "good.json"
     path.write_text(broken(lambda r: None))

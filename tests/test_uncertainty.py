@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from stereolib import bundle
+from stereolib.calibration import calibrate_stereo
 from stereolib.metric import triangulate
 from stereolib.paper import paper_rig
 from stereolib.uncertainty import (
@@ -181,3 +182,14 @@ def test_stated_errors_are_those_of_many_calibrations():
     scale = rig.rectify(0.0).f_px * rig.baseline_mm
     shifts = [scale * np.mean(1 / triangulate(f.rig, left, right)[:, 2] - 1 / points[:, 2]) for f in fits]
     assert np.std(shifts, ddof=1) == pytest.approx(stated["offset_px"], rel=0.6)
+
+
+@pytest.mark.parametrize(("model", "count"), [("pinhole", 0), ("brown2", 4), ("rational8", 8)])
+def test_table_of_another_lens_than_the_true_one(views, rig, model, count):
+    found = calibrate_stereo(views, model=model).fit
+    rows = table(found.rig, rig_covariance(found), rig).set_index("parameter")
+    assert list(rows.index) == list(parameter_names(found.rig)) and len(rows) == 2 * (4 + count) + 6
+    if count > 5:
+        assert float(rows.loc["left k4", "true"]) == 0
+    if count:
+        assert float(rows.loc["right k1", "true"]) == pytest.approx(rig.right.dist[0], abs=0.05)

@@ -30,14 +30,16 @@ class Fault:
     refused: bool = False
     pairs: tuple[str, ...] = ()
     ruler_mm: float | None = None
+    model: str = "brown3"
 
 
 def bad_sets(seed: int = 0) -> Iterator[Fault]:
-    """Sixteen sets of 30 pairs at most, each with one fault."""
+    """Seventeen sets of 30 pairs at most, each with one fault."""
     rng = np.random.default_rng([seed, 15])
     rig = paper_rig()
     good = corner_set(rng)
     yield Fault("left and right exchanged", _swapped(good), "exchanged", refused=True)
+    yield Fault("lens model too short", good, "pinhole is too short", model="pinhole")
     yield Fault("too few pairs", good.only([3, 20]), "2 pairs of the board are too few", refused=True)
     still = corner_set(rng, poses=[draw_poses(rig, 1, rng)[0]] * 12)
     yield Fault("one pose, twelve times", still, "in only 1 different place(s)", refused=True)
@@ -48,7 +50,7 @@ def bad_sets(seed: int = 0) -> Iterator[Fault]:
     yield _unsynchronised(good, [2, 11, 25], rng, "three pairs whose boards moved")
     yield _wrong_corners(good)
     wrong = replace(good, board=Checkerboard(BOARD.columns, BOARD.rows, 30.0))
-    yield Fault("board measured wrong", wrong, "the board is measured wrong", ruler_mm=93.0)
+    yield Fault("board measured wrong", wrong, "the board or the ruler is measured wrong", ruler_mm=93.0)
     stretched = replace(corner_set(rng, board=replace(BOARD, aspect=1.01)), board=BOARD)
     yield Fault("board printed out of square", stretched, "1.0 % higher than they are wide")
     pool = draw_poses(rig, 400, rng)

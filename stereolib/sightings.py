@@ -125,14 +125,16 @@ def merged(sightings: Sequence[Sighting], *, gate: float = 4.0) -> MapObject:
     from scipy.special import chdtri, ndtr
 
     kept, dropped = _of_one_kind(sightings)
-    while True:
-        x, covariance, chi2, freedom = _solve(kept)
-        if len(kept) < 2 or chi2 <= chdtri(max(freedom, 1), 2 * ndtr(-gate)):
-            break
-        rest = [[s for s in kept if s is not out] for out in kept]
-        # Of two that disagree the surer one stays.
-        cost = [_solve(some)[2] if len(kept) > 2 else -out.spread_mm for some, out in zip(rest, kept, strict=True)]
-        dropped.append(kept.pop(int(np.argmin(cost))))
+    most = [chdtri(max(n, 1), 2 * ndtr(-gate)) for n in range(6 * len(kept) + 1)]  # chi square that chance leaves
+    while (found := _solve(kept))[2] > most[max(found[3], 0)] and len(kept) > 1:
+        rest = [_solve([s for s in kept if s is not out]) for out in kept]
+        # What fits, tells most and fits best stays; of two alone, the surer one.
+        doubt = [
+            (chi2 > most[max(n, 0)], int(np.isnan(x).sum()), chi2 if len(kept) > 2 else -out.spread_mm)
+            for out, (x, _, chi2, n) in zip(kept, rest, strict=True)
+        ]
+        dropped.append(kept.pop(min(range(len(kept)), key=doubt.__getitem__)))
+    x, covariance, chi2, freedom = found
     misfit = float(np.sqrt(chi2 / freedom)) if freedom > 0 else np.nan
     grown = covariance * max(np.nan_to_num(misfit), 1.0) ** 2
     thing = _thing(kept, x, grown)

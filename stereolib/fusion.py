@@ -21,6 +21,7 @@ from stereolib.ground import Uncertainty
 Array = np.ndarray
 Seen = tuple[float, float] | None  # an edge in the picture: bearing and its deviation, rad
 _MAP_END_PX = 4.0  # how well a disparity map shows where a face ends
+_OVERHANG_PX = 6.5
 _SCAN_END_PX = 1.5  # how far beyond the two beams it is looked for
 _CORNER_SEARCH_PX = 5.0
 _ALIKE = 0.7  # cosine between normals of the same face, as two sensors have it
@@ -155,9 +156,26 @@ def fuse(
         both = bool(c + normal[1] * floor.rectified.baseline_mm > 0.05 * c)
         seen = edge(_meet(end.bearing, normal, c), normal, end.soft_px, end.flat_px, both)
         x[3 + side], std = seen or (end.bearing, end.std)
+        if seen and len(lines.seen) == 1:
+            std = max(std, _overhang_rad(side, x[3 + side], faces, floor))
         covariance[3 + side, 3 + side] = std**2
         sources[name] = "image" if seen else end.source
     return Fused(x, covariance, sources, (roughly[0].hidden, roughly[1].hidden), disagreement)
+
+
+def _overhang_rad(side: int, bearing: float, faces: tuple[Face, ...], floor: Floor) -> float:
+    """By how much a single face's edge lies beyond what was matched on it: there may stand a narrow second face.
+
+    0 where that is no more than a disparity map leaves open, or where the right picture does not show it.
+    """
+    if not faces:
+        return 0.0
+    face, rectified = faces[-side], floor.rectified
+    t = face.bearing[side]
+    shift = rectified.f_px * rectified.baseline_mm * float(face.line @ [1.0, t])
+    beyond = (bearing - np.arctan(t)) * (1 if side else -1)
+    shown = rectified.P1[0, 2] - rectified.f_px * t - shift > 2 * _MAP_END_PX
+    return float(beyond) if shown and beyond > _OVERHANG_PX / rectified.f_px else 0.0
 
 
 def _meet(bearing: float, normal: Array, c: float) -> Array:

@@ -43,8 +43,9 @@ def draw_objects(measured: Measurement, *, scan: bool = True) -> Array:
     for k, thing in enumerate(measured.objects):
         height = thing.size_mm[2]
         rings = [_pixels(measured, thing.outline_mm, z) for z in (0.0, 0.0 if np.isnan(height) else height)]
-        if not np.isfinite(rings).all() or np.abs(rings).max() > 1e4:
-            continue
+        inside = [((ring >= 0) & (ring < picture.shape[1::-1])).all(axis=1).any() for ring in rings]
+        if not np.isfinite(rings).all() or np.abs(rings).max() > 1e4 or not any(inside):
+            continue  # beside the picture
         color = _COLORS[k % len(_COLORS)]
         closed = thing.shape in ("box", "circle")
         layer = picture.copy()

@@ -213,8 +213,8 @@ def rectified_std(rectified: RectifiedRig, covariance: Array, *, step_px: int = 
     Notes
     -----
     Pixels stay, the parameters move: the inverse depth moves by ``a + b / Z`` over the image and depths of 6.5 to
-    15 baselines, fitted by least squares; ``offset_px = f B std(a)``. Taken from the whole covariance: the errors of cx and
-    of the turn about y, each of some tenths of a pixel, cancel but for their sum.
+    15 baselines, fitted by least squares; ``offset_px = f B std(a)``. Taken from the whole covariance: the errors of cx
+    and of the turn about y, each of some tenths of a pixel, cancel but for their sum.
     """
     rig, scale = rectified.rig, rectified.f_px * rectified.baseline_mm
     grids = [_grid(rig, k * rig.baseline_mm, step_px)[2:] for k in (6.5, 10.0, 15.0)]

@@ -142,9 +142,10 @@ def fuse(
 
     f = floor.rectified.f_px
     roughly = _rough_ends(lines, footprint, laser, faces, floor)
+    left_out: dict[int, _End] = {}
     if len(lines.seen) == 2:
         sure = [k for k in (0, 1) if _scan_shows(lines.normal(k), footprint, laser)]
-        lines = _with_corner(lines, [end.bearing for end in roughly], sure, edge, f)
+        lines, left_out = _with_corner(lines, [end.bearing for end in roughly], sure, edge, f)
         roughly = _rough_ends(lines, footprint, laser, faces, floor)
     x, covariance = np.append(lines.x, [end.bearing for end in roughly]), np.zeros((5, 5))
     covariance[:3, :3] = lines.covariance
@@ -154,9 +155,11 @@ def fuse(
         normal, c = lines.normal(face), lines.x[1 + face]
         # A face that the right camera does not see ends there at another edge.
         both = bool(c + normal[1] * floor.rectified.baseline_mm > 0.05 * c)
+        if side in left_out:  # at the corner, not where the face that was left out ends
+            end, both = left_out[side], True
         seen = edge(_meet(end.bearing, normal, c), normal, end.soft_px, end.flat_px, both)
         x[3 + side], std = seen or (end.bearing, end.std)
-        if seen and len(lines.seen) == 1:
+        if seen and len(lines.seen) == 1 and not left_out:
             std = max(std, _overhang_rad(side, x[3 + side], faces, floor))
         covariance[3 + side, 3 + side] = std**2
         sources[name] = "image" if seen else end.source
@@ -202,29 +205,33 @@ def _with_corner(
     sure: Sequence[int],
     edge: Callable[..., Seen],
     f_px: float,
-) -> Lines:
+) -> tuple[Lines, dict[int, _End]]:
     """The picture shows the corner between two faces: one more observation of the lines, or the judge over the smaller.
 
     A narrow face's own line may be far off. Where the corner's edge contradicts it, its line goes through that edge;
-    where there is no room for it between corner and end, or no edge where it should begin, it is left out.
+    where there is no room for it between corner and end it is left out; then the wide one ends at the corner (side ->
+    where), or, where no edge shows there, somewhere on the narrow one.
     """
     at = _corner_bearing(lines.x)
     spans = f_px * np.array([at - ends[0], ends[1] - at])
     unsure = [k for k in (0, 1) if k not in sure]
     weak = unsure[0] if len(unsure) == 1 and spans.min() < _NARROW_PX else int(spans.argmin())
-    if spans.min() < _LEAST_SPAN_PX or (weak in unsure and spans[weak] < _SURE_SPAN_PX):
-        return without(lines, weak)
+    if spans.min() < _LEAST_SPAN_PX:
+        return without(lines, weak), {}
+    if weak in unsure and spans[weak] < _SURE_SPAN_PX:
+        corner = _End(at, float(spans[weak]) / f_px, "image", False, _CORNER_SEARCH_PX, 0.0)
+        return without(lines, weak), {weak: corner}
     g = np.array([(_corner_bearing(lines.x + step) - at) / step.sum() for step in np.diag([1e-5, 1e-3, 1e-3])])
     variance = float(g @ lines.covariance @ g)
     place = corners_mm(np.append(lines.x, [0.0, 0.0]))[1]
     seen = edge(place, lines.normal(1 - weak), max(f_px * np.sqrt(variance), _CORNER_SEARCH_PX))
     if seen is None:
-        return lines
+        return lines, {}
     if (seen[0] - at) ** 2 < 9 * (variance + seen[1] ** 2):
         gain = lines.covariance @ g / (variance + seen[1] ** 2)
-        return Lines(lines.x + gain * (seen[0] - at), lines.covariance - np.outer(gain, g @ lines.covariance))
+        return Lines(lines.x + gain * (seen[0] - at), lines.covariance - np.outer(gain, g @ lines.covariance)), {}
     if spans[weak] > _NARROW_PX:
-        return lines
+        return lines, {}
     known = [0, 2 - weak]  # the angle and the wide face's line
 
     def through(y: Array) -> Array:
@@ -238,7 +245,7 @@ def _with_corner(
     C = np.zeros((3, 3))
     C[:2, :2], C[2, 2] = lines.covariance[np.ix_(known, known)], seen[1] ** 2
     J = np.stack([(through(y + step) - through(y)) / step.sum() for step in np.diag([1e-5, 1e-3, 1e-6])], axis=1)
-    return Lines(through(y), J @ C @ J.T)
+    return Lines(through(y), J @ C @ J.T), {}
 
 
 @dataclass(frozen=True)

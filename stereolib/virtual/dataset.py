@@ -83,6 +83,11 @@ def pairs() -> dict[str, tuple[str, Scene]]:
     return found | {name: (name, walk.walk_scene()) for name in walk.POSES}
 
 
+def cube_pairs() -> tuple[str, ...]:
+    """Names of the recorded pairs that show the paper's cube."""
+    return tuple(name for name in pairs() if not name.startswith("room/"))
+
+
 def load_pair(name: str) -> tuple[Array, Array]:
     """The recorded images of a pair, as the webcams sent them: two (480, 640, 3) uint8.
 

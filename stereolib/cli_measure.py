@@ -14,6 +14,12 @@ if TYPE_CHECKING:
     from stereolib.measure import Measurement
     from stereolib.objects import MeasuredObject
 
+_NOTES = """\
+A box shows two faces: length, width, height. A face shows one: its width, its depth is hidden. Round things have a diameter.
+Irregular ones and pieces of wall have no sizes. Deviations (±) are one standard deviation: the truth lies within twice that in
+19 of 20 cases. Places are told from the floor below the left camera: ahead along its axis, and to the left; turned: the
+direction of the length (of a face: of the face), counter-clockwise from ahead.
+exit code: 0 something was measured, 1 nothing was, 2 wrong input"""
 _PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp")
 
 
@@ -86,11 +92,16 @@ def measured_facts(measured: Measurement) -> dict[str, Any]:
 
 def measured_text(measured: Measurement) -> str:
     """A block for each object: sizes with one standard deviation, place, and what is not known, and why."""
-    lines = []
-    for k, thing in enumerate(measured.objects):
+    import numpy as np
+
+    lines, nameless = [], [thing for thing in measured.objects if np.isnan(thing.size_mm).all()]
+    for k, thing in enumerate(thing for thing in measured.objects if thing not in nameless):
         sizes = " x ".join(_pm(size, std) for size, std in zip(thing.size_mm, thing.std_mm, strict=True))
         lines.append(f"{k + 1}  {thing.shape}: {sizes} mm (length x width x height, ± one standard deviation)")
         lines += [f"   {line}" for line in _details(thing)]
+    if nameless:
+        places = "; ".join(f"{x:.0f} mm ahead, {y:+.0f} mm left" for x, y in (thing.position_mm for thing in nameless))
+        lines.append(f"also seen, but not measurable (pieces of wall, what is cut or hidden): {places}")
     lines += [f"warning: {text}" for text in measured.warnings]
     return "\n".join(
         part for line in lines for part in textwrap.wrap(line, 120, subsequent_indent="     ", drop_whitespace=False)
@@ -130,7 +141,7 @@ def _laser_arguments(parser: argparse.ArgumentParser) -> None:
         "--calibration", type=Path, required=True, metavar="FILE", help="calibration.json: is completed"
     )
     parser.add_argument("--board", required=True, metavar="9x6", help="inner corners, columns x rows")
-    parser.add_argument("--square-mm", required=True, type=float, metavar="MM", help="edge of a square")
+    parser.add_argument("--square-mm", required=True, metavar="MM", help="edge of a square, or width x height")
     parser.add_argument(
         "--margin-mm", type=float, default=0.0, metavar="MM", help="board beyond its squares (default: 0)"
     )
@@ -160,7 +171,9 @@ def _calibrate_laser(arguments: argparse.Namespace) -> int:
     found = calibrate_lidar_to_camera(views)
     save_lidar(arguments.calibration, found)
     turn, shift = float(np.degrees(found.std_rad).max()), float(found.std_mm.max())
+    x, y, z = found.T_left_lidar[:3, 3]
     print(f"laser: {len(views)} poses; known to {shift:.1f} mm and {turn:.2f} degrees (one standard deviation)")
+    print(f"it stands {x:.0f} mm right of, {y:.0f} mm below and {z:.0f} mm before the left lens: check with a ruler")
     print(f"written into {arguments.calibration}")
     return 0
 
@@ -171,6 +184,7 @@ MEASURE = Command(
     "stereolib measure left.jpg right.jpg --scan scan.bin --calibration calibration.json",
     _measure,
     _measure_arguments,
+    notes=_NOTES,
 )
 CALIBRATE_LASER = Command(
     "calibrate-laser",

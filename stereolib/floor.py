@@ -227,7 +227,7 @@ def _tolerance_px(d: Array) -> Array:
 
 _NO_FLOOR = (
     "{} of the image fits a plane below the camera. Tilt the camera down or step back, see that "
-    "the floor has texture, or give the floor by the camera's pose (floor_from_pose)"
+    "the floor has texture and the pictures are of one moment, left one first; in Python, floor_from_pose gives a floor"
 )
 
 

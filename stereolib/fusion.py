@@ -277,7 +277,9 @@ def _rough_ends(
                 end = _End(float(np.arctan2(y, x)), std, "scan", face.ends[side] == "hidden", _SCAN_END_PX, flat_px)
         for plane in faces if end is None else ():
             u = rectified.P1[0, 2] - rectified.f_px * plane.bearing[side]
-            if plane.line @ normal > _ALIKE * np.linalg.norm(plane.line) and 8 < u < rectified.size[0] - 8:
+            # Further left the right picture does not show what the left one does.
+            first = 8 + side * rectified.f_px * rectified.baseline_mm * float(plane.line @ [1.0, plane.bearing[side]])
+            if plane.line @ normal > _ALIKE * np.linalg.norm(plane.line) and first < u < rectified.size[0] - 8:
                 bearing = float(np.arctan(plane.bearing[side]))
                 end = _End(bearing, _MAP_END_PX / rectified.f_px, "image", False, _MAP_END_PX, 0.0)
         if end is None:  # cut by the frame, and not in the scan

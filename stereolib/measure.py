@@ -228,8 +228,9 @@ def _measure_one(
             faces, height, top = seen.faces, (seen.height_mm, seen.height_std_mm), seen.height_mm
         except CannotMeasure as error:
             reasons["height"] = str(error)
-            with suppress(CannotMeasure):
-                faces, top = find_faces(floor, region, pair), float(np.percentile(region.height_mm, 97))
+            if error.reason in ("cut by the frame", "no top edge"):  # else what was matched is chance
+                with suppress(CannotMeasure):
+                    faces, top = find_faces(floor, region, pair), float(np.percentile(region.height_mm, 97))
     if footprint is None and scanned:
         reasons["object"] = "it is not in the scan (lower than its plane, or dark): its sizes come from the pair alone"
     round_or_odd = (
@@ -256,6 +257,9 @@ def _unseen(footprint: Footprint | None, floor: Floor, laser: LaserOnFloor) -> s
     u = rectified.P1[0, 2] - rectified.f_px * p[:, 1] / np.maximum(p[:, 0], 1.0)
     if ((p[:, 0] > 0) & (u > 0) & (u < rectified.size[0])).sum() < 2:
         return "outside the picture: turn the rig towards it"
+    shift = rectified.f_px * rectified.baseline_mm / np.maximum(p[:, 0], 1.0)
+    if ((p[:, 0] > 0) & (u - shift > 0) & (u < rectified.size[0])).mean() < 0.5:
+        return "only one camera sees it whole: turn the rig towards it"
     if np.linalg.norm(p, axis=1).min() > 1800.0:
         return "too far for the pair: go nearer than 1.8 m"
     return "no texture: the pair matched nothing there; light or texture it"

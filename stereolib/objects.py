@@ -146,7 +146,7 @@ def from_faces(
     outline = np.array([p[1], p[0], p[0] + p[2] - p[1], p[2]]) if whole else p[side : side + 2]
     return MeasuredObject(
         "box" if whole else "face", size, covariance, at[place], C[place, place], float(yaw), float(std[-1]), outline,
-        {**fused.sources, "height": "image"}, reasons,
+        {**fused.sources, **({"height": "image"} if np.isfinite(height[0]) else {})}, reasons,
     )  # fmt: skip
 
 
@@ -169,7 +169,7 @@ def from_scan(
     covariance[2, 2] = height[1] ** 2
     if footprint is None:
         assert region is not None
-        why = "no straight face was found in the picture, and it is not in the scan"
+        why = "no straight face was found"
         place = np.array(region.position_mm)
         reasons = {**reasons, "length": why, "width": why}
         return MeasuredObject(
@@ -188,6 +188,6 @@ def from_scan(
     else:
         why = footprint.reason or f"too uncertain: round, {footprint.length_mm:.0f} ± {round_std:.0f} mm"
         reasons = {**reasons, "length": why, "width": why}
-    sources = {"lines": "scan", "height": "image"}
+    sources = {"lines": "scan", **({"height": "image"} if np.isfinite(height[0]) else {})}
     shape = "circle" if np.isfinite(size[0]) else "irregular"
     return MeasuredObject(shape, size, covariance, centre, spread, np.nan, np.nan, outline, sources, reasons)

@@ -191,7 +191,7 @@ def _measure_one(
         except CannotMeasure as error:
             reasons["height"] = str(error)
             with suppress(CannotMeasure):
-                faces, top = find_faces(floor, region, pair), float(np.percentile(region.height_mm, 97))
+                faces, top = find_faces(floor, region, pair), region.top_mm
     if footprint is None:
         reasons["object"] = "it is not in the scan (lower than its plane, or dark): its sizes come from the pair alone"
     round_or_odd = (

@@ -93,36 +93,34 @@ def align(
     parameters = np.array(start, float)
     some = slice(None, None, max(1, -(-len(u) // _MOST_PIXELS)))
     u, v, x = u[some], v[some], x[some]
-    row, column = v.astype(int), u.astype(int)
+    width = pair.light[0].shape[1]
+    pixel, y = (v * width + u).astype(int), v.astype(np.float32)[None]
     for (left, right), count in zip(pair.levels, (coarse_steps, steps), strict=True):
-        mine, my_slope = left[row, column].T
+        mine, my_slope = left.reshape(-1, 2).take(pixel, axis=0).T
         for _ in range(count):
             where = u - x @ parameters
-            inside = (where > 2) & (where < left.shape[1] - 3)
-            theirs, their_slope = sample(right, np.where(inside, where, 0), v).T
-            gain = float(np.clip((mine @ theirs) / max(float(theirs @ theirs), 1e-9), 0.7, 1.4))
+            inside = (where > 2) & (where < width - 3)
+            theirs, their_slope = cv2.remap(right, where.astype(np.float32)[None], y, cv2.INTER_LINEAR)[0].T
+            gain = min(max(float(mine @ theirs) / max(float(theirs @ theirs), 1e-9), 0.7), 1.4)
             e = (mine - gain * theirs) * inside
             slope = 0.5 * (my_slope + gain * their_slope)
-            reach = max(4.7 * 1.48 * float(np.median(np.abs(e[::4]))), 2.0)
+            reach = max(4.7 * 1.48 * median(np.abs(e[::4])), 2.0)
             weight = np.maximum(1 - (e / reach) ** 2, 0) ** 2 * inside
             J = x * slope[:, None]
-            A = (J * weight[:, None]).T @ J
-            if not np.linalg.cond(A) < 1e12:
-                raise CannotMeasure("no texture", "the pictures show nothing to align; light or texture the surface")
-            parameters = parameters - np.linalg.solve(A, J.T @ (weight * e))
+            weighted = (J * weight[:, None]).T
+            try:
+                parameters = parameters - np.linalg.solve(weighted @ J, weighted @ e)
+            except np.linalg.LinAlgError:
+                text = "the pictures show nothing to align; light or texture the surface"
+                raise CannotMeasure("no texture", text) from None
     covariance = clustered_covariance(J, e, weight, cell_of(u, v))
-    return PlaneFit(parameters, covariance, float((weight > 0).mean()))
+    return PlaneFit(parameters, covariance, np.count_nonzero(weight) / len(weight))
 
 
-def sample(image: Array, u: Array, v: Array) -> Array:
-    """A picture at points (N,) between its pixels, bilinear; its border goes on outside. (N,) or (N, 2) float32."""
-    columns = 512  # cv2.remap limits the size of a map, so the list is folded into rows
-    rows = -(-len(u) // columns)
-    maps = np.zeros((2, rows * columns), np.float32)
-    maps[0, : len(u)], maps[1, : len(u)] = u, v
-    x, y = maps.reshape(2, rows, columns)
-    found = cv2.remap(image, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    return np.asarray(found.reshape(-1, *image.shape[2:])[: len(u)])
+def median(values: Array) -> float:
+    """Median of a few numbers (N,); `np.median` takes longer to look at its arguments than to sort them."""
+    ordered = np.sort(values)
+    return float(ordered[(len(values) - 1) // 2] + ordered[len(values) // 2]) / 2
 
 
 def cell_of(u: Array, v: Array) -> Array:
@@ -148,5 +146,5 @@ def clustered_covariance(x: Array, residual: Array, weight: Array, cluster: Arra
     scaled = x * weight[:, None]
     inverse = np.linalg.inv(scaled.T @ x)
     g = np.stack([np.bincount(cluster, column * residual) for column in scaled.T], axis=1)
-    filled = int((np.bincount(cluster) > 0).sum())
+    filled = np.count_nonzero(np.bincount(cluster))
     return inverse @ (g.T @ g) @ inverse * (filled / max(filled - x.shape[1], 1))

@@ -181,7 +181,8 @@ def compute_disparity(left: Array, right: Array, params: SGBMParams | None = Non
     reach = check_window(params, left.shape[1])
     grey_left, grey_right = to_grey(left), to_grey(right)
     disparity = _match(grey_left, grey_right, params, reach if whole else 0)
-    if np.isnan(disparity[:, reach:]).mean() > 0.6:
+    seen = disparity[:, reach:]
+    if np.count_nonzero(np.isnan(seen)) > 0.6 * seen.size:
         _check_sides(grey_left, grey_right)
     return disparity
 
@@ -297,11 +298,11 @@ def left_right_check(left_px: Array, right_px: Array, tolerance_px: float = 1.0)
 
 def _match(left: Array, right: Array, params: SGBMParams, border: int) -> Array:
     raw = raw_disparity(left, right, params, border)
-    disparity = raw.astype(np.float32)
-    disparity *= 1 / 16
-    disparity[raw < 16 * params.min_disparity] = np.nan
+    disparity = raw * np.float32(1 / 16)
+    invalid = raw < 16 * params.min_disparity
     if border:  # a match outside the right image is a match with the border's copies
-        disparity[disparity > np.arange(disparity.shape[1])] = np.nan
+        invalid |= disparity > np.arange(disparity.shape[1], dtype=np.float32)
+    np.putmask(disparity, invalid, np.nan)
     return disparity
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from stereolib.alignment import median
 from stereolib.floor import Floor
 from stereolib.rig import RectifiedRig
 
@@ -78,24 +79,26 @@ def locate_edge(
     depth = ends_mm[..., 2]
     u, v = (ends_mm[..., i] / depth * rectified.f_px + rectified.P1[i, 2] for i in (0, 1))
     shift = rectified.f_px * rectified.baseline_mm / depth
-    length = np.hypot(*(np.ptp(a[:, len(positions) // 2], axis=1) for a in (u, v)))
+    length = np.hypot(*(a[:, len(positions) // 2] @ [-1.0, 1.0] for a in (u, v)))
     counts = np.maximum(np.rint(samples * length / max(length.sum(), 1.0)), 1).astype(int)
-    u, v, shift = (_along(a, counts) for a in (u, v, shift))
-    seen = []
-    for picture, x in zip(light, (u, u - shift), strict=False):
-        inside = ((x > 1) & (x < width - 2) & (v > 1) & (v < height - 2)).all(axis=0)
-        count = int(inside.sum())
+    points = _along(np.stack([u, u - shift, v]), counts)
+    outer = points[:, [0, -1]]  # between the first and the last line lie all others
+    limits = np.array([width - 2, width - 2, height - 2])[:, None, None]
+    within = np.all((outer > 1) & (outer < limits), axis=1).reshape(3, -1)
+    seen: list[Array] = []
+    for picture, x, in_width in zip(light, points, within, strict=False):
+        y, inside = points[2], in_width & within[2]
+        count = np.count_nonzero(inside)
         if count < 8:
             continue
         if count < len(inside):
-            x, y = np.ascontiguousarray(x[:, inside]), np.ascontiguousarray(v[:, inside])
-        else:
-            y = v
+            x, y = x[:, inside], y[:, inside]
         values = cv2.remap(picture, x, y, cv2.INTER_LINEAR).reshape(len(x), -1)
-        seen.append(cv2.absdiff(values[2 * half :], values[: -2 * half]))
+        difference = cv2.absdiff(values[2 * half :], values[: -2 * half])
+        seen.append(cv2.resize(difference, (_GROUPS, len(difference)), interpolation=cv2.INTER_AREA))
     if not seen:
         return None
-    groups = np.mean([_grouped(difference) for difference in seen], axis=0)
+    groups = np.mean(seen, axis=0)
     middle = positions[half:-half]
     belief = np.exp(-0.5 * (np.maximum(np.abs(middle - prior[0]) - flat, 0) / prior[1]) ** 2)
     strength = groups.mean(axis=1)
@@ -108,24 +111,16 @@ def locate_edge(
     own = middle[first + groups[first : best + 2 * half + 1].argmax(axis=0)]
     step = float(positions[1] - positions[0])
     found = float(middle[best]) + step * _parabola(strength, best)
-    scatter = 1.48 * float(np.median(np.abs(own - np.median(own)))) / np.sqrt(_GROUPS / 1.57)
+    scatter = 1.48 * median(np.abs(own - median(own))) / (_GROUPS / 1.57) ** 0.5
     std = float(np.hypot(scatter, _FLOOR_PX * step / step_px))
-    return Edge(found, std, float(strength[best] / max(np.median(strength), 1e-9)))
+    return Edge(found, std, float(strength[best] / max(median(strength), 1e-9)))
 
 
 def _along(ends: Array, counts: Array) -> Array:
-    """Values between both ends of each piece (pieces, lines, 2), as many as counted: (lines, samples) float32."""
-    parts = [
-        piece[:, :1] + (piece[:, 1:] - piece[:, :1]) * ((np.arange(n) + 0.5) / n)
-        for piece, n in zip(ends, counts, strict=True)
-    ]
-    return np.concatenate(parts, axis=1).astype(np.float32)
-
-
-def _grouped(difference: Array) -> Array:
-    """Means of neighbouring samples, (lines, 8)."""
-    each = difference.shape[1] // _GROUPS
-    return difference[:, : each * _GROUPS].reshape(len(difference), _GROUPS, each).mean(axis=2)
+    """Values between both ends of each piece (K, pieces, lines, 2), as many as counted: (K, lines, samples) float32."""
+    shares = [(np.arange(n, dtype=np.float32) + 0.5) / n for n in counts.tolist()]
+    start, end = ends.astype(np.float32).transpose(3, 1, 0, 2)[..., None]
+    return np.concatenate([a + (b - a) * share for a, b, share in zip(start, end, shares, strict=True)], axis=2)
 
 
 def vertical_edge(
@@ -169,12 +164,11 @@ def vertical_edge(
     angles = start + step * np.arange(-round(reach / step_px), round(reach / step_px) + 1)
     path = np.stack([np.cos(angles), np.sin(angles)], axis=1)
     facing = distance if normal is None else normal @ [forward, left] / np.maximum(path @ normal, 0.05)
-    path = path * np.reshape(facing, (-1, 1))
-    up = np.array(heights_mm) - floor.camera_height_mm
-    ends = np.concatenate([np.repeat(path[:, None], 2, axis=1), np.tile(up[:, None], (len(angles), 1, 1))], axis=2)
+    path = path * np.reshape(facing, (-1, 1)) @ floor.axes[:2]
+    up = (np.reshape(heights_mm, (2, 1)) - floor.camera_height_mm) * floor.axes[2]
     per_px = step / step_px
     edge = locate_edge(
-        light, floor.rectified, (ends @ floor.axes)[None], angles, (start, prior_std_px * per_px), step_px,
+        light, floor.rectified, (path[:, None] + up)[None], angles, (start, prior_std_px * per_px), step_px,
         flat=flat_px * per_px,
     )  # fmt: skip
     return edge if edge is not None and edge.contrast >= _CLEAR else None

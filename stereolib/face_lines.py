@@ -91,7 +91,7 @@ def scanned_lines(footprint: Footprint | None, laser: LaserOnFloor | None, bias_
         n, along = np.array([np.cos(angle), np.sin(angle)]), np.array([-np.sin(angle), np.cos(angle)])
         if k == 0:
             x[0] = angle
-        elif abs(_wrapped(angle - x[0] + _TURN)) > 0.1:
+        elif abs(wrapped(angle - x[0] + _TURN)) > 0.1:
             return None  # the corner points away
         x[1 + k] = offset + n @ laser.t
         pose[0], pose[1 + k] = (0, 0, 1), (*n, along @ laser.t)
@@ -102,9 +102,8 @@ def scanned_lines(footprint: Footprint | None, laser: LaserOnFloor | None, bias_
     length = max(float(np.linalg.norm(np.ptp(points, axis=0))), 1.0)
     shared[0, 2] = 1.0
     shared[:, 2] *= 0.3 * bias_mm / length
-    known = np.arange(1 + count)
-    scale = max(footprint.misfit, 1.0) ** 2
-    C[np.ix_(known, known)] = scale * fit.covariance * np.outer(signs, signs)[np.ix_(known, known)]
+    known = slice(1 + count)
+    C[known, known] = max(footprint.misfit, 1.0) ** 2 * fit.covariance * np.outer(signs[known], signs[known])
     return Lines(x, C + shared @ shared.T + pose @ laser.covariance @ pose.T)
 
 
@@ -120,13 +119,14 @@ def pictured_lines(faces: tuple[Face, ...], floor: Floor, given: Uncertainty) ->
         D = np.array([[-b, a], [-a / size, -b / size]]) / size**2
         mine = slice(2 * k, 2 * k + 2)
         y[mine] = np.arctan2(b, a), 1 / size
-        middle, half = np.mean(face.bearing), max(np.ptp(face.bearing) / 2, 0.01)
+        right, left = face.bearing
+        middle, half = (right + left) / 2, max((left - right) / 2, 0.01)
         shift, tilt = np.array([1.0, 0.0]), np.array([-middle, 1.0]) / half
         common = (given.face_px / scale) ** 2 * (np.outer(shift, shift) + np.outer(tilt, tilt))
         C[mine, mine] = D @ (face.covariance + common) @ D.T
         offset[mine] = D[:, 0] * given.offset_px / scale
     C += np.outer(offset, offset)
-    off = _wrapped(y[0] - y[2] - _TURN) if len(faces) == 2 else 0.0
+    off = wrapped(y[0] - y[2] - _TURN) if len(faces) == 2 else 0.0
     if len(faces) == 2 and abs(off) > max(0.2, 4 * np.sqrt(C[0, 0] + C[2, 2])):  # not a box's corner
         best = int(faces[1].pixels > faces[0].pixels)
         return pictured_lines(faces[best : best + 1], floor, given)
@@ -159,12 +159,12 @@ def combined(scanned: Lines | None, pictured: Lines | None) -> tuple[Lines, str,
         one = scanned or pictured
         assert one is not None
         return one, "scan" if scanned is not None else "image", ""
-    turn = _wrapped(pictured.x[0] - scanned.x[0])
+    turn = wrapped(pictured.x[0] - scanned.x[0])
     if len(pictured.seen) == 1 and turn < -_TURN / 2:
         pictured = _as_left(pictured)
     elif len(scanned.seen) == 1 and turn > _TURN / 2:
         scanned = _as_left(scanned)
-    turn = _wrapped(pictured.x[0] - scanned.x[0])
+    turn = wrapped(pictured.x[0] - scanned.x[0])
     apart = [k for k in scanned.seen if k in pictured.seen and _far_apart(scanned, pictured, 1 + k)]
     text = " and ".join(f"{scanned.x[1 + k]:.0f} and {pictured.x[1 + k]:.0f} mm" for k in apart)
     text = f"scan and pair disagree about the distance of a face's line: {text}" if text else ""
@@ -215,5 +215,6 @@ def without(lines: Lines, face: int) -> Lines:
     return one if 0 in one.seen else _as_right(one)
 
 
-def _wrapped(angle: float) -> float:
+def wrapped(angle: float) -> float:
+    """The same angle between -pi and pi."""
     return float((angle + np.pi) % (2 * np.pi) - np.pi)

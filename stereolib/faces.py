@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from stereolib.alignment import AlignedPair, CannotMeasure, align, cell_of, clustered_covariance
-from stereolib.floor import Floor, scaled_pixels
-from stereolib.ground_objects import Region, bearing_of
+from stereolib.floor import Floor
+from stereolib.ground_objects import Region, rays
 
 Array = np.ndarray
 _BIN = 1.5  # px: width of a bin of bearing
@@ -46,37 +46,35 @@ def find_faces(floor: Floor, region: Region, pair: AlignedPair | None = None, *,
     Parameters are those of `measure_height`. Raises CannotMeasure "no texture".
     """
     scale = floor.rectified.f_px * floor.rectified.baseline_mm
-    top = np.percentile(region.height_mm, 97)
-    upright = region.height_mm < 0.85 * top  # what is higher may be the top face
+    upright = region.height_mm < 0.85 * region.top_mm  # what is higher may be the top face
     u, v, d = (a[upright] for a in (region.u, region.v, region.disparity_px))
     if len(d) < least:
         raise CannotMeasure("no texture", f"only {len(d)} pixels of the object were matched; light or texture it")
-    t, w = bearing_of(floor, u, v, d)
+    ahead, aside = rays(floor, u, v)
+    t, w_px = aside / ahead, d / ahead
     width = _BIN / floor.rectified.f_px
-    index = np.floor((t - t.min()) / width).astype(int)
-    n = np.bincount(index).astype(float)
-    mean = np.bincount(index, w) / np.maximum(n, 1)
+    index = ((t - t.min()) / width).astype(int)
+    n, total = np.bincount(index), np.bincount(index, w_px)
     for _ in range(2):
-        keep = np.abs(w - mean[index]) * scale < 1.5
-        n = np.bincount(index[keep], minlength=len(n)).astype(float)
-        mean = np.bincount(index[keep], w[keep], len(n)) / np.maximum(n, 1)
-    full = np.flatnonzero(n > 0.2 * np.percentile(n, 80))
-    centre, mean = t.min() + (full + 0.5) * width, mean[full]
-    pieces = _hinge(centre, mean * scale)
-    ray = scaled_pixels(u, v, floor.rectified) @ floor.axes[:2].T
+        keep = np.abs(w_px - (total / np.maximum(n, 1))[index]) < 1.5
+        n, total = np.bincount(index, keep), np.bincount(index, w_px * keep)
+    full = np.flatnonzero(n > 0.2 * np.sort(n)[int(0.8 * len(n))])
+    pieces = _hinge(t.min() + (full + 0.5) * width, total[full] / n[full])
     faces = []
     for (low, high), line in pieces:
         margin = min(3 * width, (high - low) / 6)
-        mine = (t > low + margin) & (t < high - margin) & (np.abs(d - ray @ line) < 1.0)
-        if mine.sum() < least:
+        mine = (t > low + margin) & (t < high - margin) & (np.abs(w_px - line[0] - line[1] * t) < 1.0)
+        pixels = int(np.count_nonzero(mine))
+        if pixels < least:
             continue  # a sliver: the other face carries the measurement
-        um, vm, xm = u[mine], v[mine], scale * ray[mine]
-        line = np.linalg.lstsq(xm, d[mine], rcond=None)[0]
-        covariance = clustered_covariance(xm, d[mine] - xm @ line, np.ones(len(um)), cell_of(um, vm))
-        if pair is not None:
-            fit = align(pair, um, vm, xm, line)
+        um, vm, dm, xm = u[mine], v[mine], d[mine], scale * np.stack([ahead[mine], aside[mine]]).T
+        line = np.linalg.solve(xm.T @ xm, xm.T @ dm)
+        if pair is None:
+            covariance = clustered_covariance(xm, dm - xm @ line, np.ones(pixels), cell_of(um, vm))
+        else:
+            fit = align(pair, um, vm, xm, line, coarse_steps=1)
             line, covariance = fit.parameters, fit.covariance
-        faces.append(Face(line, covariance, (float(low), float(high)), int(mine.sum())))
+        faces.append(Face(line, covariance, (float(low), float(high)), pixels))
     if not faces:
         raise CannotMeasure(
             "no texture", f"no face of the object has {least} matched pixels that agree; light or texture it"

@@ -12,7 +12,7 @@ from stereolib.camera import finite_array, set_frozen
 from stereolib.rig import RectifiedRig
 
 Array = np.ndarray
-_STEP = 6  # every sixth pixel, every sixth row
+_STEP = 7  # every seventh pixel, every seventh row
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +50,7 @@ class Floor:
     def _n(self) -> Array:
         return self.rectified.P1[:, :3].T @ self.plane / (self.rectified.f_px * self.rectified.baseline_mm)
 
-    @property
+    @cached_property
     def camera_height_mm(self) -> float:
         """Height of the left optical centre above the floor, mm."""
         return float(1 / np.linalg.norm(self._n))
@@ -79,6 +79,11 @@ class Floor:
         forward = np.array([0.0, 0.0, 1.0]) - self.down[2] * self.down
         forward /= np.linalg.norm(forward)
         return np.stack([forward, np.cross(forward, self.down), -self.down])
+
+    @cached_property
+    def along(self) -> Array:
+        """Rows that give, of a pixel's (u, v, 1), how far its ray goes forward and left per unit of depth. (2, 3)."""
+        return np.asarray(self.axes[:2] @ np.linalg.inv(self.rectified.P1[:, :3]))
 
     def disparity(self, u: Array, v: Array) -> Array:
         """Disparity of the floor at pixels, px; zero and less at and above the horizon."""
@@ -191,33 +196,37 @@ def _fit(
     trials: int, rng: np.random.Generator, pair: AlignedPair | None,
 ) -> Floor:  # fmt: skip
     """The best plane of some trials, refined; CannotMeasure if it is not a floor."""
-    share_of_one = _STEP**2 / float(np.prod(rectified.size))
+    share_of_one = _STEP**2 / (rectified.size[0] * rectified.size[1])
     plane = _ransac(x, d, rectified, limits, trials, rng) if len(d) > 50 else None
+    tolerance = _tolerance_px(d)
     for reach in (2.0, 1.5, 1.5):
-        if plane is None or not (near := np.abs(d - x @ plane) < reach * _tolerance_px(d)).sum() >= least:
-            share = 0.0 if plane is None else 100 * near.sum() * share_of_one
-            raise CannotMeasure("no floor", _NO_FLOOR.format(f"{share:.1f} %"))
-        weight = (1 - ((d - x @ plane)[near] / (reach * _tolerance_px(d[near]))) ** 2) ** 2
-        root = x[near] * weight[:, None]
-        plane = np.linalg.solve(root.T @ x[near], root.T @ d[near])
+        off = np.inf if plane is None else (d - x @ plane) / (reach * tolerance)
+        weight = np.maximum(1 - off**2, 0) ** 2
+        count = np.count_nonzero(weight)
+        if plane is None or count < least:
+            raise CannotMeasure("no floor", _NO_FLOOR.format(f"{100 * count * share_of_one:.1f} %"))
+        root = x * weight[:, None]
+        plane = np.linalg.solve(root.T @ x, root.T @ d)
     assert plane is not None
-    covariance = clustered_covariance(x[near], (d - x @ plane)[near], weight, cell_of(u[near], v[near]))
-    if pair is not None:
+    if pair is None:
+        covariance = clustered_covariance(x, d - x @ plane, weight, cell_of(u, v))
+    else:
+        near = weight > 0
         fit = align(pair, u[near], v[near], x[near], plane)
         plane, covariance = fit.parameters, fit.covariance
     expected = x @ plane
-    under = (d < expected - 3 * _tolerance_px(d)) & (expected > 0)
-    if not _plausible(plane[None], rectified, limits)[0] or under.sum() > 0.3 * near.sum():
+    under = np.count_nonzero((d < expected - 3 * tolerance) & (expected > 0))
+    if not _plausible(plane[None], rectified, limits)[0] or under > 0.3 * count:
         raise CannotMeasure("no floor", _NO_FLOOR.format("no large part"))
     back = scaled_pixels(np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0]), rectified)
     back = np.stack([back[0] - back[2], back[1] - back[2], back[2]])  # planes per scaled pixel -> per pixel
-    return Floor(rectified, back @ plane, back @ covariance @ back.T, float(near.sum() * share_of_one))
+    return Floor(rectified, back @ plane, back @ covariance @ back.T, count * share_of_one)
 
 
 def scaled_pixels(u: Array, v: Array, rectified: RectifiedRig) -> Array:
     """Rows ``((u - cx) / f, (v - cy) / f, 1)``: the rays of pixels, (N, 3)."""
     f, (cx, cy) = rectified.f_px, rectified.P1[:2, 2]
-    return np.stack([(u - cx) / f, (v - cy) / f, np.ones(len(u))], axis=1)
+    return np.stack([(u - cx) / f, (v - cy) / f, np.ones(len(u))]).T
 
 
 def _tolerance_px(d: Array) -> Array:
@@ -257,18 +266,22 @@ def _ransac(
     x: Array, d: Array, rectified: RectifiedRig, limits: tuple[float, float, float], trials: int,
     rng: np.random.Generator,
 ) -> Array | None:  # fmt: skip
-    """Best plane (3,) for the rays x (N, 3) and disparities d (N,), or None."""
+    """Best plane (3,) for the rays x (N, 3) and disparities d (N,), row by row of the picture, or None."""
     some = rng.integers(len(d), size=400)
-    low, lowest = (np.flatnonzero(x[:, 1] >= np.percentile(x[:, 1], share)) for share in (50, 85))  # floors are there
-    pools = ((low, low, low), (lowest, lowest, low), (lowest, low, np.arange(len(d))))
-    triples = np.concatenate([np.stack([rng.choice(p, trials // 3 + 1) for p in pool], axis=1) for pool in pools])
-    A, b = x[triples], d[triples]
-    usable = np.abs(np.linalg.det(A)) > 1e-3
-    planes = np.linalg.solve(A[usable], b[usable][..., None])[..., 0]
+    low, lowest = len(d) // 2, int(0.85 * len(d))  # the pixels come row by row, and floors are low
+    first = np.array([[low, low, low], [lowest, lowest, low], [lowest, low, 0]]).repeat(trials // 3 + 1, axis=0)
+    corners, xyd = rng.integers(first, len(d)).T, np.stack([x[:, 0], x[:, 1], d])
+    x0, y0, d0 = start = xyd[:, corners[0]]
+    (x1, y1, d1), (x2, y2, d2) = (xyd[:, k] - start for k in corners[1:])
+    area = x1 * y2 - x2 * y1
+    area[np.abs(area) < 1e-3] = np.nan
+    a, b = (d1 * y2 - d2 * y1) / area, (x1 * d2 - x2 * d1) / area
+    planes = np.stack([a, b, d0 - a * x0 - b * y0]).T
     planes = planes[_plausible(planes, rectified, limits)]
     if not len(planes):
         return None
-    expected = x[some] @ planes.T
-    above, reach = d[some][:, None] - expected, _tolerance_px(d[some])[:, None]
-    votes = (np.abs(above) < reach).astype(float) - ((above < -3 * reach) & (expected > 0))
-    return planes[(d[some] @ votes).argmax()]
+    voters = d[some].astype(np.float32)
+    expected = planes.astype(np.float32) @ x[some].T.astype(np.float32)
+    off = (voters - expected) / _tolerance_px(voters)
+    on, under = np.abs(off) < 1, (off < -3) & (expected > 0)
+    return planes[(on @ voters - under @ voters).argmax()]

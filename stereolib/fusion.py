@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stereolib.edges import vertical_edge
-from stereolib.face_lines import LaserOnFloor, Lines, combined, pictured_lines, scanned_lines, without
+from stereolib.face_lines import LaserOnFloor, Lines, combined, pictured_lines, scanned_lines, without, wrapped
 from stereolib.faces import Face
 from stereolib.floor import Floor
 from stereolib.footprint import Footprint
@@ -60,29 +60,41 @@ class Fused:
         return bool(np.isfinite(self.x[2]))
 
     def propagate(self, values: Callable[[Array], Array]) -> tuple[Array, Array]:
-        """Functions of x and their covariance, by numerical derivatives."""
+        """Functions (K, 5) -> (K, m) of x, (m,), and their covariance, by numerical derivatives."""
         known = np.flatnonzero(np.isfinite(self.x))
-        at = values(self.x)
-        steps = np.array([1e-5, 1e-3, 1e-3, 1e-6, 1e-6])[known]
-        moved = self.x + np.eye(5)[known] * steps[:, None]
-        J = np.stack([(values(x) - at) / step for x, step in zip(moved, steps, strict=True)], axis=1)
+        steps = np.array([1e-5, 1e-3, 1e-3, 1e-6, 1e-6])
+        at, *moved = values(np.vstack([self.x, self.x + np.diag(steps)[known]]))
+        J = (np.array(moved) - at).T / steps[known]
         return at, J @ self.covariance[np.ix_(known, known)] @ J.T
 
 
 def corners_mm(x: Array) -> Array:
-    """Outer right end, corner and outer left end of two faces (3, 2), or both ends of a single one (2, 2), mm.
+    """Outer right end, corner and outer left end of two faces, (3, 2), or both ends of a single one, (2, 2), mm.
 
+    Of `Fused.x`, (5,), or of many: (K, 5) gives (K, 3, 2) or (K, 2, 2).
     ``c r / (n . r)``, r the direction of an end's bearing; the corner is where the lines meet, ``c1 n1 + c2 n2``.
     """
-    phi, c1, c2, right, left = x
-    two = np.isfinite(c2)
-    n1, n2 = np.array([np.cos(phi), np.sin(phi)]), np.array([np.sin(phi), -np.cos(phi)])
-    last = (n2, c2) if two else (n1, c1)
-    ends = []
-    for bearing, (n, c) in ((right, (n1, c1)), (left, last)):
-        r = np.array([np.cos(bearing), np.sin(bearing)])
-        ends.append(c * r / (n @ r))
-    return np.array([ends[0], c1 * n1 + c2 * n2, ends[1]]) if two else np.array(ends)
+    phi, c1, c2, right, left = x.T
+    if not np.isfinite(c2).all():
+        return np.stack([_meet(right, phi, c1), _meet(left, phi, c1)], axis=-2)
+    away = _corner_bearing(x)
+    corner = np.hypot(c1, c2)[..., None] * _direction(away)
+    return np.stack([_meet(right, phi, c1), corner, _meet(left, phi - np.pi / 2, c2)], axis=-2)
+
+
+def _direction(angle: Array | float) -> Array:
+    """Unit vector, (..., 2)."""
+    return np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+
+
+def _meet(bearing: Array | float, angle: Array | float, c: Array | float) -> Array:
+    """Where a bearing meets a line: ``c r / (n . r)``, the normal's angle given. (..., 2)."""
+    return np.asarray(c / np.cos(bearing - angle))[..., None] * _direction(bearing)
+
+
+def _corner_bearing(x: Array) -> Array:
+    """Of the corner ``c1 n1 + c2 n2``, which is (c1, -c2) turned by phi."""
+    return np.asarray(x[..., 0] - np.arctan2(x[..., 2], x[..., 1]))
 
 
 def fuse(
@@ -144,8 +156,8 @@ def fuse(
     roughly = _rough_ends(lines, footprint, laser, faces, floor)
     left_out: dict[int, _End] = {}
     if len(lines.seen) == 2:
-        sure = [k for k in (0, 1) if _scan_shows(lines.normal(k), footprint, laser)]
-        lines, left_out = _with_corner(lines, [end.bearing for end in roughly], sure, edge, f)
+        matched = [_matched_px(lines.normal(k), footprint, laser, faces, f) for k in (0, 1)]
+        lines, left_out = _with_corner(lines, [end.bearing for end in roughly], matched, edge, f)
         roughly = _rough_ends(lines, footprint, laser, faces, floor)
     x, covariance = np.append(lines.x, [end.bearing for end in roughly]), np.zeros((5, 5))
     covariance[:3, :3] = lines.covariance
@@ -157,7 +169,7 @@ def fuse(
         both = bool(c + normal[1] * floor.rectified.baseline_mm > 0.05 * c)
         if side in left_out:  # at the corner, not where the face that was left out ends
             end, both = left_out[side], True
-        seen = edge(_meet(end.bearing, normal, c), normal, end.soft_px, end.flat_px, both)
+        seen = edge(_meet(end.bearing, lines.x[0] - face * np.pi / 2, c), normal, end.soft_px, end.flat_px, both)
         x[3 + side], std = seen or (end.bearing, end.std)
         if seen and len(lines.seen) == 1 and not left_out:
             std = max(std, _overhang_rad(side, x[3 + side], faces, floor))
@@ -181,28 +193,21 @@ def _overhang_rad(side: int, bearing: float, faces: tuple[Face, ...], floor: Flo
     return float(beyond) if shown and beyond > _OVERHANG_PX / rectified.f_px else 0.0
 
 
-def _meet(bearing: float, normal: Array, c: float) -> Array:
-    """Where a bearing meets a line: ``c r / (n . r)``."""
-    r = np.array([np.cos(bearing), np.sin(bearing)])
-    return c * r / (normal @ r)
-
-
-def _scan_shows(normal: Array, footprint: Footprint | None, laser: LaserOnFloor | None) -> bool:
-    """The scan has a face of this direction."""
-    if footprint is None or laser is None:
-        return False
-    return any(face.normal @ laser.R.T @ normal > _ALIKE for face in footprint.faces)
-
-
-def _corner_bearing(x: Array) -> float:
-    corner = corners_mm(np.append(x, [0.0, 0.0]))[1]
-    return float(np.arctan2(corner[1], corner[0]))
+def _matched_px(
+    normal: Array, footprint: Footprint | None, laser: LaserOnFloor | None, faces: tuple[Face, ...], f_px: float
+) -> float:
+    """Width over which the disparity map shows a face of this direction, px; infinite if the scan shows it, too."""
+    scanned = () if footprint is None or laser is None else footprint.faces
+    if laser is not None and any(face.normal @ laser.R.T @ normal > _ALIKE for face in scanned):
+        return np.inf
+    like = [plane for plane in faces if plane.line @ normal > _ALIKE * np.linalg.norm(plane.line)]
+    return f_px * max((plane.bearing[1] - plane.bearing[0] for plane in like), default=0.0)
 
 
 def _with_corner(
     lines: Lines,
     ends: Sequence[float],
-    sure: Sequence[int],
+    matched: Sequence[float],
     edge: Callable[..., Seen],
     f_px: float,
 ) -> tuple[Lines, dict[int, _End]]:
@@ -212,19 +217,20 @@ def _with_corner(
     where there is no room for it between corner and end it is left out; then the wide one ends at the corner (side ->
     where), or, where no edge shows there, somewhere on the narrow one.
     """
-    at = _corner_bearing(lines.x)
+    (_, c1, c2), at = lines.x, wrapped(float(_corner_bearing(lines.x)))
     spans = f_px * np.array([at - ends[0], ends[1] - at])
-    unsure = [k for k in (0, 1) if k not in sure]
-    weak = unsure[0] if len(unsure) == 1 and spans.min() < _NARROW_PX else int(spans.argmin())
-    if spans.min() < _LEAST_SPAN_PX:
-        return without(lines, weak), {}
-    if weak in unsure and spans[weak] < _SURE_SPAN_PX:
+    unsure = [k for k in (0, 1) if np.isfinite(matched[k])]
+    seen_px = np.minimum(spans, matched)
+    weak = unsure[0] if len(unsure) == 1 and seen_px.min() < _NARROW_PX else int(seen_px.argmin())
+    if spans.min() < _LEAST_SPAN_PX or (weak in unsure and matched[weak] < 0.5 * min(spans[weak], _SURE_SPAN_PX)):
+        return without(lines, weak), {}  # there is no room for it, or too little of it is there
+    if weak in unsure and seen_px[weak] < _SURE_SPAN_PX:
         corner = _End(at, float(spans[weak]) / f_px, "image", False, _CORNER_SEARCH_PX, 0.0)
         return without(lines, weak), {weak: corner}
-    g = np.array([(_corner_bearing(lines.x + step) - at) / step.sum() for step in np.diag([1e-5, 1e-3, 1e-3])])
+    distance = float(np.hypot(c1, c2))
+    g = np.array([1.0, c2 / distance**2, -c1 / distance**2])  # derivative of the corner's bearing
     variance = float(g @ lines.covariance @ g)
-    place = corners_mm(np.append(lines.x, [0.0, 0.0]))[1]
-    seen = edge(place, lines.normal(1 - weak), max(f_px * np.sqrt(variance), _CORNER_SEARCH_PX))
+    seen = edge(distance * _direction(at), lines.normal(1 - weak), max(f_px * np.sqrt(variance), _CORNER_SEARCH_PX))
     if seen is None:
         return lines, {}
     if (seen[0] - at) ** 2 < 9 * (variance + seen[1] ** 2):
@@ -237,8 +243,8 @@ def _with_corner(
     def through(y: Array) -> Array:
         x = lines.x.copy()
         x[known] = y[:2]
-        turned = Lines(x, lines.covariance)
-        x[1 + weak] = turned.normal(weak) @ _meet(y[2], turned.normal(1 - weak), x[known[1]])
+        corner = _meet(y[2], x[0] - (1 - weak) * np.pi / 2, x[known[1]])
+        x[1 + weak] = Lines(x, lines.covariance).normal(weak) @ corner
         return x
 
     y = np.append(lines.x[known], seen[0])

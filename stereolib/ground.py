@@ -10,11 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stereolib.alignment import AlignedPair, CannotMeasure
+from stereolib.alignment import AlignedPair, CannotMeasure, median
 from stereolib.edges import locate_edge
 from stereolib.faces import Face, find_faces
-from stereolib.floor import Floor, fit_floor, scaled_pixels
-from stereolib.ground_objects import STEP, Region, find_objects
+from stereolib.floor import Floor, fit_floor
+from stereolib.ground_objects import STEP, Region, find_objects, rays
 from stereolib.images import to_light
 from stereolib.rig import RectifiedRig
 
@@ -139,18 +139,18 @@ def measure_height(
     middle = lines[:, len(heights) // 2]
     if np.mean(middle[..., 1] / middle[..., 2]) * rectified.f_px + rectified.P1[1, 2] < reach_px:
         raise CannotMeasure("cut by the frame", _CUT)
+    area = np.ptp([_row(floor, faces, height) for height in (0.0, top)]) * rectified.f_px
+    area *= sum(face.bearing[1] - face.bearing[0] for face in faces)
+    share = STEP**2 * sum(face.pixels for face in faces) / area
+    if share < least_share:
+        raise CannotMeasure("no texture", f"only {100 * share:.0f} % of its faces were matched; light or texture it")
     light = (to_light(left), to_light(right)) if pair is None else pair.light
     edge = locate_edge(light, rectified, lines, heights, (top, 3.0 * per_px), step_px, samples=160)
     if edge is None or edge.contrast < _LEAST_CONTRAST:
         raise CannotMeasure("no top edge", "the object's upper outline does not stand out; change light or background")
     parts = _parts(floor, faces, edge.position, edge.std, uncertainty)
     near = _near(faces)
-    ends = np.array([[near[0], near[1], z - floor.camera_height_mm] for z in (0.0, edge.position)]) @ floor.axes
-    ends_px = ends[:, :2] / ends[:, 2:] * rectified.f_px + rectified.P1[:2, 2]
-    rows, columns = abs(ends_px[0, 1] - ends_px[1, 1]), sum(np.ptp(face.bearing) for face in faces) * rectified.f_px
-    share = STEP**2 * sum(face.pixels for face in faces) / float(rows * columns)
-    if share < least_share:
-        raise CannotMeasure("no texture", f"only {100 * share:.0f} % of its faces were matched; light or texture it")
+    ends_px = floor.pixels(np.array([[*near, 0.0], [*near, edge.position]]))
     width, height = rectified.size
     x0, _, x1, y1 = region.bounds
     touched = {"left": x0 <= STEP, "right": x1 >= width - 1 - STEP, "bottom": y1 >= height - 1 - STEP}
@@ -203,26 +203,30 @@ def height_of_nearest(
 def _rough_top(floor: Floor, region: Region, faces: tuple[Face, ...]) -> float:
     """Height to which the disparities follow the faces, column by column. mm."""
     scale = floor.rectified.f_px * floor.rectified.baseline_mm
-    ray = scaled_pixels(region.u, region.v, floor.rectified) @ floor.axes[:2].T
-    t = ray[:, 1] / ray[:, 0]
+    ray = rays(floor, region.u, region.v)
+    t = ray[1] / ray[0]
     tops = []
     for face in faces:
         low, high = face.bearing
-        on = (t > low) & (t < high) & (np.abs(region.disparity_px - scale * ray @ face.line) < 1.2)
+        on = (t > low) & (t < high) & (np.abs(region.disparity_px - scale * (face.line @ ray)) < 1.2)
         index = region.u[on].astype(int) // STEP
-        highest = np.full(floor.rectified.size[0], -np.inf)
+        highest = np.full(int(index.max(initial=0)) + 1, -np.inf)
         np.maximum.at(highest, index, region.height_mm[on])
         tops.append(highest[np.isfinite(highest)])
-    return float(np.median(np.concatenate(tops)))
+    return median(np.concatenate(tops))
 
 
 def _level_lines_mm(floor: Floor, face: Face, heights: Array) -> Array:
     """Both ends of level lines on a face, (heights, 2, 3) mm, in the rectified left camera's frame."""
     low, high = face.bearing
     trim = 0.04 * (high - low)
-    ground = np.broadcast_to(face.points_mm(np.array([low + trim, high - trim])), (len(heights), 2, 2))
-    up = np.repeat((heights - floor.camera_height_mm)[:, None, None], 2, axis=1)
-    return np.concatenate([ground, up], axis=2) @ floor.axes
+    ground = face.points_mm(np.array([low + trim, high - trim])) @ floor.axes[:2]
+    return np.asarray(ground + (heights - floor.camera_height_mm)[:, None, None] * floor.axes[2])
+
+
+def _row(floor: Floor, faces: tuple[Face, ...], height_mm: float) -> float:
+    """Row of the near edge at a height, px."""
+    return float(floor.pixels(np.array([[*_near(faces), height_mm]]))[0, 1])
 
 
 def _near(faces: tuple[Face, ...]) -> Array:
@@ -245,14 +249,14 @@ def _parts(
     K = rectified.P1[:, :3]
     plane_to_h = -(h**3) * (K @ (K.T @ floor.plane)) / scale**2  # derivative of 1 / |n|
     for face, share in zip(faces, shares, strict=True):
-        t = np.mean(face.bearing)
-        ground = face.points_mm(float(t))
+        t = sum(face.bearing) / 2
+        ground = face.points_mm(t)
         point = np.array([*ground, height - h]) @ floor.axes
         pixel = K @ point / point[2]
         d = scale / point[2]
         ratio = float(floor.plane @ pixel) / d
         by_floor += share * ((1 - ratio) * plane_to_h - h / d * pixel)
-        to_line = h * ratio / d * scale * (scaled_pixels(pixel[:1], pixel[1:2], rectified)[0] @ floor.axes[:2].T)
+        to_line = h * ratio / d * scale * (floor.along @ pixel)
         face_var += float((share * to_line) @ face.covariance @ (share * to_line))
         by_face += share * h * ratio / d
     common_floor = float(by_floor[2])

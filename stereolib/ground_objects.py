@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import cv2
 import numpy as np
 
-from stereolib.floor import Floor, checked_disparity, scaled_pixels
+from stereolib.floor import Floor, checked_disparity
 
 Array = np.ndarray
 #: Every third pixel of every third row: faces are planes, and edges are looked for in the pictures.
@@ -34,6 +35,12 @@ class Region:
     height_mm: Array
     position_mm: tuple[float, float]
     bounds: tuple[int, int, int, int]
+
+    @cached_property
+    def top_mm(self) -> float:
+        """Height below which 97 of 100 of its pixels lie: its top, roughly."""
+        at = int(0.97 * len(self.height_mm))
+        return float(np.partition(self.height_mm, at)[at])
 
 
 def find_objects(
@@ -66,22 +73,18 @@ def find_objects(
     rectified = floor.rectified
     rows, columns = disparity.shape
     u, v = np.arange(columns, dtype=np.float32) * STEP, np.arange(rows, dtype=np.float32)[:, None] * STEP
-    ground = (floor.plane[0] * u + floor.plane[1] * v + floor.plane[2]).astype(np.float32)
-    forward = floor.axes[0] / [rectified.f_px, rectified.f_px, 1.0]
-    ahead = (forward[0] * (u - rectified.P1[0, 2]) + forward[1] * (v - rectified.P1[1, 2]) + forward[2]).astype(
-        np.float32
-    )
+    ground, ahead = (a * u + (b * v + c) for a, b, c in (floor.plane.tolist(), floor.along[0].tolist()))
     least_disparity = rectified.f_px * rectified.baseline_mm / max_distance_mm
-    lift = np.float32(min_height_mm / floor.camera_height_mm)
-    mask = (
-        (ahead > 0.2) & (disparity > least_disparity * ahead) & (disparity - ground > np.maximum(lift * disparity, 1.0))
-    )
+    lift = min_height_mm / floor.camera_height_mm
+    mask = (ahead > 0.2) & (disparity > least_disparity * ahead)
+    mask &= disparity - ground > np.maximum(lift * disparity, 1.0)
     filled = np.where(mask, disparity, 0)
-    jump = np.zeros(mask.shape, bool)
-    for axis in (0, 1):  # neighbours of different depth are different things
-        step = np.abs(np.diff(filled, axis=axis)) > 1.5 + 0.02 * np.delete(filled, -1, axis=axis)
-        np.logical_or(jump[:-1] if axis == 0 else jump[:, :-1], step, out=jump[:-1] if axis == 0 else jump[:, :-1])
-    count, labels, stats, _ = cv2.connectedComponentsWithStats((mask & ~jump).astype(np.uint8), connectivity=4)
+    for first, second, kept in (
+        (filled[:-1], filled[1:], mask[:-1]),
+        (filled[:, :-1], filled[:, 1:], mask[:, :-1]),
+    ):  # neighbours of different depth are different things
+        kept &= np.abs(second - first) <= 1.5 + 0.02 * first
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(mask.view(np.uint8), connectivity=4)
     found = []
     for k in range(1, count):
         x, y, w, h, area = stats[k]
@@ -91,15 +94,15 @@ def find_objects(
         row, column = np.nonzero(part)
         d = filled[y : y + h, x : x + w][part].astype(float)
         pu, pv = float(STEP) * (column + x), float(STEP) * (row + y)
-        t, w_inverse = bearing_of(floor, pu, pv, d)
-        near = int(np.argpartition(w_inverse, -len(d) // 50)[-len(d) // 50])
-        position = (1 / w_inverse[near], t[near] / w_inverse[near])
+        ray = rays(floor, pu, pv)
+        near = int(np.argpartition(d / ray[0], -len(d) // 50)[-len(d) // 50])
+        x_mm, y_mm = rectified.f_px * rectified.baseline_mm / d[near] * ray[:, near]
         bounds = (int(STEP * x), int(STEP * y), int(STEP * (x + w - 1)), int(STEP * (y + h - 1)))
-        found.append(Region(pu, pv, d, floor.height_mm(pu, pv, d), position, bounds))
+        found.append(Region(pu, pv, d, floor.height_mm(pu, pv, d), (float(x_mm), float(y_mm)), bounds))
     return sorted(found, key=lambda region: region.position_mm[0])
 
 
-def bearing_of(floor: Floor, u: Array, v: Array, d: Array) -> tuple[Array, Array]:
-    """Tangent of the bearing (left positive) and inverse forward distance (1/mm) of pixels, each (N,)."""
-    ray = scaled_pixels(u, v, floor.rectified) @ floor.axes[:2].T
-    return ray[:, 1] / ray[:, 0], d / (floor.rectified.f_px * floor.rectified.baseline_mm * ray[:, 0])
+def rays(floor: Floor, u: Array, v: Array) -> Array:
+    """How far the rays of pixels go forward and left along the floor per unit of depth, (2, N)."""
+    of_u, of_v, constant = floor.along.T[..., None]
+    return np.asarray(of_u * u + of_v * v + constant)

@@ -12,6 +12,8 @@ Array = np.ndarray
 #: Kind, first bytes, end marker: decoders may fill the rest of a cut picture with grey and say nothing.
 _ENDS = (("JPEG", b"\xff\xd8\xff", b"\xff\xd9"), ("PNG", b"\x89PNG", b"IEND"))
 
+_LIGHT = ((np.arange(256) / 255) ** 2.2).astype(np.float32)
+
 
 def read_image(path: str | PathLike[str], *, grey: bool = False) -> Array:
     """Read one picture.
@@ -85,7 +87,7 @@ def to_light(image: Array) -> Array:
 
     A blurred edge between light and dark stands right in light, not in grey levels.
     """
-    return np.asarray(cv2.LUT(image, ((np.arange(256) / 255) ** 2.2).astype(np.float32)))
+    return np.asarray(cv2.LUT(image, _LIGHT))
 
 
 def to_grey(image: Array) -> Array:

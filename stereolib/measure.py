@@ -205,7 +205,7 @@ def _same_things(
         pairs.append((regions[i], prints[j]))
     for i in sorted(free_regions):  # a piece of what the scan shows whole
         if any(
-            overlap(i, j) > 0.9 and abs(distances[i] - near[j]) < _SAME_DISTANCE * near[j] and j not in free_prints
+            overlap(i, j) > 0.5 and abs(distances[i] - near[j]) < _SAME_DISTANCE * near[j] and j not in free_prints
             for j in range(len(prints))
         ):
             free_regions.remove(i)
@@ -230,7 +230,7 @@ def _measure_one(
             reasons["height"] = str(error)
             if error.reason in ("cut by the frame", "no top edge"):  # else what was matched is chance
                 with suppress(CannotMeasure):
-                    faces, top = find_faces(floor, region, pair), float(np.percentile(region.height_mm, 97))
+                    faces, top = find_faces(floor, region, pair), region.top_mm
     if footprint is None and scanned:
         reasons["object"] = "it is not in the scan (lower than its plane, or dark): its sizes come from the pair alone"
     round_or_odd = (

@@ -7,7 +7,6 @@ laid flat, y left, z up, mm.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from itertools import pairwise
 
 import numpy as np
 
@@ -111,12 +110,13 @@ def from_faces(
 
     def values(x: Array) -> Array:
         p = corners_mm(x)
-        sides = np.linalg.norm(np.diff(p, axis=0), axis=1)
-        return np.concatenate([sides, (p[0] + p[-1]) / 2, *((a + b) / 2 for a, b in pairwise(p)), [x[0]]])
+        sides = np.hypot(*(p[:, 1:] - p[:, :-1]).T).T
+        middles = (p[:, 1:] + p[:, :-1]) / 2
+        return np.hstack([sides, (p[:, 0] + p[:, -1]) / 2, middles.reshape(len(x), -1), x[:, :1]])
 
     at, C = fused.propagate(values)
     C[:n, :n] += scale_std**2 * np.outer(at[:n], at[:n])
-    std, flat = np.sqrt(np.diag(C)), _grazing_rad(fused.x)
+    std, flat = np.sqrt(np.diag(C)), np.arcsin(np.cos(fused.x[3 : 3 + n] - fused.x[0] + np.arange(n) * np.pi / 2))
     refused = {}
     for k in range(n):
         if any(fused.hidden if n == 1 else fused.hidden[k : k + 1]):
@@ -148,16 +148,6 @@ def from_faces(
         "box" if whole else "face", size, covariance, at[place], C[place, place], float(yaw), float(std[-1]), outline,
         {**fused.sources, **({"height": "image"} if np.isfinite(height[0]) else {})}, reasons,
     )  # fmt: skip
-
-
-def _grazing_rad(x: Array) -> Array:
-    """Angle under which each face is seen, at its outer end; (2,) or (1,) rad."""
-    p = corners_mm(x)
-    facing = []
-    for k, end in zip(range(len(p) - 1), (p[0], p[-1]), strict=False):
-        angle = x[0] - k * np.pi / 2
-        facing.append(np.array([np.cos(angle), np.sin(angle)]) @ end / np.linalg.norm(end))
-    return np.arcsin(np.clip(facing, -1, 1))
 
 
 def from_scan(

@@ -7,7 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 Array = np.ndarray
-_STEPS = 5  # of Gauss-Newton: an angle right to 0.1 rad is right to 1e-8 after three
+_STEPS = 4  # of Gauss-Newton: an angle right to 0.1 rad is right to 1e-8 after three
+_CIRCLE_STEPS = 8  # from the algebraic fit a round outline needs four
+_TURN = np.array([[0.0, -1.0], [1.0, 0.0]])
 _CANDIDATES = 2  # splits of a corner that are fitted in full
 
 
@@ -27,8 +29,6 @@ class Lines:
 
 def fit_lines(p: Array, sigma: Array, split: int, start: float | None = None) -> Lines:
     """Gauss-Newton on the angle and the offsets; points before the split belong to the first line."""
-    second = np.arange(len(p)) >= split
-    beam = p / np.hypot(*p.T)[:, None]
     two = bool(split < len(p))
     if start is None:
         centred = p - p.mean(axis=0)
@@ -36,8 +36,10 @@ def fit_lines(p: Array, sigma: Array, split: int, start: float | None = None) ->
         start = float(np.arctan2(normal[1], normal[0]))
     x = np.array([start, 0.0, 0.0][: 2 + two])
     # Turned back by a quarter, the second part's points lie like the first's: one normal serves both.
-    q, beam = (np.where(second[:, None], np.stack([a[:, 1], -a[:, 0]], axis=1), a) for a in (p, beam))
-    columns = np.stack([~second, second], axis=1)[:, : 1 + two].astype(float)
+    q = np.concatenate([p[:split], p[split:] @ _TURN])
+    beam = q / np.hypot(*q.T)[:, None]
+    columns = np.zeros((len(p), 1 + two))
+    columns[:split, 0] = columns[split:, -1] = 1.0
     for step in range(_STEPS):
         c, s = np.cos(x[0]), np.sin(x[0])
         across, along = q @ [c, s], q @ [-s, c]
@@ -46,7 +48,7 @@ def fit_lines(p: Array, sigma: Array, split: int, start: float | None = None) ->
             w2 = weight**2
             x[1:] = (w2 * across) @ columns / np.maximum(w2 @ columns, 1e-12)
             continue
-        J = np.column_stack([along, -columns]) * weight[:, None]
+        J = np.concatenate([along[:, None], -columns], axis=1) * weight[:, None]
         e = (across - columns @ x[1:]) * weight
         A = J.T @ J
         x = x - np.linalg.solve(A, J.T @ e)
@@ -65,9 +67,10 @@ def fit_corner(p: Array, sigma: Array) -> Lines | None:
         off = xy - x * y / w
         return np.array([[xx - x * x / w, off], [off, yy - y * y / w]]).transpose(2, 0, 1)
 
-    turn = np.array([[0.0, -1.0], [1.0, 0.0]])
     splits = np.arange(1, n)
-    values, vectors = np.linalg.eigh(scatter(sums[:, splits]) + turn.T @ scatter(sums[:, -1:] - sums[:, splits]) @ turn)
+    values, vectors = np.linalg.eigh(
+        scatter(sums[:, splits]) + _TURN.T @ scatter(sums[:, -1:] - sums[:, splits]) @ _TURN
+    )
     best: Lines | None = None
     for at in np.argsort(values[:, 0])[:_CANDIDATES]:
         k = int(splits[at])
@@ -96,12 +99,12 @@ def fit_circle(p: Array, sigma: Array) -> tuple[Array, float, Array]:
     if np.hypot(x, y) < q[2]:  # seen from inside: the outline is hollow or straight
         return q, np.inf, nowhere
     best, damping = np.inf, 1e-3
-    for _ in range(20):
+    for _ in range(_CIRCLE_STEPS):
         along = beam @ q[:2]
         root = np.sqrt(np.maximum(q[2] ** 2 - q[:2] @ q[:2] + along**2, 1.0))
         e = (along - root - r) / sigma
         if e @ e < best * (1 + 1e-9):
-            done = best - e @ e < 1e-9 * best
+            done = best - e @ e < 1e-4 * best
             best, kept, damping = float(e @ e), q, damping / 3
             J = np.column_stack([beam - (along[:, None] * beam - q[:2]) / root[:, None], -q[2] / root]) / sigma[:, None]
             A, g = J.T @ J, J.T @ e
@@ -109,5 +112,5 @@ def fit_circle(p: Array, sigma: Array) -> tuple[Array, float, Array]:
                 break
         else:
             damping *= 10
-        q = kept - np.linalg.solve(A + damping * np.diag(np.diag(A)), g)
+        q = kept - np.linalg.solve(A * (1 + damping * np.eye(3)), g)
     return kept, best, np.linalg.pinv(A)

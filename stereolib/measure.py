@@ -176,7 +176,7 @@ def _same_things(
         distances.append(float(np.hypot(*region.position_mm)))
     seen = [laser.points_mm(footprint.segment.points_mm) for footprint in prints]
     bearings = [np.arctan2(p[:, 1], p[:, 0]) for p in seen]
-    near = [float(np.linalg.norm(p, axis=1).min()) for p in seen]
+    near, far = ([float(pick(np.linalg.norm(p, axis=1))) for p in seen] for pick in (np.min, np.max))
 
     def overlap(i: int, j: int) -> float:
         low, high = max(spans[i][0], bearings[j].min()), min(spans[i][1], bearings[j].max())
@@ -204,10 +204,8 @@ def _same_things(
         free_prints.remove(j)
         pairs.append((regions[i], prints[j]))
     for i in sorted(free_regions):  # a piece of what the scan shows whole
-        if any(
-            overlap(i, j) > 0.5 and abs(distances[i] - near[j]) < _SAME_DISTANCE * near[j] and j not in free_prints
-            for j in range(len(prints))
-        ):
+        whole = [j for j in range(len(prints)) if j not in free_prints and overlap(i, j) > 0.5]
+        if any((1 - _SAME_DISTANCE) * near[j] < distances[i] < (1 + _SAME_DISTANCE) * far[j] for j in whole):
             free_regions.remove(i)
     pairs += [(regions[i], None) for i in sorted(free_regions)] + [(None, prints[j]) for j in sorted(free_prints)]
     return pairs, warnings

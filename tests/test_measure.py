@@ -17,9 +17,11 @@ from stereolib.lidar_camera import LidarCamera
 from stereolib.measure import measure_objects
 from stereolib.overlay import draw_objects, size_text
 from stereolib.rig import StereoRig, rigid
-from stereolib.virtual import dataset
+from stereolib.virtual import dataset, laser_boards
 from stereolib.virtual.lidar import VirtualLidar
+from stereolib.virtual.render import render
 from stereolib.virtual.scene import cube_scene
+from stereolib.virtual.sensor import Webcam
 
 RECT = dataset.rectified()
 SENSOR = VirtualLidar()
@@ -184,6 +186,34 @@ def test_command_prints_json_and_draws(files, capsys):
     assert cv2.imread(str(files / "out.png")).shape == (480, 640, 3)
     assert run(files) == 2 and "is not overwritten" in capsys.readouterr().err
     assert run(files, "--force") == 0 and "± one standard deviation" in capsys.readouterr().out
+
+
+@pytest.fixture
+def boards(files):
+    """Pictures and scans of the laser's boards, and the rig without its laser."""
+    StereoRig.save(RECT.rig, files / "rig.json")
+    rng, camera = np.random.default_rng(5), RECT.rig.left
+    (files / "pictures").mkdir()
+    (files / "scans").mkdir()
+    for k, pose in enumerate(laser_boards.POSES):
+        scene = laser_boards.board_scene(pose, height_mm=180.0)
+        light = render(scene, camera, dataset.setup(), samples=1, light_samples=1)
+        cv2.imwrite(str(files / "pictures" / f"{k:02d}.png"), Webcam().shoot(light, rng))
+        data = SENSOR.scan(scene, dataset.LASER_POSE, rng, turns=5)
+        (files / "scans" / f"{k:02d}.bin").write_bytes(data)
+    return files
+
+
+def test_command_finds_the_laser_from_files(boards, capsys):
+    words = ["calibrate-laser", boards / "pictures", boards / "scans", "--calibration", boards / "rig.json"]
+    words = [str(word) for word in (*words, "--board", "6x9", "--square-mm", "30")]
+    assert cli.main([*words, "--margin-mm", "24"]) == 0
+    assert "10 poses" in capsys.readouterr().out
+    found = Instrument.load(boards / "rig.json").lidar
+    off = (np.linalg.inv(LIDAR.T_left_lidar) @ found.T_left_lidar)[:3, 3]
+    assert (np.abs(off) < 4 * found.std_mm).all() and found.std_mm.max() < 5
+    (boards / "scans" / "03.bin").unlink()
+    assert cli.main(words) == 2 and "one scan for each picture" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -61,10 +61,15 @@ def laser_board_views(
         pixels = true_left.project(points @ T[:3, :3].T + T[:3, 3])
         pixels = pixels + rng.normal(0, _CORNER_PX, pixels.shape)
         _, turn, t = cv2.solvePnP(points, pixels, believed.K, believed.dist)
-        scene = Scene((room(), board((BOARD.columns, BOARD.rows), BOARD.square_mm, T_world_board)))
+        scene = board_scene(pose, height_mm)
         scan = lrf.average(lrf.turns(xv11.decode(sensor.scan(scene, laser_pose, rng, turns=5))))
         found.append(board_view(scan, rigid(cv2.Rodrigues(turn)[0], t), diagonal_mm=diagonal_mm))
     return found
+
+
+def board_scene(pose: tuple[float, float, float, float], height_mm: float) -> Scene:
+    """The board in one of `POSES`, in a room."""
+    return Scene((room(), board((BOARD.columns, BOARD.rows), BOARD.square_mm, _held(*pose, height_mm))))
 
 
 def _held(forward_mm: float, left_mm: float, turn_deg: float, lean_deg: float, height_mm: float) -> Array:

@@ -63,7 +63,7 @@ def find_faces(floor: Floor, region: Region, pair: AlignedPair | None = None, *,
     faces = []
     for (low, high), line in pieces:
         margin = min(3 * width, (high - low) / 6)
-        mine = (t > low + margin) & (t < high - margin) & (np.abs(w_px - line[0] - line[1] * t) < 1.0)
+        mine = (t > low + margin) & (t < high - margin) & (np.abs(d - ahead * (line[0] + line[1] * t)) < 1.0)
         pixels = int(np.count_nonzero(mine))
         if pixels < least:
             continue  # a sliver: the other face carries the measurement
@@ -72,7 +72,7 @@ def find_faces(floor: Floor, region: Region, pair: AlignedPair | None = None, *,
         if pair is None:
             covariance = clustered_covariance(xm, dm - xm @ line, np.ones(pixels), cell_of(um, vm))
         else:
-            fit = align(pair, um, vm, xm, line, coarse_steps=1)
+            fit = align(pair, um, vm, xm, line)
             line, covariance = fit.parameters, fit.covariance
         faces.append(Face(line, covariance, (float(low), float(high)), pixels))
     if not faces:

@@ -19,7 +19,8 @@ def _disparity_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--max-disparity", type=int, default=128, metavar="N", help="px, a multiple of 16 (128)")
     parser.add_argument(
         "--out", type=Path, default=Path("disparity.npy"), metavar="NPY",
-        help="(H, W) float32, px, NaN invalid; a picture goes beside it, and from `best` the standard deviation",
+        help="(H, W) float32, px, NaN invalid; a picture goes beside it, and from `best` NPY_std.npy, the standard "
+        "deviation in px as measured on virtual scenes: up to 3 where matched, 9 and more where filled by a guess",
     )  # fmt: skip
     parser.add_argument("--force", action="store_true", help="replace the files if they are there")
 

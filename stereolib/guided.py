@@ -117,8 +117,8 @@ def compute_disparity_guided(
     window serves every pixel, and nothing is interpolated. Twice: the room in quarter size, where things in front are
     taken away, and the box that holds those things in full size. Where both return something, the one whose
     neighbourhoods look more alike wins. What it costs: fewer pixels are wrong by more than 2 px, but those within 4 px
-    are less exact. On the virtual cube their rms error and their pull towards whole pixels are about twice those of
-    the full window (notebook 03).
+    are less exact. On the virtual cube their rms error is about twice that of the full window, their pull towards
+    whole pixels four to five times (notebook 03).
     """
     check_pair(left, right)
     if left.shape[:2] != expected.near_px.shape:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 from common import ratio, save
+from scipy.optimize import isotonic_regression
 from tqdm import tqdm
 from virtual_pairs import CHECKED_ON, CHOSEN_ON, Pair, bad2_pct, cluttered, recorded
 
@@ -31,8 +32,17 @@ def calibrate(pairs: list[Pair]) -> dict[str, list]:
         for k in range(3):
             for n in range(6):
                 errors.setdefault((k, n), []).append(off[(kind == k) & (level == n)])
-    found = [[round(float(np.percentile(np.concatenate(errors[k, n]), 68)), 2) for n in range(6)] for k in range(3)]
+    pooled = {key: np.concatenate(parts) for key, parts in errors.items()}
+    found = [[round(float(np.percentile(pooled[k, n], 68)), 2) for n in range(6)] for k in range(2)]
+    found.append(filled_std_px([pooled[2, n] for n in range(6)]))
     return {"margins": margins, "sigma_px": dict(zip(pipeline.SIGMA_PX, found, strict=True))}
+
+
+def filled_std_px(errors: list[Array]) -> list[float]:
+    """Root mean square error of each class of filled pixels; classes are put together until it does not fall."""
+    squares = [float(np.mean(np.square(off, dtype=np.float64))) for off in errors]
+    rising = isotonic_regression(squares, weights=[len(off) for off in errors]).x
+    return [round(float(x), 2) for x in np.sqrt(rising)]
 
 
 def honesty(pairs: list[Pair]) -> tuple[float, float]:

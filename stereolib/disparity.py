@@ -2,155 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
-
 import cv2
 import numpy as np
 
 from stereolib.images import check_pair, to_grey
-from stereolib.rig import RectifiedRig
+from stereolib.sgbm import SGBMParams, check_window
+
+# The settings next door are reached through here too.
+__all__ = [
+    "SGBMParams", "check_rectified", "check_told", "check_window", "compute_disparity", "depth_to_disparity",
+    "disparity_to_depth", "left_right_check", "raw_disparity",
+]  # fmt: skip
 
 Array = np.ndarray
-_MODES = {"sgbm": cv2.STEREO_SGBM_MODE_SGBM, "hh": cv2.STEREO_SGBM_MODE_HH, "3way": cv2.STEREO_SGBM_MODE_SGBM_3WAY}
-_MODES["hh4"] = cv2.STEREO_SGBM_MODE_HH4
-_LARGEST = 32767  # OpenCV adds up costs in 16 bits
-_LEAST_ROOM = 88  # grey levels; see SGBMParams.room
 _KEYPOINTS = 300  # at most, in each picture
 _LEAST_MATCHES = 50  # that tell something of a pair's rows
-
-
-@dataclass(frozen=True)
-class SGBMParams:
-    """Parameters of `cv2.StereoSGBM`, checked; nothing is rounded silently.
-
-    Parameters
-    ----------
-    num_disparities : int, px
-        Width of the search window, a multiple of 16.
-    block_size : int, px
-        Odd edge of the matched block.
-    min_disparity : int, px
-        Where the search window begins.
-    p1, p2 : int or None
-        Penalties for a disparity step of one and of more pixels; None takes ``8 b^2`` and ``32 b^2``.
-    disp12_max_diff : int, px
-        Largest disagreement with the match from right to left; -1 leaves the check out.
-    uniqueness_ratio : int, %
-        By how much the best match must beat the second.
-    speckle_window_size, speckle_range : int
-        Patches smaller than this many pixels, whose disparities differ by less than the range, are removed.
-    pre_filter_cap : int
-        Clip of the prefiltered image's gradient.
-    mode : {"sgbm", "hh", "3way", "hh4"}
-        Five paths, eight, three, four.
-
-    Raises
-    ------
-    ValueError
-        The text says which neighbouring values are valid.
-    """
-
-    num_disparities: int = 128
-    block_size: int = 5
-    min_disparity: int = 0
-    p1: int | None = None
-    p2: int | None = None
-    disp12_max_diff: int = 1
-    uniqueness_ratio: int = 10
-    speckle_window_size: int = 100
-    speckle_range: int = 2
-    pre_filter_cap: int = 63
-    mode: str = "sgbm"
-
-    def __post_init__(self) -> None:
-        n, block = self.num_disparities, self.block_size
-        if not all(isinstance(value, int | np.integer) for value in (n, block, self.min_disparity)):
-            raise ValueError(f"whole numbers of pixels are needed, got {n!r}, {block!r} and {self.min_disparity!r}")
-        if n < 16 or n % 16:
-            below = max(16, n // 16 * 16)
-            raise ValueError(
-                f"num_disparities must be a positive multiple of 16, got {n}; near are {below}, {below + 16}"
-            )
-        if block < 1 or block % 2 == 0:
-            near = max(1, block - 1 if block % 2 == 0 else 1)
-            raise ValueError(f"block_size must be odd and at least 1, got {block}; near are {near}, {near + 2}")
-        p1, p2 = self.penalties
-        if not 0 < p1 < p2:
-            raise ValueError(f"the penalties must satisfy 0 < p1 < p2, got p1={p1}, p2={p2}")
-        if self.mode not in _MODES:
-            raise ValueError(f"unknown mode {self.mode!r}; choose one of {', '.join(_MODES)}")
-        if not 0 <= self.uniqueness_ratio <= 100:
-            raise ValueError(f"uniqueness_ratio is a percentage, got {self.uniqueness_ratio}")
-        if self.room < _LEAST_ROOM:
-            most = _LARGEST - _LEAST_ROOM * block**2
-            smaller = f"p2 up to {most} (and p1 below it), or " if most > 1 else ""
-            raise ValueError(
-                f"block_size {block} with p2={p2} runs over: OpenCV adds up costs in 16 bits, and {self.room:.0f} grey "
-                f"levels a pixel are left for a mismatch, {_LEAST_ROOM} are needed. Take {smaller}a block of at most "
-                f"15 with the usual penalties"
-            )
-
-    @classmethod
-    def for_range(cls, rig: RectifiedRig, near_mm: float, far_mm: float = np.inf, **fields: Any) -> SGBMParams:
-        """The smallest search window that holds everything between two depths.
-
-        Parameters
-        ----------
-        rig : RectifiedRig
-        near_mm, far_mm : float
-            Depth along the left camera's optical axis, mm.
-        **fields
-            The other parameters.
-
-        Raises
-        ------
-        ValueError
-            If not ``0 < near_mm < far_mm``.
-
-        Notes
-        -----
-        ``d = f B / Z`` at both ends, and one pixel more on either side: a match at the window's end has no
-        neighbour to be interpolated with.
-
-        Examples
-        --------
-        >>> from stereolib.paper import paper_rig
-        >>> params = SGBMParams.for_range(paper_rig().rectify(), near_mm=600, far_mm=1200)
-        >>> params.min_disparity, params.num_disparities
-        (58, 64)
-        """
-        if not 0 < near_mm < far_mm:
-            raise ValueError(f"depths must satisfy 0 < near_mm < far_mm, got {near_mm:g} and {far_mm:g}")
-        largest, smallest = (rig.f_px * rig.baseline_mm / depth for depth in (near_mm, far_mm))
-        first = int(np.floor(smallest)) - 1 if np.isfinite(far_mm) else 0
-        count = int(np.ceil(largest)) + 2 - first
-        return cls(num_disparities=-(-count // 16) * 16, min_disparity=first, **fields)
-
-    @property
-    def penalties(self) -> tuple[int, int]:
-        """The penalties in force, ``8 b^2`` and ``32 b^2`` unless given."""
-        area = self.block_size**2
-        return 8 * area if self.p1 is None else self.p1, 32 * area if self.p2 is None else self.p2
-
-    @property
-    def room(self) -> float:
-        """Mean cost of a pixel, grey levels, at which a block's cost and P2 together leave OpenCV's 16 bits.
-
-        ``(32767 - P2) / b^2``. A pixel's cost is at most 63 from the grey values and twice `pre_filter_cap` from their
-        gradients, so that nothing can run over from 189 on (block 11 with the usual penalties). Real mismatches cost
-        less: with 88 recordings, the motorcycle pair and noisy pictures are as good as ever; with 81 (block 17) a dim
-        picture has more than twice as many bad pixels, and from 59 on (block 19) all of them fall apart.
-        """
-        return (_LARGEST - self.penalties[1]) / self.block_size**2
-
-    def matcher(self) -> cv2.StereoSGBM:
-        """A new `cv2.StereoSGBM` with these parameters."""
-        p1, p2 = self.penalties
-        return cv2.StereoSGBM.create(
-            self.min_disparity, self.num_disparities, self.block_size, p1, p2, self.disp12_max_diff,
-            self.pre_filter_cap, self.uniqueness_ratio, self.speckle_window_size, self.speckle_range, _MODES[self.mode],
-        )  # fmt: skip
 
 
 def compute_disparity(left: Array, right: Array, params: SGBMParams | None = None, *, whole: bool = False) -> Array:
@@ -185,17 +51,6 @@ def compute_disparity(left: Array, right: Array, params: SGBMParams | None = Non
     if np.count_nonzero(np.isnan(seen)) > 0.6 * seen.size:
         _check_sides(grey_left, grey_right)
     return disparity
-
-
-def check_window(params: SGBMParams, width_px: int) -> int:
-    """Refuse a search window that the image cannot hold (ValueError); return where it ends, px."""
-    reach = max(0, params.min_disparity + params.num_disparities)
-    if reach + params.block_size // 2 >= width_px:
-        raise ValueError(
-            f"the search window ends at {reach} px, the image is {width_px} px wide and blocks are "
-            f"{params.block_size} px: reduce num_disparities, min_disparity or block_size"
-        )
-    return reach
 
 
 def raw_disparity(left: Array, right: Array, params: SGBMParams, border: int = 0) -> Array:
@@ -240,6 +95,21 @@ def check_rectified(left: Array, right: Array, limit_px: float = 1.0) -> float:
             f"calibration (RectifiedRig.rectify)"
         )
     return rms
+
+
+def check_told(left: Array, right: Array, names: tuple[str, str] = ("left", "right")) -> None:
+    """Refuse a pair in which no disparity can be told (ValueError): one picture twice, or one of a single grey value.
+
+    `left` and `right` are (H, W) or (H, W, 3) uint8.
+    """
+    check_pair(left, right, names)
+    for name, image in zip(names, (left, right), strict=True):
+        if np.ptp(to_grey(image)) == 0:
+            raise ValueError(f"{name} has one grey value, {to_grey(image)[0, 0]}: there is nothing to match; was the "
+                             f"lens covered?")  # fmt: skip
+    if np.array_equal(left, right):
+        raise ValueError(f"{names[0]} and {names[1]} are the same picture, every disparity would be 0: give the left "
+                         f"and the right camera's")  # fmt: skip
 
 
 def disparity_to_depth(disparity_px: Array, f_px: float, baseline_mm: float) -> Array:

@@ -229,11 +229,11 @@ def draw_surface(distance_mm: float, contrast: float, scale_mm: float, light: fl
     lights, disparity_px, cube = _surface(distance_mm, contrast, scale_mm)
     rng, webcam = np.random.default_rng(4), sensor.Webcam()
     left, right = dataset.rectified().rectify(*(webcam.shoot(light * view, rng) for view in lights))
-    disparity = compute_disparity(left, right, SGBMParams(160), whole=True)
+    disparity = compute_disparity(left, right, SGBMParams(192), whole=True)
     quality = score(disparity, disparity_px, cube)
     text = f"largest disparity of the cube {disparity_px[cube].max():.1f} px; "
     text += f"bad 2: {quality.bad2_pct:.1f} %; matched: {quality.density_pct:.0f} %"
-    return np.hstack([left, colored(disparity, 0, 160)]), text
+    return np.hstack([left, colored(disparity, 0, 192)]), text
 
 
 def draw_dilation(condition: str, method: str, size_px: int) -> tuple[Array, str]:

@@ -108,13 +108,17 @@ def compute_disparity_guided(
     Raises
     ------
     ValueError
+        If the images are no pair, or of another size than the expectation; if `margin_px` is no positive multiple of
+        8; if the penalties of `params` do not fit their block (see `SGBMParams`).
 
     Notes
     -----
     The right image's rows are shifted by whole pixels, so that what is expected has disparity 0; then one narrow
     window serves every pixel, and nothing is interpolated. Twice: the room in quarter size, where things in front are
     taken away, and the box that holds those things in full size. Where both return something, the one whose
-    neighbourhoods look more alike wins.
+    neighbourhoods look more alike wins. What it costs: fewer pixels are wrong by more than 2 px, but those within 4 px
+    are less exact. On the virtual cube their rms error is about twice that of the full window, their pull towards
+    whole pixels four to five times (notebook 03).
     """
     check_pair(left, right)
     if left.shape[:2] != expected.near_px.shape:

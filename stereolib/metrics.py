@@ -13,6 +13,17 @@ from stereolib.images import to_grey
 Array = np.ndarray
 
 
+def check_mask(where: Array, shape: tuple[int, ...], name: str = "where") -> Array:
+    """Refuse what is no (H, W) bool (ValueError): 0 and 255 or 0 and 1 would be taken for numbers, or for indices."""
+    found = np.asarray(where)
+    if found.shape != shape or found.dtype != bool:
+        raise ValueError(
+            f"{name} must be a mask {shape} of bool, got {found.shape} of {found.dtype}; make one by a comparison, for "
+            f"example mask > 0"
+        )
+    return found
+
+
 @dataclass(frozen=True)
 class Score:
     """Quality of a disparity map over the pixels looked at.
@@ -47,7 +58,7 @@ def score(disparity_px: Array, truth_px: Array, where: Array | None = None) -> S
     Raises
     ------
     ValueError
-        If the shapes differ or nothing is left to look at.
+        If the shapes differ, the mask is no mask, or nothing is left to look at.
 
     Notes
     -----
@@ -60,10 +71,9 @@ def score(disparity_px: Array, truth_px: Array, where: Array | None = None) -> S
     Shimizu and Okutomi, "Precise sub-pixel estimation on area-based matching", ICCV 2001.
     """
     disparity, truth = np.asarray(disparity_px, float), np.asarray(truth_px, float)
-    if disparity.shape != truth.shape or (where is not None and where.shape != truth.shape):
-        shapes = [disparity.shape, truth.shape] + ([] if where is None else [where.shape])
-        raise ValueError(f"disparity, truth and mask must have one shape, got {shapes}")
-    looked = np.isfinite(truth) if where is None else np.isfinite(truth) & where
+    if disparity.shape != truth.shape:
+        raise ValueError(f"disparity and truth must have one shape, got {[disparity.shape, truth.shape]}")
+    looked = np.isfinite(truth) if where is None else np.isfinite(truth) & check_mask(where, truth.shape)
     if not looked.any():
         raise ValueError("no pixel with a known truth is left to look at: the truth is NaN or the mask is empty there")
     error = disparity[looked] - truth[looked]
@@ -113,12 +123,12 @@ def repair(before_px: Array, after_px: Array, truth_px: Array, where: Array) -> 
     Raises
     ------
     ValueError
-        If the shapes differ or nothing is left to look at.
+        If the shapes differ, the mask is no mask, or nothing is left to look at.
     """
-    shapes = [np.shape(array) for array in (before_px, after_px, truth_px, where)]
+    shapes = [np.shape(array) for array in (before_px, after_px, truth_px)]
     if len(set(shapes)) > 1:
-        raise ValueError(f"maps before and after, truth and mask must have one shape, got {shapes}")
-    looked = where & np.isfinite(truth_px)
+        raise ValueError(f"maps before and after and the truth must have one shape, got {shapes}")
+    looked = check_mask(where, shapes[0]) & np.isfinite(truth_px)
     if not looked.any():
         raise ValueError("no pixel with a known truth is left to look at: the truth is NaN or the mask is empty there")
     before, after, truth = (np.asarray(array, float)[looked] for array in (before_px, after_px, truth_px))
@@ -153,8 +163,9 @@ def overreach_px(disparity_px: Array, truth_px: Array, on_object: Array, step_px
     Raises
     ------
     ValueError
-        If no row has such a border.
+        If the object is no mask of the map's shape, or no row has such a border.
     """
+    on_object = check_mask(on_object, np.shape(truth_px), "on_object")
     width, rows = on_object.shape[1], np.flatnonzero(on_object.any(axis=1))
     last = width - 1 - on_object[rows, ::-1].argmax(axis=1)
     upright = np.abs(np.gradient(last.astype(float))) <= 1 if len(last) > 1 else np.array([True])
@@ -180,6 +191,7 @@ def beside_jumps(truth_px: Array, visible: Array, *, reach_px: int = 8, step_px:
     border_px : (H, W) float
         Half way between the two disparities.
     """
+    visible = check_mask(visible, np.shape(truth_px), "visible")
     truth = np.where(np.isfinite(truth_px), truth_px, -np.inf).astype(np.float32)
     nearest = cv2.dilate(truth, np.ones((1, 2 * reach_px + 1), np.uint8))
     with np.errstate(invalid="ignore"):
@@ -215,6 +227,7 @@ def near_edge(truth_px: Array, on_object: Array, half_width_px: int = 3) -> Arra
     -------
     (H, W) bool
     """
+    on_object = check_mask(on_object, np.shape(truth_px), "on_object")
     nearest = np.where(on_object, truth_px, -np.inf).argmax(axis=1)[:, None]
     return on_object & (np.abs(np.arange(on_object.shape[1]) - nearest) <= half_width_px)
 
@@ -260,6 +273,7 @@ def correlation_length_px(image: Array, where: Array) -> float:
         If there is nothing to see: an empty mask, or one grey value only.
     """
     grey = to_grey(image).astype(float)
+    where = check_mask(where, grey.shape)
     if not where.any() or np.ptp(grey[where]) == 0:
         raise ValueError("no texture to measure: the mask is empty or the surface has one grey value")
     grey = np.where(where, grey - grey[where].mean(), 0.0)

@@ -70,9 +70,7 @@ def measure(
     DataFrame
         One row a method and case: ``filled_pct`` of the holes; ``wrong2_pct`` of the filled pixels, off by more than
         2 px; ``shift_px`` of the pixels that were right; ``growth_px`` and ``growth_cm`` of the outline over its right
-        border, counted in rows where most of the background beside it was matched, NaN if they are few: where there
-        was none, nobody can say whether the object grew or a hole was filled; ``bad2_pct`` over all pixels looked at;
-        ``time_ms``.
+        border (see `growth_px`); ``bad2_pct`` over all pixels looked at; ``time_ms``.
 
     Raises
     ------
@@ -82,19 +80,28 @@ def measure(
     import pandas as pd
 
     rows = []
-    seen = {name: _told(one, 2 * size_px) for name, one in cases.items()}
     for method in methods:
         for name, one in cases.items():
             start = time.perf_counter()
             after = smooth(one.left_px, method, size_px=size_px, image=one.left, right_px=one.right_px)
             taken_ms = 1000 * (time.perf_counter() - start)
             done = repair(one.left_px, after, one.truth_px, one.looked)
-            grown = _reach(one, after, seen[name]) - _reach(one, one.left_px, seen[name])
+            grown = growth_px(one, after, size_px)
             bad2 = score(after, one.truth_px, one.looked).bad2_pct
             rows.append((method, name, done.filled_pct, done.wrong2_pct, done.shift_px, grown, grown * cm_per_px, bad2,
                          taken_ms))  # fmt: skip
     names = ["method", "case", "filled_pct", "wrong2_pct", "shift_px", "growth_px", "growth_cm", "bad2_pct", "time_ms"]
     return pd.DataFrame(rows, columns=names)
+
+
+def growth_px(one: Case, after_px: Array, size_px: int) -> float:
+    """By how many pixels a filter moved the object's right border outwards (`metrics.overreach_px`, after less before).
+
+    Counted in rows where at least half of the ``2 * size_px`` pixels beside the object were matched, NaN if they are
+    few: where there was no background, nobody can say whether the object grew or a hole was filled.
+    """
+    told = _told(one, 2 * size_px)
+    return _reach(one, after_px, told) - _reach(one, one.left_px, told)
 
 
 def _told(one: Case, width_px: int) -> Array:

@@ -9,6 +9,7 @@ from stereolib import filling
 from stereolib.filling import checked as _checked
 
 Array = np.ndarray
+_NO_KERNEL = ("speckle", "background", "inpaint_biharmonic")
 _SHAPES = {"rect": cv2.MORPH_RECT, "ellipse": cv2.MORPH_ELLIPSE, "cross": cv2.MORPH_CROSS}
 
 
@@ -54,11 +55,15 @@ def smooth(
     Raises
     ------
     ValueError
-        If the method is unknown (the text lists the names), lacks what it needs, or shapes differ.
+        If the method is unknown (the text lists the names), lacks what it needs, shapes differ, or the kernel is larger
+        than the map.
     """
     if method not in METHODS:
         raise ValueError(f"unknown method {method!r}; choose one of {', '.join(METHODS)}")
     disparity, size = _checked(disparity_px, size_px)
+    if method not in _NO_KERNEL and size > min(disparity.shape):
+        raise ValueError(f"a kernel of {size} px is larger than the map {disparity.shape}: every pixel would see all "
+                         f"of it; take at most {min(disparity.shape)}")  # fmt: skip
     if METHODS[method] == "right_px":
         if right_px is None:
             raise ValueError(f'"{method}" compares both views: pass right_px=, the disparity of the right view')

@@ -7,6 +7,7 @@ import hashlib
 import io
 import itertools
 import os
+import threading
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
@@ -113,9 +114,12 @@ def sweep(
     Raises
     ------
     ValueError
-        If a pair is exchanged or not rectified, a window does not fit, or `results` is of another study.
+        If a pair is exchanged or not rectified (the text names the view), a window does not fit, or `results` is of
+        another study.
     RuntimeError
         If a worker dies. Finished rows are kept.
+    KeyboardInterrupt
+        At Ctrl-C, once the matches under way are done. Finished rows are kept: call again to go on.
     """
     import pandas as pd
     from joblib import Parallel, delayed
@@ -125,16 +129,18 @@ def sweep(
     done: dict[str, list[list[float]]] = {} if file is None else file.read()
     todo = {key: job for key, job in jobs.items() if key not in done}
     unsure = {view.name: view for view, _ in todo.values()}.values()
-    Parallel(n_jobs, prefer="threads")(delayed(check_rectified)(view.left, view.right) for view in unsure)
+    Parallel(n_jobs, prefer="threads")(delayed(_check_rectified)(view) for view in unsure)
     finished = 0
+    kept = "give `results` to keep them" if file is None else f"they are in {file.path}; call again to go on"
     try:
         for key, measured in _run(todo, whole, n_jobs, backend, progress, len(jobs)):
             done[key] = measured
             finished += 1
             if file is not None:
                 file.append(key, *jobs[key], measured)
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(f"the sweep was stopped after {finished} of {len(todo)} matches; {kept}") from None
     except Exception as error:
-        kept = "give `results` to keep them" if file is None else f"they are in {file.path}; call again to go on"
         text = str(error).strip().splitlines()
         raise RuntimeError(
             f"the sweep stopped after {finished} of {len(todo)} matches ({type(error).__name__}: "
@@ -144,6 +150,13 @@ def sweep(
         file.finish(jobs, done)
     rows = [row for key, (view, params) in jobs.items() for row in _rows(view, params, done[key])]
     return pd.DataFrame(rows)
+
+
+def _check_rectified(view: View) -> None:
+    try:
+        check_rectified(view.left, view.right)
+    except ValueError as error:
+        raise ValueError(f"view {view.name!r}: {error}") from None
 
 
 def _listed(views: Sequence[View], settings: Sequence[SGBMParams]) -> dict[str, tuple[View, SGBMParams]]:
@@ -178,9 +191,16 @@ def _run(
     calls = [delayed(_measure)(key, ready[view.name], params, whole) for key, (view, params) in todo.items()]
     bar = tqdm(desc="sweep", total=total, initial=total - len(todo), unit="match", disable=not progress)
     with bar, _one_thread_each(), parallel_config(backend, n_jobs=n_jobs, **options):
-        for one in Parallel(return_as="generator_unordered", batch_size=1)(calls):
-            yield one
-            bar.update()
+        before = threading.enumerate()
+        try:
+            for one in Parallel(return_as="generator_unordered", batch_size=1)(calls):
+                yield one
+                bar.update()
+        except KeyboardInterrupt:  # a thread inside OpenCV when Python ends aborts the process: let it come out first
+            for thread in threading.enumerate():
+                if thread not in before:
+                    thread.join(timeout=60)
+            raise
 
 
 def _measure(key: str, ready: Ready, params: SGBMParams, whole: bool) -> tuple[str, list[list[float]]]:

@@ -11,7 +11,7 @@ import numpy as np
 
 from stereolib.disparity import SGBMParams
 from stereolib.images import check_pair, to_grey
-from stereolib.metrics import Score, beside_jumps
+from stereolib.metrics import Score, beside_jumps, check_mask
 
 Array = np.ndarray
 FIELDS = tuple(f.name for f in fields(SGBMParams))
@@ -62,9 +62,7 @@ class View:
             raise ValueError(f"{self.name}: the truth must be in px, NaN where unknown, and known somewhere; "
                              f"{np.isinf(truth).sum()} pixels are infinite, {np.isnan(truth).sum()} NaN")  # fmt: skip
         for name, mask in self.masks().items():
-            if mask.shape != shape or mask.dtype != bool:
-                raise ValueError(f"{self.name}: region {name!r} must be a mask {shape} of bool, got {mask.shape} of "
-                                 f"{mask.dtype}")  # fmt: skip
+            check_mask(mask, shape, f"{self.name}: region {name!r}")
             if not (mask & np.isfinite(truth)).any():
                 raise ValueError(f"{self.name}: region {name!r} holds no pixel whose truth is known")
         clash = set(self.about) & {"key", "view", "where", *FIELDS, *METRICS}

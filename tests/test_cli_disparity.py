@@ -64,7 +64,8 @@ def test_best_writes_its_standard_deviation(pair, tmp_path):
     ("words", "text"),
     [
         (["--pipeline", "finest"], "unknown pipeline 'finest'; choose one of paper, fast, best"),
-        (["--max-disparity", "100"], "multiple of 16 disparities, got 100; near are 96, 112"),
+        (["--max-disparity", "100"], "needs a --max-disparity that is a multiple of 16, got 100; near are 96, 112"),
+        (["--pipeline", "fast", "--max-disparity", "48"], "multiple of 32, got 48; near are 32, 64"),
         (["--out", "d.tif"], "written as .npy"),
         (["--calibration", "none.json"], "No such file or directory: 'none.json'"),
     ],
@@ -89,7 +90,8 @@ def test_keeps_what_is_there(pair, tmp_path, capsys):
     ("change", "text"),
     [
         (lambda right: np.roll(right, 5, axis=0), "differ by 5.0 px rms (median +5.0 px), at most 1 px is allowed"),
-        (lambda right: turned(right, 1.0), "the pair is not rectified"),
+        (lambda right: turned(right, 1.0), "Rectify it with its rig: --calibration FILE"),
+        (lambda right: np.full_like(right, 90), "changed.tif has one grey value, 90: there is nothing to match"),
         (lambda right: right[:400], "a stereo pair must have one size"),
         (lambda right: right.astype(np.uint16) * 257, "the picture has uint16 samples, 8 bits are needed"),
         (lambda right: (right / 255).astype(np.float32), "the picture has float32 samples, 8 bits are needed"),
@@ -107,7 +109,13 @@ def test_refuses_a_pair_that_is_none(pair, tmp_path, capsys, change, text):
 def test_refuses_a_window_wider_than_the_pictures(pair, tmp_path, capsys, name):
     assert run(*pair, "--pipeline", name, "--max-disparity", 640, "--out", tmp_path / "d.npy") == 2
     shown = capsys.readouterr().err
-    assert "640" in shown and "640 px wide" in shown and "reduce num_disparities" in shown
+    assert "640" in shown and "640 px wide" in shown and "reduce --max-disparity" in shown
+
+
+def test_refuses_one_picture_twice(pair, tmp_path, capsys):
+    assert run(pair[0], pair[0], "--pipeline", "fast", "--out", tmp_path / "d.npy") == 2
+    assert "left.png are the same picture, every disparity would be 0" in capsys.readouterr().err
+    assert not (tmp_path / "d.npy").exists()
 
 
 def test_refuses_exchanged_and_missing_pictures(pair, tmp_path, capsys):
@@ -121,8 +129,9 @@ def test_refuses_exchanged_and_missing_pictures(pair, tmp_path, capsys):
 
 def test_says_when_the_rows_could_not_be_checked(tmp_path, capsys):
     files = [tmp_path / f"{side}.png" for side in "lr"]
-    for file, seed in zip(files, (1, 1), strict=True):
-        smooth = cv2.GaussianBlur(np.random.default_rng(seed).random((120, 160)).astype(np.float32), (0, 0), 6)
+    for file, shift in zip(files, (0, 4), strict=True):
+        smooth = cv2.GaussianBlur(np.random.default_rng(1).random((120, 170)).astype(np.float32), (0, 0), 6)
+        smooth = smooth[:, shift : shift + 160]
         cv2.imwrite(str(file), cv2.normalize(smooth, None, 100, 130, cv2.NORM_MINMAX).astype(np.uint8))
     assert run(*files, "--pipeline", "fast", "--max-disparity", 32, "--out", tmp_path / "d.npy") == 0
     assert "note: too few points" in capsys.readouterr().out

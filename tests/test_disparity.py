@@ -194,6 +194,16 @@ def test_noise_never_passes_for_exchanged(sigma):
         ({"p2": 100}, "got p1=200, p2=100"),
         ({"mode": "fast"}, "unknown mode 'fast'; choose one of sgbm, hh, 3way, hh4"),
         ({"uniqueness_ratio": 101}, "uniqueness_ratio is a percentage, got 101"),
+        ({"pre_filter_cap": 0}, "pre_filter_cap must be 1 to 63, got 0"),
+        ({"pre_filter_cap": 64}, "pre_filter_cap must be 1 to 63, got 64"),
+        ({"speckle_window_size": -1}, r"0 \(no search for specks\) or more, got -1 and 2"),
+        ({"speckle_range": -2}, r"or more, got 100 and -2"),
+        ({"block_size": 5.0}, "block_size must be a whole number, got 5.0"),
+        ({"p1": 10.5}, "p1 must be a whole number, got 10.5"),
+        ({"num_disparities": None}, "num_disparities must be a whole number, got None"),
+        ({"uniqueness_ratio": "10"}, "uniqueness_ratio must be a whole number, got '10'"),
+        ({"speckle_window_size": 1.5}, "speckle_window_size must be a whole number"),
+        ({"disp12_max_diff": 0.5}, "disp12_max_diff must be a whole number"),
     ],
 )
 def test_parameters_are_checked(change, text):
@@ -239,6 +249,10 @@ def test_window_from_depths_holds_them_and_no_more():
         assert params.num_disparities < fewest + 18
     with pytest.raises(ValueError, match="0 < near_mm < far_mm, got 900 and 700"):
         SGBMParams.for_range(rig, 900, 700)
+    with pytest.raises(ValueError, match=r"near_mm=0.7 needs \d{5} disparities, more than 1024: depths are in mm"):
+        SGBMParams.for_range(rig, 0.7, 1.2)
+    with pytest.raises(ValueError, match=r"needs a RectifiedRig, got StereoRig: pass rig.rectify\(\)"):
+        SGBMParams.for_range(paper_rig(), 600, 1200)
 
 
 def test_window_from_depths_matches_the_cube(cube):

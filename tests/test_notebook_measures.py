@@ -61,7 +61,7 @@ def test_repair_without_holes_has_nothing_filled() -> None:
 
 def test_repair_refuses_other_shapes_and_an_empty_mask() -> None:
     truth, mask = square()
-    with pytest.raises(ValueError, match="one shape"):
+    with pytest.raises(ValueError, match="must be a mask"):
         study.repair(truth, truth, truth, mask[:-1])
     with pytest.raises(ValueError, match="no pixel"):
         study.repair(truth, truth, truth, np.zeros_like(mask))

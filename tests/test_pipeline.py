@@ -101,6 +101,26 @@ def test_best_beats_plain_matching_and_is_dense():
     assert (off[~sure] > 2).mean() > 5 * (off[sure] > 2).mean()
 
 
+def test_best_owns_up_to_its_guesses():
+    """Plain faces are filled with the background, 15 px off: nearly all of what is wrong there says more than 5 px."""
+    pair, truth = recorded("conditions/plain")
+    found, true = pipeline.stereo_pipeline("best")(*pair), dataset.load_truth("conditions/plain")
+    wrong = (np.abs(found.disparity_px - truth) > 4) & true.visible & (true.box == 1)
+    assert wrong.sum() > 10_000
+    assert np.median(found.std_px[wrong]) > 5
+    assert (found.std_px[wrong] > 5).mean() > 0.8
+    ones = np.ones((40, 64), np.float32)  # the views contradict each other everywhere: nothing may claim to be known
+    _, kind, level = pipeline.features(sgm.SGMResult(9 * ones, 3 * ones, 300 * ones))
+    assert (kind == 2).all() and (level == 5).all()
+
+
+def test_filled_errors_by_hand(monkeypatch):
+    monkeypatch.syspath_prepend(str(datasets.ROOT / "benchmarks"))
+    script = importlib.import_module("bench_pipeline")
+    errors = [np.array([0.0, 4.0]), np.array([0.0, 0.0]), np.array([3.0, 3.0, 3.0])]  # squares 8 and 0 make 4
+    assert script.filled_std_px(errors) == [2.0, 2.0, 3.0]
+
+
 @pytest.mark.parametrize("name", ["conditions/poor_light", "series/coarse_900"])
 def test_fast_loses_nothing(name):
     pair, truth = recorded(name)
@@ -133,6 +153,8 @@ def test_the_benchmark_says_what_the_library_uses():
     assert list(pipeline.MARGINS) == measured["margins"]
     for name, values in pipeline.SIGMA_PX.items():
         np.testing.assert_allclose(values, measured["sigma_px"][name], rtol=0.02, atol=0.01)
+    filled = pipeline.SIGMA_PX["filled"]
+    assert list(filled) == sorted(filled)  # the further apart the neighbours, the less is known
     assert measured["motorcycle_best_density_pct"] == 100
     assert 63 <= measured["virtual_inside_pct"] <= 73
     assert measured["fast_times_plain"] >= 2

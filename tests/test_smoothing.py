@@ -224,3 +224,6 @@ def test_smooth_refuses():
         smoothing.smooth(disparity, "weighted_median", image=image[1:])
     with pytest.raises(ValueError, match="odd whole number of pixels from 1 on, got 8"):
         smoothing.smooth(disparity, "median", size_px=8)
+    with pytest.raises(ValueError, match=r"a kernel of 61 px is larger than the map \(60, 80\)"):
+        smoothing.smooth(disparity, "dilation", size_px=61)
+    assert np.isfinite(smoothing.smooth(disparity, "background", size_px=61)).all()  # has no kernel

@@ -41,7 +41,7 @@ def test_nothing_returned():
 def test_score_refuses():
     with pytest.raises(ValueError, match=r"one shape, got \[\(2, 2\), \(2, 3\)\]"):
         study.score(np.ones((2, 2)), np.ones((2, 3)))
-    with pytest.raises(ValueError, match=r"one shape, got .*\(3, 3\)"):
+    with pytest.raises(ValueError, match=r"mask \(2, 2\) of bool, got \(3, 3\) of bool"):
         study.score(np.ones((2, 2)), np.ones((2, 2)), np.ones((3, 3), bool))
     with pytest.raises(ValueError, match="no pixel with a known truth"):
         study.score(np.ones((2, 2)), np.full((2, 2), NAN))
@@ -68,9 +68,26 @@ def test_repair_by_hand():
 def test_repair_refuses():
     one = np.ones((2, 2))
     with pytest.raises(ValueError, match="must have one shape"):
+        study.repair(one, one[:, :1], one, np.ones((2, 2), bool))
+    with pytest.raises(ValueError, match=r"mask \(2, 2\) of bool, got \(2, 3\)"):
         study.repair(one, one, one, np.ones((2, 3), bool))
     with pytest.raises(ValueError, match="no pixel with a known truth"):
         study.repair(one, one, one, np.zeros((2, 2), bool))
+
+
+@pytest.mark.parametrize("mask", [np.array([[0, 255], [255, 0]], np.uint8), np.eye(2, dtype=int), [[0, 1], [1, 0]],
+                                  np.eye(2)])  # fmt: skip
+def test_a_mask_is_bool(mask):
+    """Numbers would be looked up as indices or multiplied with the mask of what is known, and score nonsense."""
+    one, picture = np.ones((2, 2)), np.ones((2, 2), np.uint8)
+    calls = (lambda: study.score(one, one, mask), lambda: study.repair(one, one, one, mask),
+             lambda: study.overreach_px(one, one, mask), lambda: study.fattening_px(one, one, mask),
+             lambda: study.near_edge(one, mask), lambda: study.correlation_length_px(picture, mask))  # fmt: skip
+    for call in calls:
+        with pytest.raises(ValueError, match=r"must be a mask \(2, 2\) of bool, got \(2, 2\) of (uint8|int64|float64)"):
+            call()
+    flags = [[False, True], [True, False]]  # a list of bools is one
+    assert study.score(one, one, flags).density_pct == 100
 
 
 def scene_with_a_border():

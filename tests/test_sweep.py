@@ -133,7 +133,7 @@ def test_an_interrupted_sweep_goes_on_and_redoes_nothing(tmp_path: Path, monkeyp
     jobs, path = ([small_view(), small_view("other", 7, seed=1)], SETTINGS), tmp_path / "rows.csv"
     expected = sweep(*jobs, progress=False, n_jobs=1)
     first = counted(monkeypatch, fail_at=5)
-    with pytest.raises(KeyboardInterrupt):
+    with pytest.raises(KeyboardInterrupt, match=r"stopped after 5 of 8 matches; they are in .*rows.csv; call again"):
         sweep(*jobs, results=path, progress=False, n_jobs=1)
     assert len(first) == 5
     monkeypatch.undo()
@@ -209,7 +209,7 @@ def test_sweeps_that_cannot_be_are_refused():
     with pytest.raises(ValueError, match="search window ends at 240 px, the image is 220 px wide"):
         sweep([view], [SGBMParams(240)])
     exchanged = [cv2.resize(image, None, fx=2, fy=2) for image in (view.right, view.left)]
-    with pytest.raises(ValueError, match="left and right are exchanged"):
+    with pytest.raises(ValueError, match="view 'exchanged': left and right are exchanged"):
         sweep([View("exchanged", *exchanged, np.ones((200, 440)))], SETTINGS)
 
 

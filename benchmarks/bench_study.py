@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import statistics
 import time
+from unittest import mock
 
 import cv2
 import numpy as np
@@ -11,7 +12,6 @@ from common import ratio, save
 
 from stereolib.disparity import SGBMParams, compute_disparity
 from stereolib.guided import compute_disparity_guided, expected_disparity
-from stereolib.images import to_grey
 from stereolib.metrics import score
 from stereolib.study import grid, sweep
 from stereolib.views import View
@@ -55,17 +55,21 @@ def guided(threads: int) -> dict[str, float]:
 
 
 def sweeps(views: list[View], rounds: int = 3) -> dict[str, float]:
-    """One sweep: bare OpenCV's calls, one worker, two workers, in turn; medians of the rounds' ratios."""
+    """What a sweep takes beyond the time inside OpenCV's matcher, in one run; and one worker against two."""
     settings = grid(block_size=(3, 5, 7, 9), uniqueness_ratio=range(0, 24, 2), disp12_max_diff=(-1, 1))
     cv2.setNumThreads(1)
-    grey = [(to_grey(view.left), to_grey(view.right)) for view in views]
+    inside = [0.0]
+    make = SGBMParams.matcher
 
-    def bare() -> None:
-        for pair in grey:
-            for p in settings:
-                p1, p2 = p.penalties
-                cv2.StereoSGBM.create(0, 128, p.block_size, p1, p2, p.disp12_max_diff, 63, p.uniqueness_ratio, 100, 2
-                                      ).compute(*pair)  # fmt: skip
+    class Timed:
+        def __init__(self, params: SGBMParams) -> None:
+            self.matcher = make(params)
+
+        def compute(self, left: object, right: object) -> object:
+            start = time.thread_time()
+            found = self.matcher.compute(left, right)  # type: ignore[call-overload]
+            inside[0] += time.thread_time() - start
+            return found
 
     def clocked(function: object, *arguments: object, **keywords: object) -> tuple[float, float]:
         wall, spent = time.perf_counter(), time.process_time()
@@ -75,9 +79,11 @@ def sweeps(views: list[View], rounds: int = 3) -> dict[str, float]:
     sweep(views, settings[:1], n_jobs=2, progress=False)  # its imports are no part of a sweep
     costs, gains = [], []
     for _ in range(rounds):
-        plain = clocked(bare)
+        inside[0] = 0.0
+        with mock.patch.object(SGBMParams, "matcher", lambda params: Timed(params)):
+            _, spent = clocked(sweep, views, settings, n_jobs=1, progress=False)
+        costs.append(spent / inside[0])  # the processor's time: other programs do not count
         one, two = (clocked(sweep, views, settings, n_jobs=n, progress=False) for n in (1, 2))
-        costs.append(one[1] / plain[1])  # the processor's time: other programs do not count
         gains.append(one[0] / two[0])
     return {
         "matches": len(views) * len(settings),

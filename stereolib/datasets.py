@@ -47,10 +47,16 @@ def figures_dir() -> Path:
 
 
 def write_atomic(path: str | os.PathLike[str], data: bytes | str) -> Path:
-    """Write a file beside its place and then move it there: readers see the old or the new one, whole."""
+    """Write a file beside its place and then move it there: readers see the old or the new one, whole.
+
+    A device or a pipe (``/dev/null``) is written to, not replaced.
+    """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     payload = data.encode("utf-8") if isinstance(data, str) else data
+    if path.exists() and not path.is_file() and not path.is_dir():
+        path.write_bytes(payload)
+        return path
     handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
     try:
         with os.fdopen(handle, "wb") as stream:

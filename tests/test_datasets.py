@@ -7,6 +7,7 @@ import os
 import socket
 import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 
@@ -176,3 +177,14 @@ def test_committed_sums_name_both_cameras_in_order():
         assert [n for n in names if f"/{side}/" in n] == [f"minoru3d/{side}/{i}.jpg" for i in range(1, 31)]
     assert "xv11/hand_in_box.txt" in names
     assert all(len(digest) == 64 for digest in datasets._registry().values())
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs named pipes")
+def test_a_pipe_is_written_to_and_stays(tmp_path):
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    with ThreadPoolExecutor(1) as pool:
+        read = pool.submit(pipe.read_bytes)
+        datasets.write_atomic(pipe, "through")
+        assert read.result(timeout=10) == b"through"
+    assert pipe.is_fifo()

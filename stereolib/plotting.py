@@ -13,6 +13,7 @@ from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.patches import Circle, Ellipse, Polygon, Rectangle  # noqa: F401 (those next door draw with them)
 from matplotlib.ticker import MaxNLocator
 
 from stereolib.datasets import figures_dir, write_atomic
@@ -224,8 +225,6 @@ def plot_box(image: Array, box: Any, ax: Axes, title: str = "", *, edges: Array 
         shown[cv2.dilate(edges, np.ones((2, 2), np.uint8)) > 0] = (233, 180, 86)
     plot_image(shown, ax, title)
     corner = (box.left - 0.5, box.top - 0.5)
-    from matplotlib.patches import Rectangle
-
     ax.add_patch(Rectangle(corner, box.width, box.height, fill=False, ec=COLORS[1], lw=2))
     ax.annotate(f"{box.width} px", (box.left + box.width / 2, box.top), (0, 5), textcoords="offset points",
                 ha="center", color=COLORS[1], weight="bold")  # fmt: skip

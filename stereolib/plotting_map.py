@@ -1,16 +1,15 @@
-"""Figures of maps, seen from above. Beside `plotting` the only module that imports matplotlib."""
+"""Figures of maps, seen from above."""
 
 from __future__ import annotations
 
 from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.patches import Circle, Ellipse, Polygon
 
 from stereolib.map_files import COLORS as RGB
 from stereolib.mapping import Map
 from stereolib.occupancy import FREE, OCCUPIED, OccupancyGrid
+from stereolib.plotting import Axes, Circle, Ellipse, Polygon
 from stereolib.stations import Station
 
 Array = np.ndarray

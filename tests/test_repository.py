@@ -237,7 +237,7 @@ def test_module_imports_only_what_stands_above_it(path: Path) -> None:
 def test_module_has_one_job_and_draws_nothing(path: Path) -> None:
     assert len(path.read_text(encoding="utf-8").splitlines()) <= 350
     drawing = {name for name in imports(path, top_level=False) if name.split(".")[0] in {"matplotlib", "pylab"}}
-    assert not drawing or path.name in {"plotting.py", "plotting_map.py"}
+    assert not drawing or path.name == "plotting.py"
 
 
 @pytest.mark.parametrize("module", ["stereolib", "stereolib.cli"])

@@ -83,9 +83,9 @@ def take(source: str | os.PathLike[str], count: int = 5, timeout_s: float = 2.0)
             raise ValueError(f"{source} holds no complete turn, only parts; record for at least one second")
         return found
     found = []
-    with closing(open_lidar(str(source), timeout_s)) as scans:
+    with closing(open_lidar(str(source), timeout_s)) as live:
         try:
-            for scan in islice(scans, count):
+            for scan in islice(live, count):
                 found.append(scan)
         except LidarError:  # the end of a replay, or unplugged: what came before is good
             if not found:

@@ -63,11 +63,11 @@ def test_exact_scans_give_exact_poses_and_deviations_cover_noisy_ones():
         boxes = [box_on_floor((300.0, 200.0, 300.0), px, py, rng.uniform(0, 3)) for px, py in ((900, 500), (700, -500))]
         scene = Scene((room(x_mm=(-x, u), y_mm=(-y, v)), *boxes))
         true = np.array([[0.0, 0, 0], [300, 100, 2.0], [100, -300, -0.7]])
-        for laser in (perfect, VirtualLidar()):
-            scans = [lrf.points_mm(lrf.average(lrf.turns(xv11.decode(laser.scan(scene, p, rng))))) for p in true]
+        for sensor in (perfect, VirtualLidar()):
+            scans = [lrf.points_mm(lrf.average(lrf.turns(xv11.decode(sensor.scan(scene, p, rng))))) for p in true]
             match = refine_poses(disturbed(stations(true, scans), rng, 50.0, np.radians(3.0)))
             error = poses_of(match)[1:] - true[1:]
-            if laser is perfect:
+            if sensor is perfect:
                 assert np.abs(error[:, :2]).max() < 0.5 and np.degrees(np.abs(error[:, 2])).max() < 0.02
             else:
                 scores += [e @ np.linalg.solve(s.covariance, e) for e, s in zip(error, match.stations[1:], strict=True)]

@@ -27,12 +27,12 @@ TOLERANCE = 1.0  # mean absolute difference, grey levels: another processor roun
 def test_every_recording_is_there_and_no_other():
     sides = [f"{name}_{side}.jpg" for name in dataset.pairs() for side in ("left", "right")]
     boards = [f"boards/{i:02d}_{side}.jpg" for i in range(1, 31) for side in ("left", "right")]
-    laser = ["lrf/room.bin"] + [
+    scans = ["lrf/room.bin"] + [
         f"lrf/range/{t}_{d:04d}.bin" for t in ("white", "grey", "dark") for d in dataset.RANGES_MM
     ]
-    laser += [f"{name}_scan.bin" for name in walk.POSES]
+    scans += [f"{name}_scan.bin" for name in walk.POSES]
     found = {p.relative_to(FOLDER).as_posix() for p in FOLDER.rglob("*") if p.suffix in {".jpg", ".bin"}}
-    assert found == {*sides, *boards, *laser}
+    assert found == {*sides, *boards, *scans}
 
 
 def test_recordings_the_paper_calls_for():
@@ -180,9 +180,9 @@ def test_boxes_of_the_walk_are_seen_from_two_sides():
 
 
 def test_scans_of_the_walk_read_what_is_there():
-    laser = VirtualLidar(height_mm=walk.LASER_HEIGHT_MM)
+    sensor = VirtualLidar(height_mm=walk.LASER_HEIGHT_MM)
     for name, pose in walk.POSES.items():
-        error = dataset.scan(name).ranges_mm - laser.truth_mm(walk.walk_scene(), pose)
+        error = dataset.scan(name).ranges_mm - sensor.truth_mm(walk.walk_scene(), pose)
         assert np.nanmedian(np.abs(error)) < 4 and np.isfinite(error).mean() > 0.95
 
 

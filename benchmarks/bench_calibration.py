@@ -184,7 +184,7 @@ def bare(pairs: list[tuple[Array, Array]], board: Checkerboard) -> None:
     """What one writes first: detect, refine, calibrate each camera, calibrate the pair."""
     inner, points = (board.columns, board.rows), []
     found: tuple[list[Array], list[Array]] = ([], [])
-    criteria = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 40, 1e-3)
+    criteria = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 100, 1e-7)
     for pair in pairs:
         seen = []
         for image in pair:

@@ -96,11 +96,12 @@ def align(
     width = pair.light[0].shape[1]
     pixel, y = (v * width + u).astype(int), v.astype(np.float32)[None]
     for (left, right), count in zip(pair.levels, (coarse_steps, steps), strict=True):
-        mine, my_slope = left.reshape(-1, 2).take(pixel, axis=0).T
+        mine, my_slope = left.reshape(-1, 2).take(pixel, axis=0).T.astype(float)
         for _ in range(count):
             where = u - x @ parameters
             inside = (where > 2) & (where < width - 3)
-            theirs, their_slope = cv2.remap(right, where.astype(np.float32)[None], y, cv2.INTER_LINEAR)[0].T
+            seen = cv2.remap(right, where.astype(np.float32)[None], y, cv2.INTER_LINEAR)[0]
+            theirs, their_slope = seen.T.astype(float)  # sums of float32 would depend on the processor
             gain = min(max(float(mine @ theirs) / max(float(theirs @ theirs), 1e-9), 0.7), 1.4)
             e = (mine - gain * theirs) * inside
             slope = 0.5 * (my_slope + gain * their_slope)

@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 
 from stereolib import __version__
+from stereolib.bundle import pose
 from stereolib.calibration_facts import MEANS, board_text, checked, meaning, parameters, refused, remarks
 from stereolib.camera import Camera
 from stereolib.coverage import covered
@@ -138,11 +139,11 @@ def _tilts(diagnosis: Diagnosis) -> tuple[Array, Array, Array]:
     for corners in views.left_px.astype(float):
         seen = np.isfinite(corners).all(axis=1)
         points = views.board.points_mm[seen].astype(float)
-        _, turn, shift = cv2.solvePnP(points, corners[seen], lens.K, lens.dist)
+        turn, shift = pose(points, corners[seen], lens)
         R = cv2.Rodrigues(turn)[0]
         x, y, z = R[:, 2] * np.sign(R[2, 2])
         found.append(
-            (np.degrees(np.arctan2(x, z)), np.degrees(np.arctan2(y, z)), (R @ points.mean(axis=0) + shift[:, 0])[2])
+            (np.degrees(np.arctan2(x, z)), np.degrees(np.arctan2(y, z)), (R @ points.mean(axis=0) + shift)[2])
         )
     about_y, about_x, distances = np.array(found).T
     return about_y, about_x, distances

@@ -19,7 +19,7 @@ from stereolib.targets import Board, BoardViews, Charuco, find_board, over_cores
 Array = np.ndarray
 #: Folder beside the images; one small file for each view, named by what was in the image and which board was sought.
 CACHE = ".stereolib_corners"
-_VERSION = 1  # of the detector: a change of its results must change it
+_VERSION = 2  # of the detector: a change of its results must change it
 
 
 def find_in_files(

@@ -95,7 +95,8 @@ def find_objects(
         d = filled[y : y + h, x : x + w][part].astype(float)
         pu, pv = float(STEP) * (column + x), float(STEP) * (row + y)
         ray = rays(floor, pu, pv)
-        near = int(np.argpartition(d / ray[0], -len(d) // 50)[-len(d) // 50])
+        ahead = d / ray[0]
+        near = int(np.argmax(ahead == np.partition(ahead, -len(d) // 50)[-len(d) // 50]))  # the first of equal ones
         x_mm, y_mm = rectified.f_px * rectified.baseline_mm / d[near] * ray[:, near]
         bounds = (int(STEP * x), int(STEP * y), int(STEP * (x + w - 1)), int(STEP * (y + h - 1)))
         found.append(Region(pu, pv, d, floor.height_mm(pu, pv, d), (float(x_mm), float(y_mm)), bounds))

@@ -156,7 +156,7 @@ def _profile(scan: LaserScan, origin: Array, laser_pose: Sequence[float]) -> tup
     points = points_mm(scan) @ np.array([[c, s], [-s, c]]) + [x, y] - origin[:2]
     ahead = points[points[:, 0] > 50.0]
     tangent = ahead[:, 1] / ahead[:, 0]
-    order = np.argsort(tangent)
+    order = np.argsort(tangent, kind="stable")
     tangent, inverse = tangent[order], 1 / ahead[order, 0]
     seen = (tangent > _TANGENTS[0]) & (tangent < _TANGENTS[1])
     if seen.sum() < 2:

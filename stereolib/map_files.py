@@ -25,6 +25,7 @@ Array = np.ndarray
 #: Colours of objects, red-green-blue: those of the figures, without the walls' grey.
 COLORS = ((0, 114, 178), (213, 94, 0), (0, 158, 115), (204, 121, 167), (230, 159, 0), (86, 180, 233))
 WALL_RGB = (190, 190, 190)
+_DECIMALS_M = 6  # a micrometre: far below any deviation, far above what processors disagree about
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,7 +191,7 @@ def write_cloud(path: str | os.PathLike[str], points: Cloud, *, overwrite: bool 
     if not len(points.points_mm):
         raise ValueError(f"{path.name}: the cloud has no point, there is nothing to write")
     row = np.zeros(len(points.points_mm), [("xyz", "<f4", 3), ("rgb", "u1", 3)])
-    row["xyz"], row["rgb"] = points.points_mm / 1000, points.colors_rgb
+    row["xyz"], row["rgb"] = (points.points_mm / 1000).round(_DECIMALS_M), points.colors_rgb
     fields = [f"property float {axis}" for axis in "xyz"] + [f"property uchar {c}" for c in ("red", "green", "blue")]
     header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(row)}", *fields, "end_header", ""]
     return write_atomic(path, "\n".join(header).encode() + row.tobytes())
@@ -235,7 +236,7 @@ def _prism(solid: Solid) -> tuple[Array, Array]:
     """Vertices (2 N, 3) in metres, z up, and triangles, seen from outside counter-clockwise."""
     n = len(solid.outline_mm)
     base = np.column_stack([solid.outline_mm, np.zeros(n)])
-    vertices = np.concatenate([base, base + np.array([0.0, 0.0, solid.height_mm])]) / 1000
+    vertices = (np.concatenate([base, base + np.array([0.0, 0.0, solid.height_mm])]) / 1000).round(_DECIMALS_M)
     i, j = np.arange(n), (np.arange(n) + 1) % n
     sides = np.concatenate([np.stack([i, j, j + n], axis=1), np.stack([i, j + n, i + n], axis=1)])
     k = np.arange(1, n - 1)

@@ -113,7 +113,7 @@ def _longest_stretch(points: Array, normal: Array, inliers: Array, gap_mm: float
     """The inliers of the longest stretch without a gap. (N,) bool."""
     index = np.flatnonzero(inliers)
     t = _along(points[index], normal)
-    order = np.argsort(t)
+    order = np.argsort(t, kind="stable")
     parts = np.split(index[order], np.flatnonzero(np.diff(t[order]) > gap_mm) + 1)
     best = max(parts, key=lambda part: float(np.ptp(_along(points[part], normal))))
     return np.isin(np.arange(len(points)), best)

@@ -72,7 +72,7 @@ def fit_corner(p: Array, sigma: Array) -> Lines | None:
         scatter(sums[:, splits]) + _TURN.T @ scatter(sums[:, -1:] - sums[:, splits]) @ _TURN
     )
     best: Lines | None = None
-    for at in np.argsort(values[:, 0])[:_CANDIDATES]:
+    for at in np.argsort(values[:, 0], kind="stable")[:_CANDIDATES]:
         k = int(splits[at])
         fit = fit_lines(p, sigma, k, float(np.arctan2(vectors[at, 1, 0], vectors[at, 0, 0])))
         n1, n2 = fit.normal(0), fit.normal(1)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
+from stereolib.bundle import pose
 from stereolib.paper import paper_rig
 from stereolib.rig import StereoRig
 from stereolib.targets import BoardViews, Checkerboard
@@ -87,8 +88,8 @@ def _unsynchronised(good: BoardViews, indices: Sequence[int], rng: np.random.Gen
     """Between the two shutters the boards of these pairs moved by a few millimetres."""
     right = good.right_px.copy()
     for k in indices:
-        _, turn, shift = cv2.solvePnP(BOARD.points_mm, good.right_px[k], *_lens())
-        moved = shift.ravel() + rng.uniform(2, 5, 3) * rng.choice([-1, 1], 3)
+        turn, shift = pose(BOARD.points_mm, good.right_px[k], paper_rig().right)
+        moved = shift + rng.uniform(2, 5, 3) * rng.choice([-1, 1], 3)
         right[k] = cv2.projectPoints(BOARD.points_mm, turn, moved, *_lens())[0][:, 0]
     names = tuple(good.names[k] for k in indices)
     return Fault(name, replace(good, right_px=right), f"{len(names)} of 30 pairs were left out", pairs=names)

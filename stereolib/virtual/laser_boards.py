@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 
 from stereolib import lrf, xv11
+from stereolib.bundle import pose as pose_of
 from stereolib.camera import Camera
 from stereolib.lidar_camera import BoardView, board_view
 from stereolib.rig import rigid
@@ -60,7 +61,7 @@ def laser_board_views(
         T = T_left_world @ T_world_board
         pixels = true_left.project(points @ T[:3, :3].T + T[:3, 3])
         pixels = pixels + rng.normal(0, _CORNER_PX, pixels.shape)
-        _, turn, t = cv2.solvePnP(points, pixels, believed.K, believed.dist)
+        turn, t = pose_of(points, pixels, believed)
         scene = board_scene(pose, height_mm)
         scan = lrf.average(lrf.turns(xv11.decode(sensor.scan(scene, laser_pose, rng, turns=5))))
         found.append(board_view(scan, rigid(cv2.Rodrigues(turn)[0], t), diagonal_mm=diagonal_mm))

@@ -293,11 +293,11 @@ def clean() -> int:
 
 COMMANDS = {
     "setup": lambda rest: 0,
-    "reproduce": lambda rest: run(["-m", "stereolib.cli", "reproduce", *rest]),
+    "reproduce": lambda rest: run(["-m", "stereolib", "reproduce", *rest]),
     "test": test,
     "test-opencv4": lambda rest: run([*OPENCV4_TESTS, *rest], opencv4_environ(), TESTS_TIMEOUT_S),
     "bench": bench,
-    "data": lambda rest: run(["-m", "stereolib.cli", "data", *(rest or ["build"])]),
+    "data": lambda rest: run(["-m", "stereolib", "data", *(rest or ["build"])]),
     "lab": lambda rest: run(["-m", "jupyter", "lab", "notebooks/00_index.ipynb", *rest]),
     "lint": lambda rest: lint(),
     "format": lambda rest: max(run(["-m", "ruff", "check", "--fix"]), run(["-m", "ruff", "format"])),

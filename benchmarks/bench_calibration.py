@@ -11,20 +11,25 @@ from typing import Any
 import cv2
 import numpy as np
 from common import save
+from support.corners import corner_set, draw_poses, draw_rig, project_boards
+from support.faults import bad_sets
 
-from stereolib import bundle, datasets
-from stereolib.calibration import calibrate_stereo
-from stereolib.diagnosis import diagnose
-from stereolib.images import read_pair, to_grey
+from stereolib.base import datasets
+from stereolib.calibration import (
+    INTERVAL,
+    BoardViews,
+    Checkerboard,
+    bundle_adjustment,
+    calibrate_stereo,
+    compare_calibrations,
+    diagnose,
+    find_in_pairs,
+    parameter_names,
+    rig_covariance,
+)
 from stereolib.paper import paper_rig
-from stereolib.rig import StereoRig, rigid
-from stereolib.targets import BoardViews, Checkerboard, find_in_pairs
-from stereolib.uncertainty import INTERVAL, compare_calibrations, parameter_names, rig_covariance
-from stereolib.virtual import dataset
-from stereolib.virtual.corners import corner_set, draw_poses, draw_rig, project_boards
-from stereolib.virtual.faults import bad_sets
-from stereolib.virtual.render import render
-from stereolib.virtual.sensor import Webcam
+from stereolib.rig import StereoRig, read_pair, rigid, to_grey
+from stereolib.virtual import Webcam, recordings, render
 
 Array = np.ndarray
 DRAWS, MORE_DRAWS = 40, 160
@@ -42,7 +47,7 @@ def held() -> dict[str, Any]:
         rig = draw_rig(rng)
         views = corner_set(rng, rig=rig)
         fit = calibrate_stereo(views).fit
-        off = np.abs(bundle.vector(fit.rig, rig))
+        off = np.abs(bundle_adjustment.vector(fit.rig, rig))
         inside.append([off < INTERVAL * np.sqrt(np.diag(rig_covariance(fit, method=m))) for m in ("auto", "corners")])
         if k < DRAWS:
             found = diagnose(views)
@@ -65,8 +70,8 @@ def held() -> dict[str, Any]:
 
 def rendered_noise() -> dict[str, float]:
     """Corners found minus true, sd of a coordinate: on the committed boards, and on boards of three drawn rigs."""
-    found = find_in_pairs(*dataset.load_boards()[:1], dataset.BOARD, dataset.load_boards()[1], progress=False)
-    poses = [dataset.board_poses()[int(name[-2:]) - 1] for name in found.names]
+    found = find_in_pairs(*recordings.load_boards()[:1], recordings.BOARD, recordings.load_boards()[1], progress=False)
+    poses = [recordings.board_poses()[int(name[-2:]) - 1] for name in found.names]
     result = {"committed_px": _noise(found, paper_rig(), poses)}
     drawn = []
     for k in range(3):
@@ -75,13 +80,13 @@ def rendered_noise() -> dict[str, float]:
         poses = draw_poses(rig, 2, rng)
         pairs = [_shot(rig, pose, rng) for pose in poses]
         names = [str(i) for i in range(len(poses))]
-        views = find_in_pairs(pairs, dataset.BOARD, names, progress=False)
+        views = find_in_pairs(pairs, recordings.BOARD, names, progress=False)
         drawn.append(_noise(views, rig, [poses[int(name)] for name in views.names]) ** 2)
     return {**result, "drawn_rigs_px": round(float(np.sqrt(np.mean(drawn))), 4)}
 
 
 def _shot(rig: StereoRig, pose: Array, rng: np.random.Generator) -> tuple[Array, Array]:
-    scene, bench = dataset.board_scene(pose), dataset.setup("bench")
+    scene, bench = recordings.board_scene(pose), recordings.setup("bench")
     moves = (rig.left, bench), (rig.right, rigid(rig.R, rig.T) @ bench)
     left, right = (Webcam().shoot(render(scene, camera, T, samples=3), rng) for camera, T in moves)
     return left, right
@@ -97,8 +102,8 @@ def _noise(views: BoardViews, rig: StereoRig, poses: list[Array]) -> float:
 
 def virtual() -> dict[str, Any]:
     """The committed boards against the rig that rendered them; two halves against each other."""
-    pairs, names = dataset.load_boards()
-    views = find_in_pairs(pairs, dataset.BOARD, names, progress=False)
+    pairs, names = recordings.load_boards()
+    views = find_in_pairs(pairs, recordings.BOARD, names, progress=False)
     found = diagnose(views)
     return {
         "pairs": len(views),
@@ -160,8 +165,8 @@ def cost(cores: int, rounds: int = 5) -> dict[str, float]:
 
     The fastest of some rounds in turn: other work on the machine only ever slows a round down.
     """
-    pairs, names = dataset.load_boards()
-    board = dataset.BOARD
+    pairs, names = recordings.load_boards()
+    board = recordings.BOARD
     times: dict[str, list[float]] = {"bare": [], "ours": [], "diagnosis": []}
     with _cores(cores):
         for _ in range(rounds):

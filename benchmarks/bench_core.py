@@ -12,16 +12,15 @@ import numpy as np
 from common import ratio, save
 
 from stereolib import paper
-from stereolib.calibration import calibrate_stereo, epipolar_errors_px
-from stereolib.disparity import SGBMParams, compute_disparity
-from stereolib.targets import find_in_pairs
-from stereolib.virtual import dataset
+from stereolib.calibration import calibrate_stereo, epipolar_errors_px, find_in_pairs
+from stereolib.matching import SGBMParams, compute_disparity
+from stereolib.virtual import recordings
 
 
 def accuracy() -> dict[str, float]:
     """The committed boards, calibrated, against the rig that rendered them."""
-    pairs, names = dataset.load_boards()
-    views = find_in_pairs(pairs, dataset.BOARD, names, progress=False)
+    pairs, names = recordings.load_boards()
+    views = find_in_pairs(pairs, recordings.BOARD, names, progress=False)
     rig, true = calibrate_stereo(views).rig, paper.paper_rig()
     sides = [(getattr(rig, side), getattr(true, side)) for side in ("left", "right")]
     return {
@@ -35,8 +34,8 @@ def accuracy() -> dict[str, float]:
 def overhead() -> dict[str, float]:
     """Rectify and match one pair: the library against the cv2 calls inside it."""
     cv2.setNumThreads(1)
-    rectified, params = dataset.rectified(), SGBMParams()
-    left, right = dataset.load_pair("conditions/texture")
+    rectified, params = recordings.rectified(), SGBMParams()
+    left, right = recordings.load_pair("conditions/texture")
     maps = rectified.maps
 
     def ours() -> object:
@@ -70,7 +69,7 @@ def import_s() -> float:
 def reproduce_s() -> float:
     """All notebooks, the report and the comparison with the committed numbers."""
     start = time.perf_counter()
-    subprocess.run([sys.executable, "-m", "stereolib.cli", "reproduce", "--check"], check=True, capture_output=True)
+    subprocess.run([sys.executable, "-m", "stereolib", "reproduce", "--check"], check=True, capture_output=True)
     return time.perf_counter() - start
 
 

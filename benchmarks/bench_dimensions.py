@@ -15,22 +15,20 @@ import numpy as np
 from common import save
 from tqdm.auto import tqdm
 
-from stereolib import lrf, paper, xv11
-from stereolib.calibration import calibrate_stereo
-from stereolib.disparity import SGBMParams, compute_disparity
-from stereolib.ground import Uncertainty
-from stereolib.height import height_by_maximum
-from stereolib.lidar_camera import LidarCamera, calibrate_lidar_to_camera
-from stereolib.measure import Measurement, measure_objects
-from stereolib.objects import MeasuredObject
+from stereolib import laser, paper
+from stereolib.calibration import (
+    LidarCamera,
+    calibrate_lidar_to_camera,
+    calibrate_stereo,
+    find_in_pairs,
+    rectified_std,
+    rig_covariance,
+)
+from stereolib.matching import SGBMParams, compute_disparity
+from stereolib.measurement import MeasuredObject, Measurement, Uncertainty, measure_objects
+from stereolib.paper import height_by_maximum
 from stereolib.rig import RectifiedRig
-from stereolib.targets import find_in_pairs
-from stereolib.uncertainty import rectified_std, rig_covariance
-from stereolib.virtual import dataset, laser_boards
-from stereolib.virtual.lidar import VirtualLidar
-from stereolib.virtual.render import render_pair
-from stereolib.virtual.scene import Scene, cube_scene
-from stereolib.virtual.sensor import Webcam
+from stereolib.virtual import Scene, VirtualLidar, Webcam, cube_scene, laser_boards, recordings, render_pair
 
 Array = np.ndarray
 SCENES = 200
@@ -52,7 +50,7 @@ class Shot:
 
     left: Array
     right: Array
-    scan: lrf.AveragedScan
+    scan: laser.AveragedScan
     size_mm: Array
     yaw_rad: float
 
@@ -66,19 +64,19 @@ def shoot(seed: int, **how: Any) -> Shot:
         "texture": rng.uniform(0.35, 0.5), "texture_scale_mm": rng.uniform(4, 9), "seed": int(rng.integers(1, 10**6)),
     }  # fmt: skip
     scene: Scene = cube_scene(distance, size_mm=tuple(size), **{**drawn, **how})
-    light, webcam = render_pair(scene, paper.paper_rig(), dataset.setup(), samples=1), Webcam()
+    light, webcam = render_pair(scene, paper.paper_rig(), recordings.setup(), samples=1), Webcam()
     left, right = (webcam.shoot(side, np.random.default_rng([602, seed, k])) for k, side in enumerate(light))
-    packets = SENSOR.scan(scene, dataset.LASER_POSE, np.random.default_rng([603, seed]), turns=5)
-    return Shot(left, right, lrf.average(lrf.turns(xv11.decode(packets))), size, float(drawn["yaw_rad"]))
+    packets = SENSOR.scan(scene, recordings.LASER_POSE, np.random.default_rng([603, seed]), turns=5)
+    return Shot(left, right, laser.average(laser.turns(laser.decode(packets))), size, float(drawn["yaw_rad"]))
 
 
 def instrument() -> tuple[RectifiedRig, LidarCamera, Uncertainty]:
     """Rig and laser as calibrated from the recorded boards and from ten boards that the laser sees too."""
-    boards, names = dataset.load_boards()
-    found = calibrate_stereo(find_in_pairs(boards, dataset.BOARD, names=names))
+    boards, names = recordings.load_boards()
+    found = calibrate_stereo(find_in_pairs(boards, recordings.BOARD, names=names))
     rectified = found.rig.rectify()
     views = laser_boards.laser_board_views(
-        SENSOR, dataset.LASER_POSE, dataset.setup(), paper.paper_rig().left, np.random.default_rng(604),
+        SENSOR, recordings.LASER_POSE, recordings.setup(), paper.paper_rig().left, np.random.default_rng(604),
         believed_left=found.rig.left, height_mm=150.0,
     )  # fmt: skip
     how_well = rectified_std(rectified, rig_covariance(found.fit))

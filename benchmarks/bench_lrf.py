@@ -10,10 +10,9 @@ import time
 import numpy as np
 from common import ratio, save
 
-from stereolib import datasets, lidar_emulator, lrf, xv11
-from stereolib.virtual import dataset
-from stereolib.virtual.lidar import VirtualLidar
-from stereolib.virtual.scene import cube_scene
+from stereolib import laser
+from stereolib.base import datasets
+from stereolib.virtual import VirtualLidar, cube_scene, emulator, recordings
 
 LIVE = """
 import sys, time
@@ -50,9 +49,9 @@ def decoding() -> dict[str, float]:
     try:
         data = datasets.real_recording("xv11/hand_in_box.txt").read_bytes()
     except datasets.NotAvailable:
-        data = dataset.load_laser("lrf/room") * 25
-    assert len(plain_loop(data)) == xv11.decode(data).good
-    result = ratio(lambda: xv11.decode(data), lambda: plain_loop(data), rounds=7)
+        data = recordings.load_laser("lrf/room") * 25
+    assert len(plain_loop(data)) == laser.decode(data).good
+    result = ratio(lambda: laser.decode(data), lambda: plain_loop(data), rounds=7)
     return {
         "mb_per_s": round(len(data) / result["ours_ms"] / 1000, 1),
         "times_a_plain_loop": round(1 / result["ratio"], 1),
@@ -62,10 +61,10 @@ def decoding() -> dict[str, float]:
 def damage(rng: np.random.Generator, packets: int = 400_000) -> dict[str, float]:
     """Flip, drop and insert bytes in one packet of ten; count what is lost of the rest and what is invented."""
     shape = (packets, 4)
-    readings = xv11.Readings.build(
+    readings = laser.Readings.build(
         np.arange(packets) % 90, rng.integers(100, 6000, shape), rng.integers(1, 2000, shape)
     )
-    clean = xv11.encode(readings)
+    clean = laser.encode(readings)
     whole = [clean[k : k + 22] for k in range(0, len(clean), 22)]
     pieces, intact, at = [], [], 0
     for packet, hit in zip(whole, rng.random(packets) < 0.1, strict=True):
@@ -84,7 +83,7 @@ def damage(rng: np.random.Generator, packets: int = 400_000) -> dict[str, float]
             intact.append(at + shift)
         pieces.append(bytes(piece))
         at += len(piece)
-    found = set(xv11.decode(b"".join(pieces)).offset.tolist())
+    found = set(laser.decode(b"".join(pieces)).offset.tolist())
     spoilt = packets - len(intact)
     invented = len(found - set(intact))
     return {
@@ -97,23 +96,23 @@ def damage(rng: np.random.Generator, packets: int = 400_000) -> dict[str, float]
 
 def live_share() -> float:
     """CPU time over wall time of a process that reads an emulated sensor at 300 turns a minute for 40 turns."""
-    schedule = lidar_emulator.emulate(cube_scene(), rng=np.random.default_rng(0), seconds=30)
-    with lidar_emulator.serve(schedule) as served:
+    schedule = emulator.emulate(cube_scene(), rng=np.random.default_rng(0), seconds=30)
+    with emulator.serve(schedule) as served:
         done = subprocess.run([sys.executable, "-c", LIVE, served.port], check=True, capture_output=True, text=True)
     return float(done.stdout)
 
 
 def sweep_error_mm() -> float:
     """Median absolute error of the recorded sweep's median of five turns, on the beams that meet the cube."""
-    truth_mm = VirtualLidar().truth_mm(cube_scene(), dataset.LASER_POSE)
-    scan = lrf.average(lrf.turns(xv11.decode(dataset.load_laser("lrf/room"))))
+    truth_mm = VirtualLidar().truth_mm(cube_scene(), recordings.LASER_POSE)
+    scan = laser.average(laser.turns(laser.decode(recordings.load_laser("lrf/room"))))
     return float(np.nanmedian(np.abs(scan.ranges_mm - truth_mm)[truth_mm < 950]))
 
 
 def junk(rng: np.random.Generator) -> dict[str, float]:
     """Ten million random bytes in skip mode: never an exception, packets only by chance."""
     start = time.perf_counter()
-    found = xv11.decode(rng.bytes(10_000_000))
+    found = laser.decode(rng.bytes(10_000_000))
     return {"junk_s": round(time.perf_counter() - start, 3), "junk_packets": found.good}
 
 

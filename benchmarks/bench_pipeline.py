@@ -12,22 +12,23 @@ from scipy.optimize import isotonic_regression
 from tqdm import tqdm
 from virtual_pairs import CHECKED_ON, CHOSEN_ON, Pair, bad2_pct, cluttered, recorded
 
-from stereolib import paper, pipeline, rivals
-from stereolib.disparity import compute_disparity
-from stereolib.views import motorcycle
-from stereolib.virtual import dataset
+from stereolib import paper
+from stereolib.matching import compute_disparity, filter_comparison, motorcycle, pipelines
+from stereolib.virtual import recordings
 
 Array = np.ndarray
 
 
 def calibrate(pairs: list[Pair]) -> dict[str, list]:
     """`pipeline.MARGINS` and `pipeline.SIGMA_PX` anew."""
-    matches = [pipeline.match_best(p.left, p.right, p.num_disparities) for p in tqdm(pairs, "calibrating", unit="pair")]
-    matched = [m.margin[pipeline.features(m)[1] < 2] for m in matches]
+    matches = [
+        pipelines.match_best(p.left, p.right, p.num_disparities) for p in tqdm(pairs, "calibrating", unit="pair")
+    ]
+    matched = [m.margin[pipelines.features(m)[1] < 2] for m in matches]
     margins = [round(float(x)) for x in np.percentile(np.concatenate(matched), (10, 25, 45, 65, 85))]
     errors: dict[tuple[int, int], list[Array]] = {}
     for pair, match in zip(pairs, matches, strict=True):
-        disparity, kind, level = pipeline.features(match, margins=tuple(margins))
+        disparity, kind, level = pipelines.features(match, margins=tuple(margins))
         off = np.abs(disparity - pair.truth_px)
         for k in range(3):
             for n in range(6):
@@ -35,7 +36,7 @@ def calibrate(pairs: list[Pair]) -> dict[str, list]:
     pooled = {key: np.concatenate(parts) for key, parts in errors.items()}
     found = [[round(float(np.percentile(pooled[k, n], 68)), 2) for n in range(6)] for k in range(2)]
     found.append(filled_std_px([pooled[2, n] for n in range(6)]))
-    return {"margins": margins, "sigma_px": dict(zip(pipeline.SIGMA_PX, found, strict=True))}
+    return {"margins": margins, "sigma_px": dict(zip(pipelines.SIGMA_PX, found, strict=True))}
 
 
 def filled_std_px(errors: list[Array]) -> list[float]:
@@ -49,7 +50,7 @@ def honesty(pairs: list[Pair]) -> tuple[float, float]:
     """Share of errors inside one standard deviation, and bad-2 of "best", means over the pairs, %."""
     inside, bad = [], []
     for pair in tqdm(pairs, "best", unit="pair"):
-        found = pipeline.stereo_pipeline("best", pair.num_disparities)(pair.left, pair.right)
+        found = pipelines.stereo_pipeline("best", pair.num_disparities)(pair.left, pair.right)
         off, known = np.abs(found.disparity_px - pair.truth_px), np.isfinite(pair.truth_px)
         inside.append(100 * float((off <= found.std_px)[known].mean()))
         bad.append(bad2_pct(found.disparity_px, pair.truth_px))
@@ -58,7 +59,7 @@ def honesty(pairs: list[Pair]) -> tuple[float, float]:
 
 def speed(pairs: list[Pair]) -> dict[str, float]:
     """Time and mean bad-2 of "fast" and of plain SGBM with block 5 and 128 disparities."""
-    fast = pipeline.stereo_pipeline("fast")
+    fast = pipelines.stereo_pipeline("fast")
     bad = [
         [bad2_pct(d, p.truth_px) for d in (fast(p.left, p.right).disparity_px, compute_disparity(p.left, p.right))]
         for p in pairs
@@ -79,10 +80,10 @@ def speed(pairs: list[Pair]) -> dict[str, float]:
 def on_photographs() -> dict[str, float]:
     """The motorcycle: bad-2 over all pixels of known truth with 128 disparities, and honesty."""
     view = motorcycle()
-    best = pipeline.stereo_pipeline("best")(view.left, view.right)
+    best = pipelines.stereo_pipeline("best")(view.left, view.right)
     known = np.isfinite(view.truth_px)
     inside = (np.abs(best.disparity_px - view.truth_px) <= best.std_px)[known].mean()
-    fast, plain = pipeline.stereo_pipeline("fast")(view.left, view.right), compute_disparity(view.left, view.right)
+    fast, plain = pipelines.stereo_pipeline("fast")(view.left, view.right), compute_disparity(view.left, view.right)
     maps = {"best": best.disparity_px, "fast": fast.disparity_px, "plain": plain}
     found = {f"motorcycle_{name}_bad2_pct": round(bad2_pct(d, view.truth_px), 2) for name, d in maps.items()}
     density = 100 * float(np.isfinite(best.disparity_px).mean())
@@ -91,10 +92,10 @@ def on_photographs() -> dict[str, float]:
 
 def filters_ms() -> dict[str, float]:
     """Each filter on the map of poor light, best of three, with a kernel of 9 px."""
-    true = dataset.load_truth("conditions/poor_light")
-    pair = dataset.rectified().rectify(*dataset.load_pair("conditions/poor_light"))
-    one = {"poor_light": rivals.case(pair, true.disparity_px, true.visible & (true.box == 1), true.box == 1)}
-    tables = [rivals.measure(one, cm_per_px=paper.value("scale.cm_per_px")) for _ in range(3)]
+    true = recordings.load_truth("conditions/poor_light")
+    pair = recordings.rectified().rectify(*recordings.load_pair("conditions/poor_light"))
+    one = {"poor_light": filter_comparison.case(pair, true.disparity_px, true.visible & (true.box == 1), true.box == 1)}
+    tables = [filter_comparison.measure(one, cm_per_px=paper.value("scale.cm_per_px")) for _ in range(3)]
     return {m: round(min(t["time_ms"][k] for t in tables), 1) for k, m in enumerate(tables[0]["method"])}
 
 
@@ -105,7 +106,7 @@ def main() -> None:
     seen, checked = ([pair for seed in seeds for pair in cluttered(seed)] for seeds, _ in (CHOSEN_ON, CHECKED_ON))
     calibrated = calibrate(seen)
     inside, bad = honesty(checked + [recorded(name) for name in CHECKED_ON[1]])
-    fast = speed([recorded(name) for name in dataset.cube_pairs()])
+    fast = speed([recorded(name) for name in recordings.cube_pairs()])
     gain = {"fast_less_bad2_points": round(fast["plain_bad2_pct"] - fast["fast_bad2_pct"], 2)}
     found = {**on_photographs(), "virtual_best_bad2_pct": bad, "virtual_inside_pct": inside, **fast, **gain}
     save("pipeline", {**found, **calibrated})

@@ -10,22 +10,27 @@ import cv2
 import numpy as np
 from common import ratio, save
 
-from stereolib.disparity import SGBMParams, compute_disparity
-from stereolib.guided import compute_disparity_guided, expected_disparity
-from stereolib.metrics import score
-from stereolib.study import grid, sweep
-from stereolib.views import View
-from stereolib.virtual import dataset
+from stereolib.matching import (
+    SGBMParams,
+    View,
+    compute_disparity,
+    compute_disparity_guided,
+    expected_disparity,
+    grid,
+    score,
+    sweep,
+)
+from stereolib.virtual import recordings
 
 
 def guided(threads: int) -> dict[str, float]:
     """The recorded series: expectation and match from laser and pair, against 128 disparities, distance by distance."""
     cv2.setNumThreads(threads)
-    rectified, pose = dataset.rectified(), dataset.setup()
+    rectified, pose = recordings.rectified(), recordings.setup()
     faster, better, bad, false = [], [], [], []
-    for kind in dataset.TEXTURES_MM:
-        for mm in dataset.DISTANCES_MM:
-            view, scan = dataset.view(f"series/{kind}_{mm}"), dataset.scan(f"series/{kind}_{mm}")
+    for kind in recordings.TEXTURES_MM:
+        for mm in recordings.DISTANCES_MM:
+            view, scan = recordings.view(f"series/{kind}_{mm}"), recordings.scan(f"series/{kind}_{mm}")
             pair = view.left, view.right
 
             def ours(pair: tuple = pair, scan: object = scan) -> np.ndarray:
@@ -96,5 +101,5 @@ def sweeps(views: list[View], rounds: int = 3) -> dict[str, float]:
 if __name__ == "__main__":
     alone, together = guided(1), guided(cv2.getNumberOfCPUs())
     together = {f"{name}_all_threads": together[name] for name in ("times_faster_median", "times_faster_least")}
-    pairs = [dataset.view("conditions/texture"), dataset.view("series/coarse_800")]
+    pairs = [recordings.view("conditions/texture"), recordings.view("series/coarse_800")]
     save("study", {**alone, **together, **sweeps(pairs)})

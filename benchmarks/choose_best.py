@@ -30,8 +30,7 @@ from joblib import Parallel, delayed
 from tqdm import tqdm
 from virtual_pairs import CHOSEN_ON, Pair, bad2_pct, cluttered, recorded
 
-from stereolib import pipeline
-from stereolib.sgm import CensusSGM
+from stereolib.matching import CensusSGM, pipelines
 
 GRID: dict[str, tuple[Any, ...]] = {
     "census_px": ((5, 5), (5, 7), (7, 7), (7, 9)),
@@ -58,8 +57,8 @@ def measure(pair: Pair, setting: Setting) -> float:
     own = {name: setting[name] for name in ("blur_from_grey", "speckle_px", "median_px")}
     params = CensusSGM(pair.num_disparities, **{k: v for k, v in setting.items() if k not in own})
     blur = own.pop("blur_from_grey")
-    matched = pipeline.match_best(pair.left, pair.right, pair.num_disparities, params, blur_from_grey=blur)
-    return bad2_pct(pipeline.features(matched, **own)[0], pair.truth_px)
+    matched = pipelines.match_best(pair.left, pair.right, pair.num_disparities, params, blur_from_grey=blur)
+    return bad2_pct(pipelines.features(matched, **own)[0], pair.truth_px)
 
 
 def key_of(row: Setting) -> str:

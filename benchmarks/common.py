@@ -12,8 +12,8 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from stereolib import report
-from stereolib.datasets import ROOT, figures_dir, write_atomic
+from stereolib.base import ROOT, figures_dir, write_atomic
+from stereolib.reproduction import report
 
 RESULTS = Path(__file__).parent / "results"
 

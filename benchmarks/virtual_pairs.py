@@ -8,10 +8,7 @@ import cv2
 import numpy as np
 
 from stereolib import paper
-from stereolib.virtual import dataset
-from stereolib.virtual.render import render_pair, truth
-from stereolib.virtual.scene import clutter_scene
-from stereolib.virtual.sensor import Webcam
+from stereolib.virtual import Webcam, clutter_scene, recordings, render_pair, truth
 
 Array = np.ndarray
 #: Seeds of cluttered scenes, and recordings of the cube. No scene is in both sets.
@@ -44,12 +41,12 @@ class Pair:
 
 def cluttered(seed: int, lights: tuple[float, ...] = LIGHTS) -> list[Pair]:
     """A cluttered scene in several lights, rectified about as well as rigs are: the right camera is turned a little."""
-    scene, where, rng = clutter_scene(seed), dataset.setup("bench"), np.random.default_rng([seed, 5])
-    true = truth(scene, dataset.rectified(), where).disparity_px
+    scene, where, rng = clutter_scene(seed), recordings.setup("bench"), np.random.default_rng([seed, 5])
+    true = truth(scene, recordings.rectified(), where).disparity_px
     sides = render_pair(scene, paper.paper_rig(), where, samples=2, light_samples=1)
     found = []
     for light in lights:
-        rectified = dataset.rectified()
+        rectified = recordings.rectified()
         pitch, roll = rng.normal(0, ROWS_OFF_PX, 2) / (rectified.f_px, rectified.size[0] / 2)
         turned = replace(rectified, R2=cv2.Rodrigues(np.array([pitch, 0.0, roll]))[0] @ rectified.R2)
         found.append(Pair(f"{seed}@{light:g}", *turned.rectify(*(Webcam().shoot(light * s, rng) for s in sides)), true))
@@ -58,8 +55,8 @@ def cluttered(seed: int, lights: tuple[float, ...] = LIGHTS) -> list[Pair]:
 
 def recorded(name: str) -> Pair:
     """A recording of the cube, rectified with the true rig."""
-    pair = dataset.rectified().rectify(*dataset.load_pair(name))
-    return Pair(name, *pair, dataset.load_truth(name).disparity_px)
+    pair = recordings.rectified().rectify(*recordings.load_pair(name))
+    return Pair(name, *pair, recordings.load_truth(name).disparity_px)
 
 
 def bad2_pct(disparity_px: Array, truth_px: Array) -> float:

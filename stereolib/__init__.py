@@ -1,29 +1,16 @@
 """A stereo-vision and laser-ranging paper, reproduced step by step.
 
-The modules carry the names of the paper's steps and are loaded on first use, so that ``import stereolib`` stays fast::
+Each room below has one subject and offers its public names; the ones met first stand here too. All are loaded on
+first use, so that ``import stereolib`` stays fast::
 
     import stereolib
-    rig = stereolib.paper.paper_rig()
+
+    rig = stereolib.paper_rig()
+    left, right = rig.rectify().rectify(*stereolib.read_pair("left.jpg", "right.jpg"))
 """
 
-from __future__ import annotations
-
-import importlib
-import pkgutil
-from types import ModuleType
+import lazy_loader as _lazy
 
 __version__ = "0.1.0"
 
-
-def __getattr__(name: str) -> ModuleType:
-    if name in _modules():
-        return importlib.import_module(f"{__name__}.{name}")
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-
-
-def __dir__() -> list[str]:
-    return sorted({*globals(), *_modules()})
-
-
-def _modules() -> list[str]:
-    return [module.name for module in pkgutil.iter_modules(__path__)]
+__getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)

@@ -10,9 +10,10 @@ import sys
 import tempfile
 from pathlib import Path
 
-from stereolib import datasets, report
-from stereolib.notebooks import CELL_TIMEOUT_S, INDEX, kernel_environment
-from stereolib.reproduce import compare_tables, find_notebooks
+from stereolib.base import datasets
+from stereolib.reproduction import compare_tables, report
+from stereolib.reproduction.execution import CELL_TIMEOUT_S, INDEX, kernel_environment
+from stereolib.reproduction.regenerate import find_notebooks
 
 OUTER_TIMEOUT_S = 600.0
 

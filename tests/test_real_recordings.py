@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 from skimage.data import stereo_motorcycle
 
-from stereolib import datasets, lrf
-from stereolib.calibration import calibrate_stereo, epipolar_errors_px
-from stereolib.disparity import SGBMParams, compute_disparity
-from stereolib.images import read_pair
-from stereolib.study import score
-from stereolib.targets import Checkerboard, find_in_pairs
+from stereolib import laser
+from stereolib.base import datasets
+from stereolib.calibration import Checkerboard, calibrate_stereo, epipolar_errors_px, find_in_pairs
+from stereolib.matching import SGBMParams, compute_disparity, score
+from stereolib.rig import read_pair
 
 
 @pytest.fixture(scope="module")
@@ -25,17 +24,17 @@ def xv11_file() -> Path:
 
 
 def test_xv11_recording_holds_its_known_packets_and_turns(xv11_file: Path) -> None:
-    facts = lrf.info(xv11_file)
+    facts = laser.info(xv11_file)
     assert facts["packets"] == 11451
     assert facts["turns"] == 120
 
 
 def test_xv11_walls_get_straighter_by_the_geometry_correction(xv11_file: Path) -> None:
-    scans = [scan for scan in lrf.turns(lrf.load(xv11_file)) if scan.complete]
-    still, rms = lrf.average(scans), {}
+    scans = [scan for scan in laser.turns(laser.load(xv11_file)) if scan.complete]
+    still, rms = laser.average(scans), {}
     for corrected in (False, True):
-        points = lrf.points_mm(still, geometry_correction=corrected)
-        walls = lrf.fit_walls(points, threshold_mm=6.0, rng=np.random.default_rng(0))
+        points = laser.points_mm(still, geometry_correction=corrected)
+        walls = laser.fit_walls(points, threshold_mm=6.0, rng=np.random.default_rng(0))
         residuals = np.concatenate([wall.residuals_mm[wall.inliers] for wall in walls])
         assert len(residuals) > 350
         rms[corrected] = np.sqrt((residuals**2).mean())

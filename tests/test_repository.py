@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import importlib
 import os
 import re
 import subprocess
@@ -16,11 +17,12 @@ import yaml
 from packaging.requirements import Requirement
 
 import stereolib
-from stereolib import cli
-from stereolib.datasets import ROOT
+from stereolib.base import ROOT
+from stereolib.cli import commands
 
 NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
 MODULES = sorted((ROOT / "stereolib").rglob("*.py"))
+ROOMS = sorted(path.parent.name for path in (ROOT / "stereolib").glob("*/__init__.py"))
 PAGES = sorted(page for page in ROOT.glob("**/*.md") if not {".venv", ".staging"} & set(page.parts))
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 DEVELOPMENT = PROJECT["optional-dependencies"]["dev"]
@@ -195,49 +197,45 @@ def test_makefile_and_bootstrap_know_the_same_commands() -> None:
 # --- library
 
 
-def dotted(path: Path) -> str:
-    return ".".join(path.relative_to(ROOT / "stereolib").with_suffix("").parts)
+def imported(path: Path) -> set[str]:
+    """Names of the modules that a file imports, wherever in it."""
+    nodes = list(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
+    plain = {alias.name for node in nodes if isinstance(node, ast.Import) for alias in node.names}
+    return plain | {node.module or "" for node in nodes if isinstance(node, ast.ImportFrom)}
 
 
-def import_order() -> list[str]:
-    """Read the fenced block under "Import order" in CONTRIBUTING.md."""
-    text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
-    block = re.search(r"## Import order.*?```text\n(.*?)```", text, re.DOTALL)
-    assert block is not None
-    return re.findall(r"[\w.]+", block[1])
+def test_rooms_import_from_lower_floors_only() -> None:
+    script = Path(sys.executable).with_name("lint-imports")
+    done = subprocess.run([script, "--no-cache"], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
 
 
-def imports(path: Path, top_level: bool) -> set[str]:
-    """Names imported by a module, our own without the leading ``stereolib.``."""
-    tree = ast.parse(path.read_text(encoding="utf-8"))
-    found = set()
-    for node in tree.body if top_level else ast.walk(tree):
-        if isinstance(node, ast.Import):
-            found |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom):
-            assert node.level == 0, f"{path.name}: imports are absolute"
-            module = node.module or ""
-            found |= {module, *(f"{module}.{alias.name}" for alias in node.names)}
-    return {name.removeprefix("stereolib.") for name in found}
+@pytest.mark.parametrize("room", ROOMS)
+def test_room_says_what_it_is_for_and_offers_its_public_names(room: str) -> None:
+    module = importlib.import_module(f"stereolib.{room}")
+    assert len((module.__doc__ or "").split("\n\n")) <= 3 and len(module.__doc__ or "") > 80
+    for name in module.__all__:
+        offered = getattr(module, name)
+        assert getattr(offered, "__doc__", None), f"{room}.{name} says nothing"
 
 
-def test_import_order_lists_every_module_once() -> None:
-    written = [dotted(path) for path in MODULES if path.name != "__init__.py"]
-    assert sorted(import_order()) == sorted(written)
+def test_private_modules_stay_inside_their_room() -> None:
+    for path in MODULES:
+        room = path.relative_to(ROOT / "stereolib").parts[0]
+        private = {name for name in imported(path) if re.match(r"stereolib\..*\._[a-z]", name)}
+        assert all(name.startswith(f"stereolib.{room}.") for name in private), path.name
 
 
-@pytest.mark.parametrize("path", MODULES, ids=dotted)
-def test_module_imports_only_what_stands_above_it(path: Path) -> None:
-    order = import_order()
-    above = order[: order.index(dotted(path))] if path.name != "__init__.py" else []
-    assert imports(path, top_level=True) & set(order) <= set(above)
+def test_only_the_plotting_room_draws() -> None:
+    drawing = {path.parent.name for path in MODULES if {n.split(".")[0] for n in imported(path)} & {"matplotlib"}}
+    assert drawing == {"plotting"}
 
 
-@pytest.mark.parametrize("path", MODULES, ids=dotted)
-def test_module_has_one_job_and_draws_nothing(path: Path) -> None:
-    assert len(path.read_text(encoding="utf-8").splitlines()) <= 350
-    drawing = {name for name in imports(path, top_level=False) if name.split(".")[0] in {"matplotlib", "pylab"}}
-    assert not drawing or path.name == "plotting.py"
+def test_first_names_are_those_of_the_rooms() -> None:
+    assert set(ROOMS) <= set(stereolib.__all__) and 40 <= len(set(stereolib.__all__) - set(ROOMS)) <= 50
+    assert stereolib.StereoRig is stereolib.rig.StereoRig
+    with pytest.raises(AttributeError, match="nonsense"):
+        _ = stereolib.nonsense
 
 
 @pytest.mark.parametrize("module", ["stereolib", "stereolib.cli"])
@@ -246,12 +244,6 @@ def test_import_loads_nothing_heavy(module: str) -> None:
     code = f"import sys, {module}; print([name for name in {heavy.split()} if name in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout == "[]\n"
-
-
-def test_submodules_are_attributes() -> None:
-    assert stereolib.datasets.ROOT == ROOT and "rig" in dir(stereolib)
-    with pytest.raises(AttributeError, match="no attribute 'nonsense'"):
-        _ = stereolib.nonsense
 
 
 @pytest.mark.parametrize("tool", ["ruff check", "ruff format --check", "mypy"])
@@ -264,7 +256,7 @@ def test_style(tool: str) -> None:
 
 
 def test_virtual_recordings_are_as_their_manifest_says(capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.main(["data", "verify"]) == 0, capsys.readouterr().out
+    assert commands.main(["data", "verify"]) == 0, capsys.readouterr().out
     folder = ROOT / "data" / "virtual"
     files = {path.relative_to(folder).as_posix(): path for path in folder.rglob("*") if path.is_file()}
     listed = {line.split(maxsplit=1)[1] for line in (folder / "SHA256SUMS").read_text().splitlines()}

@@ -1,4 +1,9 @@
 """The virtual rig: Table I's two cameras and an XV-11 looking at scenes of boxes on a floor.
 
-The paper's photographs and recordings were never published. What is made here is always called virtual.
+Scenes are ray-cast through the exact lenses, a webcam and a laser are put behind them, and the truth is known. The
+committed recordings are made here. Whatever comes from here is called virtual wherever it is shown.
 """
+
+import lazy_loader as _lazy
+
+__getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)

@@ -5,12 +5,10 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from stereolib import lrf, xv11
-from stereolib.bundle import pose as pose_of
-from stereolib.camera import Camera
-from stereolib.lidar_camera import BoardView, board_view
-from stereolib.rig import rigid
-from stereolib.targets import Checkerboard
+from stereolib import laser
+from stereolib.calibration import BoardView, Checkerboard, board_view
+from stereolib.calibration import pose as pose_of
+from stereolib.rig import Camera, rigid
 from stereolib.virtual.lidar import VirtualLidar
 from stereolib.virtual.scene import Scene, board, room
 
@@ -63,7 +61,7 @@ def laser_board_views(
         pixels = pixels + rng.normal(0, _CORNER_PX, pixels.shape)
         turn, t = pose_of(points, pixels, believed)
         scene = board_scene(pose, height_mm)
-        scan = lrf.average(lrf.turns(xv11.decode(sensor.scan(scene, laser_pose, rng, turns=5))))
+        scan = laser.average(laser.turns(laser.decode(sensor.scan(scene, laser_pose, rng, turns=5))))
         found.append(board_view(scan, rigid(cv2.Rodrigues(turn)[0], t), diagonal_mm=diagonal_mm))
     return found
 

@@ -19,12 +19,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from stereolib import xv11
-from stereolib.lrf import BEAMS, EMITTER_ANGLE_RAD
-from stereolib.virtual import render
+from stereolib import laser
+from stereolib.laser import BEAMS, EMITTER_ANGLE_RAD
+from stereolib.virtual import ray_casting
 from stereolib.virtual.scene import Scene
 
-NO_ECHO, OUT_OF_RANGE = xv11.ERROR_NO_SIGNAL, 0x02
+NO_ECHO, OUT_OF_RANGE = laser.ERROR_NO_SIGNAL, 0x02
 WHITE, GREY, DARK = 0.85, 0.35, 0.05  # reflectance of the usual targets
 Array = NDArray[np.float64]
 
@@ -146,7 +146,7 @@ class VirtualLidar:
         side = angle - EMITTER_ANGLE_RAD
         offset = np.stack([np.cos(side), np.sin(side), np.zeros(BEAMS)], axis=1)
         origin = np.array([x, y, self.height_mm]) + self.emitter_offset_mm * offset
-        hits = render.cast(scene, origin, beam)
+        hits = ray_casting.cast(scene, origin, beam)
         cosine = np.abs(np.einsum("nk,nk->n", hits.normal, beam))
         reflectance = hits.albedo * cosine * (1 - hits.gloss)
         return hits.distance_mm, np.where(np.isfinite(hits.distance_mm), reflectance, 0.0)
@@ -161,16 +161,16 @@ class VirtualLidar:
         # a soft threshold: half lost at least_strength, none to speak of at three times as much
         lost = chance < 1 / (1 + (signal / self.least_strength) ** 4)
         beyond = ~((near >= self.min_mm) & (near <= self.max_mm))
-        beyond |= ~((measured >= 0) & (measured <= xv11.MAX_DISTANCE_MM))
+        beyond |= ~((measured >= 0) & (measured <= laser.MAX_DISTANCE_MM))
         code = np.where(beyond & np.isfinite(near), OUT_OF_RANGE, NO_ECHO)
-        packets = (distance.size // xv11.READINGS_PER_PACKET, xv11.READINGS_PER_PACKET)
+        packets = (distance.size // laser.READINGS_PER_PACKET, laser.READINGS_PER_PACKET)
         wander = np.cumsum(rng.normal(0, 0.05, packets[0]))
-        readings = xv11.Readings.build(
-            np.arange(packets[0]) % xv11.PACKETS_PER_TURN,
+        readings = laser.Readings.build(
+            np.arange(packets[0]) % laser.PACKETS_PER_TURN,
             np.where(lost | beyond, np.nan, measured).reshape(packets),
             np.clip(np.rint(signal), 0, 0xFFFF).astype(int).reshape(packets),
             speed_rpm=self.speed_rpm + np.clip(wander, -3, 3),
             error_code=code.reshape(packets),
             warning=((signal < 2 * self.least_strength) & (signal > 0)).reshape(packets),
         )
-        return xv11.encode(readings)
+        return laser.encode(readings)

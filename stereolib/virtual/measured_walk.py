@@ -7,9 +7,9 @@ from functools import cache
 import numpy as np
 
 from stereolib import paper
-from stereolib.lidar_camera import LidarCamera, calibrate_lidar_to_camera
-from stereolib.measure import Measurement, measure_objects
-from stereolib.virtual import dataset, walk
+from stereolib.calibration import LidarCamera, calibrate_lidar_to_camera
+from stereolib.measurement import Measurement, measure_objects
+from stereolib.virtual import recordings, walk
 from stereolib.virtual.laser_boards import laser_board_views
 from stereolib.virtual.lidar import VirtualLidar
 
@@ -18,7 +18,7 @@ from stereolib.virtual.lidar import VirtualLidar
 def laser(seed: int = 8) -> LidarCamera:
     """Where the walk's laser stands to the left camera, from ten poses of a board that both saw."""
     sensor, rng = VirtualLidar(height_mm=walk.LASER_HEIGHT_MM), np.random.default_rng(seed)
-    views = laser_board_views(sensor, dataset.LASER_POSE, dataset.setup(), paper.paper_rig().left, rng)
+    views = laser_board_views(sensor, recordings.LASER_POSE, recordings.setup(), paper.paper_rig().left, rng)
     return calibrate_lidar_to_camera(views)
 
 
@@ -26,7 +26,11 @@ def measure_walk(seed: int = 8) -> dict[str, Measurement]:
     """What was measured at every station, by its name ``"room/1"`` to ``"room/5"``."""
     return {
         name: measure_objects(
-            *dataset.load_pair(name), dataset.scan(name), dataset.rectified(), laser(), rng=np.random.default_rng(seed)
+            *recordings.load_pair(name),
+            recordings.scan(name),
+            recordings.rectified(),
+            laser(),
+            rng=np.random.default_rng(seed),
         )
         for name in walk.POSES
     }

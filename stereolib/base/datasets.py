@@ -1,0 +1,168 @@
+"""Where data is found: the repository, a folder of the user's, the cache, and the download with its sha256."""
+
+from __future__ import annotations
+
+import os
+from functools import cache
+from pathlib import Path
+from threading import Thread
+
+ROOT = Path(__file__).resolve().parents[2]
+
+# Recordings made by others, fetched for the user and never kept in the repository. See data/README.md.
+_MINORU = (
+    "https://raw.githubusercontent.com/Carzuiliam/calibrated-stereo-vision-system/"
+    "2c3375a1c551ed4e6e13f2241d52e534a170b291/calibration"
+)
+_XV11 = "https://raw.githubusercontent.com/Xevel/NXV11/b2bc69d1229921f0990f97c3a22ff8979d2ac83c/data"
+
+
+class NotAvailable(OSError):
+    """A recording is neither in ``STEREOLIB_DATA``, nor in the cache, nor to be had from the network."""
+
+
+def data_path(name: str) -> Path:
+    """Path of a committed data file, for example ``data_path("paper/published.toml")``.
+
+    Raises
+    ------
+    ValueError
+        If the file is not there; the text says where it was looked for and how to make it.
+    """
+    path = ROOT / "data" / name
+    if not path.exists():
+        raise ValueError(
+            f"data/{name} is missing (looked in {path}). Restore it with `git checkout -- data` "
+            f"or, if it belongs to the virtual rig, make it again with `stereolib data build`."
+        )
+    return path
+
+
+def figures_dir() -> Path:
+    """Folder that figures and tables are written to: ``$STEREOLIB_FIGURES``, else ``figures/``."""
+    path = Path(os.environ.get("STEREOLIB_FIGURES") or ROOT / "figures")
+    path.mkdir(parents=True, exist_ok=True)
+    return path
+
+
+def real_recording(name: str, timeout_s: float = 4.0) -> Path:
+    """Path of one recording made by others, fetched on first use.
+
+    Looked for in the folder named by ``STEREOLIB_DATA``, then in the user's cache, then downloaded from the
+    pinned commit; wherever it came from, its sha256 is checked.
+
+    Parameters
+    ----------
+    name : str
+        For example ``"xv11/hand_in_box.txt"`` or ``"minoru3d/left/1.jpg"``.
+    timeout_s : float
+        Longest wait for the network to answer, s.
+
+    Raises
+    ------
+    ValueError
+        If there is no such recording, or the file found has another sha256.
+    NotAvailable
+        If it is not to be had; the text names the two ways to supply it.
+    """
+    import pooch
+
+    if name not in _registry():
+        raise ValueError(
+            f"no recording {name!r}; known are xv11/hand_in_box.txt and minoru3d/left|right/1.jpg to 30.jpg"
+        )
+    known = _registry()[name]
+    own = os.environ.get("STEREOLIB_DATA")
+    if own and (Path(own) / name).is_file():
+        path = Path(own) / name
+        if pooch.file_hash(str(path)) != known:
+            raise ValueError(
+                f"{path} is not the recording it should be: its sha256 differs from {known[:12]}...; "
+                f"replace it or unset STEREOLIB_DATA"
+            )
+        return path
+    folder, _, rest = name.partition("/")
+    if folder == "minoru3d":
+        url = f"{_MINORU}/{rest.replace('left', 'lData').replace('right', 'rData')}"
+    else:
+        url = f"{_XV11}/{rest}"
+    pooch.get_logger().setLevel("WARNING")
+    cached = Path(pooch.os_cache("stereolib")) / folder / rest
+    try:
+        if not cached.is_file():
+            _wait_for_answer(url, timeout_s)
+        found = pooch.retrieve(
+            url,
+            known_hash=f"sha256:{known}",
+            fname=cached.name,
+            path=cached.parent,
+            downloader=pooch.HTTPDownloader(timeout=timeout_s),
+        )
+    except (OSError, ValueError) as error:  # ValueError: what came has another sha256
+        raise NotAvailable(
+            f"the recording {name} is not available: STEREOLIB_DATA "
+            f"{'has no such file' if own else 'is not set'}, the cache {cached.parent} has none, and the download "
+            f"failed ({type(error).__name__}). Connect to the network, or set STEREOLIB_DATA to a folder that holds it."
+        ) from error
+    return Path(found)
+
+
+def real_recordings(folder: str) -> list[Path]:
+    """Paths of all recordings of a folder such as ``"minoru3d/left"``, in the order of their numbers.
+
+    The first one decides whether the network is there, so that an offline machine waits once.
+
+    Raises
+    ------
+    ValueError, NotAvailable
+        As `real_recording`.
+    """
+    names = [name for name in _registry() if name.startswith(f"{folder}/")]
+    if not names:
+        raise ValueError(f"no recordings under {folder!r}; known are xv11, minoru3d/left and minoru3d/right")
+    return [real_recording(name) for name in names]
+
+
+def _wait_for_answer(url: str, timeout_s: float) -> None:
+    """Raise OSError when the server does not answer in time.
+
+    A request's own timeout holds for each address of the server and not at all for the look-up of its name: only
+    leaving it behind in a thread keeps the promise.
+    """
+    import requests
+
+    outcome: list[OSError | None] = []
+
+    def ask() -> None:
+        try:
+            requests.head(url, timeout=timeout_s).close()
+            outcome.append(None)
+        except OSError as error:
+            outcome.append(error)
+
+    thread = Thread(target=ask, daemon=True)
+    thread.start()
+    thread.join(timeout_s)
+    error = outcome[0] if outcome else TimeoutError(f"no answer within {timeout_s:g} s")
+    if error is not None:
+        raise error
+
+
+@cache
+def _registry() -> dict[str, str]:
+    """sha256 by name, from ``data/real/SHA256SUMS``."""
+    lines = data_path("real/SHA256SUMS").read_text(encoding="utf-8").splitlines()
+    pairs = (line.split(maxsplit=1) for line in lines if line.strip())
+    return {name.strip(): digest for digest, name in pairs}
+
+
+def available(folder: str) -> list[Path]:
+    """`real_recordings`, or an empty list and a printed line that says what is skipped and how to supply it.
+
+    For notebooks, which go on without recordings that are not to be had.
+    """
+    try:
+        return real_recordings(folder)
+    except NotAvailable:
+        print(f"skipped: {folder} is not available here; `stereolib data fetch` says why and what to do")
+        return []

@@ -1,0 +1,92 @@
+from .board_size import SizeErrors, leave_one_out, size_error, triangulate
+from .boards import Board, BoardViews, Charuco, Checkerboard, find_board, find_charuco, find_checkerboard, find_in_pairs
+from .bundle_adjustment import pose, vector
+from .coverage import Coverage, covered
+from .detection import find_in_files
+from .diagnosis import Check, Diagnosis, diagnose
+from .laser_pose import BoardView, LidarCamera, board_view, calibrate_lidar_to_camera, views_from_files
+from .lens_model import HoldOut, choose, folds, hold_out
+from .outliers import sort_pairs
+from .solve import (
+    LENS_MODELS,
+    CameraCalibration,
+    StereoCalibration,
+    calibrate_camera,
+    calibrate_stereo,
+    epipolar_errors_px,
+)
+from .uncertainty import (
+    INTERVAL,
+    Agreement,
+    ErrorMap,
+    RigStd,
+    bootstrap_covariance,
+    compare_calibrations,
+    error_map,
+    parameter_names,
+    rectified_std,
+    rig_covariance,
+    rig_std,
+    table,
+)
+from .wording import MEANS, board_text, checked, facts, meaning, parameters, refused, remarks, summary
+
+__all__ = [
+    "INTERVAL",
+    "LENS_MODELS",
+    "MEANS",
+    "Agreement",
+    "Board",
+    "BoardView",
+    "BoardViews",
+    "CameraCalibration",
+    "Charuco",
+    "Check",
+    "Checkerboard",
+    "Coverage",
+    "Diagnosis",
+    "ErrorMap",
+    "HoldOut",
+    "LidarCamera",
+    "RigStd",
+    "SizeErrors",
+    "StereoCalibration",
+    "board_text",
+    "board_view",
+    "bootstrap_covariance",
+    "calibrate_camera",
+    "calibrate_lidar_to_camera",
+    "calibrate_stereo",
+    "checked",
+    "choose",
+    "compare_calibrations",
+    "covered",
+    "diagnose",
+    "epipolar_errors_px",
+    "error_map",
+    "facts",
+    "find_board",
+    "find_charuco",
+    "find_checkerboard",
+    "find_in_files",
+    "find_in_pairs",
+    "folds",
+    "hold_out",
+    "leave_one_out",
+    "meaning",
+    "parameter_names",
+    "parameters",
+    "pose",
+    "rectified_std",
+    "refused",
+    "remarks",
+    "rig_covariance",
+    "rig_std",
+    "size_error",
+    "sort_pairs",
+    "summary",
+    "table",
+    "triangulate",
+    "vector",
+    "views_from_files",
+]

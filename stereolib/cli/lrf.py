@@ -1,0 +1,183 @@
+"""The commands of the laser range finder: ``stereolib lrf ...``."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+from stereolib.cli.command import Command
+
+
+def _lrf_info_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("file", type=Path, metavar="FILE", help="raw bytes, as `lrf record` writes them")
+    parser.add_argument("--json", action="store_true", help="print one JSON object")
+
+
+def _lrf_info(arguments: argparse.Namespace) -> int:
+    from stereolib import laser
+
+    facts = laser.info(arguments.file)
+    if arguments.json:
+        print(json.dumps(facts, indent=1))
+    else:
+        width = max(map(len, facts))
+        for name, value in facts.items():
+            print(f"{name:{width}}  {value:.4g}" if isinstance(value, float) else f"{name:{width}}  {value}")
+    return 0
+
+
+def _lrf_show_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("source", metavar="FILE|PORT", help="a recording, or the port of a sensor or emulator")
+    parser.add_argument("--turns", type=int, default=5, metavar="N", help="turns combined by the median (default: 5)")
+    parser.add_argument("--output", type=Path, metavar="PNG", help="default: NAME.png in this folder")
+    parser.add_argument("--force", action="store_true", help="replace the picture if it is there")
+
+
+def _lrf_show(arguments: argparse.Namespace) -> int:
+    from stereolib import laser, plotting
+    from stereolib.base import write_atomic
+    from stereolib.laser import serial_port
+
+    output = arguments.output or Path(f"{Path(arguments.source).stem}.png")
+    if output.suffix != ".png":
+        raise ValueError(f"the picture is a PNG: name it so, not {output}")
+    if output.exists() and not arguments.force:
+        raise FileExistsError(f"{output} exists and is not overwritten: name another with --output, or pass --force")
+    if arguments.turns < 1:
+        raise ValueError(f"--turns must be 1 or more, got {arguments.turns}")
+    scan = laser.average(serial_port.take(arguments.source, arguments.turns))
+    figure, ax = plotting.panels(1, width_in=7, aspect=1.0, subplot_kw={"projection": "polar"})
+    title = f"{Path(arguments.source).name}: median of {scan.n_turns} turns, mm"
+    plotting.plot_scan_polar(scan.angles_rad, scan.ranges_mm, ax[0], title)
+    write_atomic(output, plotting.save_figure(None, figure).data)
+    print(f"{output}: {int((scan.count > 0).sum())} of 360 beams with a reading, {scan.speed_rpm:.0f} turns a minute")
+    return 0
+
+
+def _lrf_record_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("port", metavar="PORT", help="for example /dev/ttyUSB0, COM3 or socket://127.0.0.1:4000")
+    parser.add_argument("file", type=Path, metavar="FILE", help="what to write; FILE.json beside it has the notes")
+    parser.add_argument("--seconds", type=float, default=float("inf"), metavar="S", help="default: until Ctrl-C")
+    parser.add_argument("--force", action="store_true", help="replace a recording that is there")
+
+
+def _lrf_record(arguments: argparse.Namespace) -> int:
+    from stereolib.laser import serial_port
+
+    def live(state: dict[str, Any]) -> None:
+        speed = (
+            "no packets yet" if state["rpm"] is None else f"{state['rpm']:.0f} rpm, {state['valid_share']:.0%} valid"
+        )
+        line = f"{state['seconds']:6.1f} s  {state['turns']} turns  {state['bytes']} bytes  {speed}"
+        print(f"\r{line:70}", end="", file=sys.stderr, flush=True)
+
+    notes = serial_port.record(
+        arguments.port, arguments.file, force=arguments.force, seconds=arguments.seconds, progress=live
+    )
+    print(file=sys.stderr)
+    print(f"{arguments.file}: {notes['bytes']} bytes; ended: {notes['ended']}")
+    return 0
+
+
+def _lrf_replay_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("file", type=Path, metavar="FILE", help="a recording")
+    parser.add_argument("--link", choices=("auto", "pty", "socket"), default="auto", help="what to serve it on")
+
+
+def _lrf_replay(arguments: argparse.Namespace) -> int:
+    from stereolib import laser
+    from stereolib.virtual import emulator
+
+    laser.load(arguments.file)  # says what is wrong with a file that is no recording
+    return _serve(emulator.replay(arguments.file.read_bytes()), arguments.link)
+
+
+def _lrf_emulate_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--scene", choices=("cube", "room"), default="cube", help="the cube in a room, or the room alone"
+    )
+    parser.add_argument("--distance-mm", type=float, default=700.0, metavar="MM", help="of the cube (default: 700)")
+    parser.add_argument("--seconds", type=float, default=float("inf"), metavar="S", help="default: until Ctrl-C")
+    parser.add_argument("--seed", type=int, default=0, metavar="N", help="of noise and faults (default: 0)")
+    parser.add_argument("--link", choices=("auto", "pty", "socket"), default="auto", help="what to serve it on")
+    for name, what in (
+        ("bit-error-rate", "chance of each bit to flip"),
+        ("lost-byte-rate", "chance of each byte to be lost"),
+        ("stall-every-s", "the line is silent this often"),
+        ("stall-s", "and for so long"),
+        ("spin-down-after-s", "the motor runs out from then on"),
+        ("disconnect-after-s", "the port goes away"),
+    ):
+        parser.add_argument(f"--{name}", type=float, metavar="X", help=what)
+
+
+def _lrf_emulate(arguments: argparse.Namespace) -> int:
+    from dataclasses import fields
+
+    import numpy as np
+
+    from stereolib.virtual import Scene, cube_scene, emulator, room
+
+    names = [field.name for field in fields(emulator.Faults)]
+    given = {name: getattr(arguments, name) for name in names if getattr(arguments, name) is not None}
+    scene = Scene((room(),)) if arguments.scene == "room" else cube_scene(arguments.distance_mm)
+    rng = np.random.default_rng(arguments.seed)
+    schedule = emulator.emulate(scene, rng=rng, seconds=arguments.seconds)
+    if given:
+        schedule = emulator.with_faults(schedule, emulator.Faults(**given), rng)
+    return _serve(schedule, arguments.link)
+
+
+def _serve(schedule: Any, link: Any) -> int:
+    from stereolib.virtual import emulator
+
+    with emulator.serve(schedule, link) as served:
+        print(f"{served.port}\nplays when it is opened, for example: stereolib lrf show {served.port}", flush=True)
+        try:
+            while not served.wait(0.5):
+                pass
+        except KeyboardInterrupt:
+            return 130
+    return 0
+
+
+LRF_COMMANDS = (
+    Command(
+        "info",
+        "say what a recording holds",
+        "stereolib lrf info room.bin --json",
+        _lrf_info,
+        _lrf_info_arguments,
+    ),
+    Command(
+        "show",
+        "draw the polar picture of a recording or of a sensor",
+        "stereolib lrf show /dev/ttyUSB0 --output room.png",
+        _lrf_show,
+        _lrf_show_arguments,
+    ),
+    Command(
+        "record",
+        "write the raw bytes of a sensor to a file, as they come",
+        "stereolib lrf record /dev/ttyUSB0 room.bin --seconds 10",
+        _lrf_record,
+        _lrf_record_arguments,
+    ),
+    Command(
+        "replay",
+        "play a recording at its true rate onto a port of this machine",
+        "stereolib lrf replay room.bin",
+        _lrf_replay,
+        _lrf_replay_arguments,
+    ),
+    Command(
+        "emulate",
+        "be an XV-11 in the virtual room, on a port of this machine",
+        "stereolib lrf emulate --scene cube --lost-byte-rate 0.001",
+        _lrf_emulate,
+        _lrf_emulate_arguments,
+    ),
+)

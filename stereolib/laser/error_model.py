@@ -1,0 +1,333 @@
+"""Error model of the laser: bias, spread and percentage error; laws of the spread; averaging.
+
+A triangulating sensor sees its spot move by ``d = f b / r`` on its chip. A fixed error of the spot
+therefore becomes ``sigma = (sigma_d / f b) r^2`` in range, on top of a floor: ``a + b r^2``. A
+time-of-flight sensor would have the same error at every range: the constant law.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Law = Literal["constant", "linear", "quadratic"]
+LAWS: tuple[Law, ...] = ("constant", "linear", "quadratic")
+QUANTUM_MM = 1.0  # the packet holds whole millimetres
+
+
+@dataclass(frozen=True, eq=False)
+class ErrorCurve:
+    """Error against distance; one entry per known distance.
+
+    Attributes
+    ----------
+    true_mm : (k,) float64
+        Known distance, mm.
+    n : (k,) int
+        Valid readings.
+    bias_mm, spread_mm : (k,) float64
+        Mean error and sample standard deviation, mm.
+    percent : (k,) float64
+        Mean absolute error in percent of the distance.
+    dropout : (k,) float64
+        Share of the readings that were invalid.
+    """
+
+    true_mm: NDArray[np.float64]
+    n: NDArray[np.int64]
+    bias_mm: NDArray[np.float64]
+    spread_mm: NDArray[np.float64]
+    percent: NDArray[np.float64]
+    dropout: NDArray[np.float64]
+
+
+def error_curve(true_mm: ArrayLike, readings_mm: Sequence[ArrayLike]) -> ErrorCurve:
+    """Bias, spread and percentage error at known distances.
+
+    Parameters
+    ----------
+    true_mm : (k,) array_like
+        Known distances, mm.
+    readings_mm : sequence of k arrays
+        Readings taken at each, mm; NaN is a dropout. Without any valid reading the errors are NaN.
+
+    Raises ValueError if the lengths differ or a distance is not positive.
+    """
+    true = np.asarray(true_mm, np.float64)
+    if true.ndim != 1 or len(true) != len(readings_mm):
+        raise ValueError(
+            f"one array of readings per known distance is needed: got {true.size} "
+            f"distances and {len(readings_mm)} arrays"
+        )
+    if not (true > 0).all():
+        raise ValueError("known distances must be positive, in mm")
+    rows = []
+    for distance, values in zip(true, readings_mm, strict=True):
+        every = np.asarray(values, np.float64).ravel()
+        error = every[np.isfinite(every)] - distance
+        n = len(error)
+        rows.append(
+            (
+                n,
+                error.mean() if n else np.nan,
+                error.std(ddof=1) if n > 1 else np.nan,
+                100 * np.abs(error).mean() / distance if n else np.nan,
+                1 - n / max(len(every), 1),
+            )
+        )
+    counts, bias, spread, percent, dropout = np.array(rows, np.float64).reshape(-1, 5).T
+    return ErrorCurve(true, counts.astype(int), bias, spread, percent, dropout)
+
+
+@dataclass(frozen=True)
+class SigmaFit:
+    """A law of the spread: ``a``, ``a + b r`` or ``a + b r^2``, with a and b not negative.
+
+    Attributes
+    ----------
+    law : str
+        "constant", "linear" or "quadratic".
+    a_mm, b : float
+        Coefficients for r in mm (b: 1, or 1/mm for the quadratic law).
+    rms_mm : float
+        Root mean square residual, mm.
+    rms_percent : float
+        The same relative to the law, in percent.
+    aic : float
+        Akaike's criterion; lower is better, 10 less is decisive.
+    """
+
+    law: Law
+    a_mm: float
+    b: float
+    rms_mm: float
+    rms_percent: float
+    aic: float
+
+    def __call__(self, distance_mm: ArrayLike) -> NDArray[np.float64]:
+        """Spread at these distances, mm."""
+        return self.a_mm + self.b * np.asarray(distance_mm, np.float64) ** LAWS.index(self.law)
+
+
+def fit_sigma(distance_mm: ArrayLike, sigma_mm: ArrayLike, law: Law = "quadratic", n: ArrayLike = 2) -> SigmaFit:
+    """Fit a law to measured spreads.
+
+    Relative residuals are minimised, since a spread's own error is in proportion to it
+    (``sigma / sqrt(2 (n - 1))`` from n readings); the weights are iterated, as they depend on the
+    law.
+
+    Parameters
+    ----------
+    distance_mm, sigma_mm : (k,) array_like
+        Distances and the spread measured at each, mm; NaN and zero spreads are left out.
+    law : {"quadratic", "linear", "constant"}
+    n : (k,) array_like, optional
+        Readings behind each spread; by default all alike.
+
+    Raises ValueError for fewer than four usable spreads, or for an unknown law.
+    """
+    from scipy.optimize import nnls
+
+    if law not in LAWS:
+        raise ValueError(f"law must be one of {', '.join(LAWS)}; got {law!r}")
+    r, sigma = (np.asarray(v, np.float64).ravel() for v in (distance_mm, sigma_mm))
+    if r.shape != sigma.shape:
+        raise ValueError(f"as many spreads as distances are needed, got {sigma.size} and {r.size}")
+    weight = np.broadcast_to(np.asarray(n, np.float64) - 1, r.shape)
+    usable = np.isfinite(r) & np.isfinite(sigma) & (sigma > 0) & (weight > 0)
+    r, sigma, weight = r[usable], sigma[usable], weight[usable] / weight[usable].mean()
+    if len(r) < 4:
+        raise ValueError(
+            f"at least four distances with a spread are needed, got {len(r)}; record "
+            "more distances, each with at least two readings"
+        )
+    scale = r.max()
+    power = LAWS.index(law)
+    columns = np.stack([np.ones_like(r), (r / scale) ** power], axis=1)[:, : 1 + (power > 0)]
+    model, coefficients = sigma, np.zeros(1)
+    for _ in range(100):
+        root = np.sqrt(weight) / model
+        coefficients, _ = nnls(columns * root[:, None], sigma * root)
+        before, model = model, np.maximum(columns @ coefficients, 1e-3 * sigma)
+        if np.allclose(before, model, rtol=1e-9):
+            break
+    a, b = (*coefficients, 0.0)[:2]
+    k, m = len(r), len(coefficients) + 1
+    # the likelihood of N(model, (s model)^2 / weight)
+    relative = sigma / model - 1
+    mean_square = float(np.mean(weight * relative**2))
+    deviance = k * np.log(mean_square) + 2 * np.log(model).sum()
+    return SigmaFit(
+        law,
+        float(a),
+        float(b / scale**power),
+        float(np.sqrt(np.mean((sigma - model) ** 2))),
+        float(100 * np.sqrt(mean_square)),
+        float(deviance + 2 * m),
+    )
+
+
+def compare_sigma_laws(distance_mm: ArrayLike, sigma_mm: ArrayLike, n: ArrayLike = 2) -> list[SigmaFit]:
+    """The three laws fitted to the same spreads, the best (lowest AIC) first."""
+    fits = [fit_sigma(distance_mm, sigma_mm, law, n) for law in LAWS]
+    return sorted(fits, key=lambda fit: fit.aic)
+
+
+@dataclass(frozen=True)
+class BiasCorrection:
+    """Bias as a polynomial of the measured range: ``sum_i c_i (r / 1000)^i``, r in mm.
+
+    Call it with readings to get them without their bias. `range_mm` is where it was learnt; readings
+    more than a tenth outside raise ValueError.
+    """
+
+    coefficients_mm: tuple[float, ...]
+    range_mm: tuple[float, float] = (0.0, np.inf)
+
+    def bias_mm(self, measured_mm: ArrayLike) -> NDArray[np.float64]:
+        """Bias expected of these readings, mm."""
+        r = np.asarray(measured_mm, np.float64)
+        outside = r[(r < 0.9 * self.range_mm[0]) | (r > 1.1 * self.range_mm[1])]
+        if outside.size:
+            raise ValueError(
+                f"the bias was learnt from {self.range_mm[0]:g} to {self.range_mm[1]:g} mm and is "
+                f"not known at {outside.flat[0]:g} mm; gate the scan, or learn it from that far"
+            )
+        return np.asarray(np.polynomial.polynomial.polyval(r / 1000, self.coefficients_mm))
+
+    def __call__(self, measured_mm: ArrayLike) -> NDArray[np.float64]:
+        """The readings without their bias, mm."""
+        return np.asarray(measured_mm, np.float64) - self.bias_mm(measured_mm)
+
+
+def learn_bias(true_mm: ArrayLike, measured_mm: ArrayLike, degree: int = 2) -> BiasCorrection:
+    """Learn a bias correction by least squares, each reading weighted by 1 / (1 + (r / 1 m)^2).
+
+    Parameters
+    ----------
+    true_mm, measured_mm : (n,) array_like
+        Known distances and readings, mm; NaN readings are left out.
+    degree : int
+        Degree of the polynomial in range.
+
+    Raises ValueError if there are fewer distances than coefficients.
+    """
+    true, r = (np.asarray(v, np.float64).ravel() for v in (true_mm, measured_mm))
+    valid = np.isfinite(r) & np.isfinite(true)
+    true, r = true[valid], r[valid]
+    if len(np.unique(true)) <= degree:
+        raise ValueError(
+            f"{degree + 1} coefficients cannot be learnt from {len(np.unique(true))} distances "
+            "with a valid reading; record more distances or lower the degree"
+        )
+    weight = 1 / (1 + (r / 1000) ** 2)
+    matrix = np.vander(r / 1000, degree + 1, increasing=True) * weight[:, None]
+    found = np.linalg.lstsq(matrix, (r - true) * weight, rcond=None)[0]
+    return BiasCorrection(tuple(found.tolist()), (float(r.min()), float(r.max())))
+
+
+def bias_correction_test(
+    true_mm: ArrayLike, measured_mm: ArrayLike, *, degree: int = 2, rng: np.random.Generator
+) -> dict[str, float]:
+    """Learn the bias on one random half of the readings, test it on the other half.
+
+    Returns
+    -------
+    dict
+        ``n_learn, n_test``, and over the test half ``rms_before_mm, rms_after_mm`` (of single
+        readings) and ``bias_before_mm, bias_after_mm`` (rms, over the distances with at least 10
+        readings in that half, of the mean error).
+    """
+    true, r = (np.asarray(v, np.float64).ravel() for v in (true_mm, measured_mm))
+    valid = rng.permutation(np.flatnonzero(np.isfinite(r)))
+    learn, test = np.sort(valid[: len(valid) // 2]), np.sort(valid[len(valid) // 2 :])
+    corrected = learn_bias(true[learn], r[learn], degree)(r[test])
+    result: dict[str, float] = {"n_learn": len(learn), "n_test": len(test)}
+    for name, values in (("before", r[test]), ("after", corrected)):
+        error = values - true[test]
+        places = [error[true[test] == d] for d in np.unique(true[test])]
+        means = [p.mean() for p in places if len(p) >= 10] or [np.nan]
+        result[f"rms_{name}_mm"] = float(np.sqrt(np.mean(error**2)))
+        result[f"bias_{name}_mm"] = float(np.sqrt(np.mean(np.square(means))))
+    return result
+
+
+@dataclass(frozen=True, eq=False)
+class ErrorAgainstN:
+    """Error of the combination of n realizations.
+
+    Attributes
+    ----------
+    n : (k,) int
+        Realizations combined.
+    rms_mm : (k,) float64
+        Root mean square error against the truth, mm.
+    spread_mm : (k,) float64
+        Its random part, mm.
+    expected_mm : (k,) float64
+        ``sqrt(bias^2 + sigma^2 / n)``: what independent errors would give for the mean.
+    bias_mm : float
+        The part that no averaging removes, mm.
+    quantisation_mm : float
+        Floor of a single reading in steps of 1 mm: ``1 / sqrt(12)``.
+    """
+
+    n: NDArray[np.int64]
+    rms_mm: NDArray[np.float64]
+    spread_mm: NDArray[np.float64]
+    expected_mm: NDArray[np.float64]
+    bias_mm: float
+    quantisation_mm: float = QUANTUM_MM / np.sqrt(12)
+
+
+def error_against_n(
+    readings_mm: ArrayLike,
+    true_mm: float,
+    *,
+    rng: np.random.Generator,
+    n: Sequence[int] = (1, 2, 3, 5, 10, 20, 50),
+    draws: int = 2000,
+    method: Literal["median", "mean"] = "median",
+) -> ErrorAgainstN:
+    """How the error falls with the number of realizations combined.
+
+    Parameters
+    ----------
+    readings_mm : (m,) array_like
+        Readings at one distance, mm; NaN are left out.
+    true_mm : float
+        That distance, mm.
+    rng : numpy.random.Generator
+        Draws the realizations, without repeats within one combination.
+    n : sequence of int
+        Numbers of realizations; those above m are left out.
+    draws : int
+        Combinations per number.
+    method : {"median", "mean"}
+        How they are combined.
+
+    Raises ValueError if no reading is valid, or for an unknown method.
+    """
+    if method not in ("median", "mean"):
+        raise ValueError(f'method must be "median" or "mean", got {method!r}')
+    combine = np.median if method == "median" else np.mean
+    values = np.asarray(readings_mm, np.float64).ravel()
+    values = values[np.isfinite(values)]
+    if not len(values):
+        raise ValueError("none of the readings is valid; nothing to combine")
+    numbers = np.array([k for k in n if 1 <= k <= len(values)], int)
+    # Sorted wholly: what a partition leaves in which order depends on the processor.
+    order = np.argsort(rng.random((draws, len(values))), axis=1, kind="stable")
+    errors = np.stack([combine(values[order[:, :k]], axis=1) - true_mm for k in numbers])
+    bias, sigma = float(values.mean() - true_mm), float(values.std(ddof=min(1, len(values) - 1)))
+    return ErrorAgainstN(
+        numbers,
+        np.sqrt((errors**2).mean(axis=1)),
+        errors.std(axis=1),
+        np.sqrt(bias**2 + sigma**2 / numbers),
+        bias,
+    )

@@ -1,0 +1,111 @@
+"""Which parts of the floor are free, which are taken and which nobody saw: a grid, by following every beam."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from stereolib.base import set_frozen
+from stereolib.mapping.stations import Station
+
+Array = np.ndarray
+FREE, UNKNOWN, OCCUPIED = 254, 205, 0  # grey levels of ROS's map_server
+
+
+@dataclass(frozen=True, eq=False)
+class OccupancyGrid:
+    """Cells of the floor in the laser's plane.
+
+    Attributes
+    ----------
+    cells : (rows, columns) uint8
+        `FREE`, `OCCUPIED` or `UNKNOWN`; row 0 is the one with the smallest y, column 0 that with the smallest x.
+    origin_mm : (2,) float64
+        The corner of cell (0, 0) with the smallest x and y.
+    resolution_mm : float
+        Side of a cell.
+    """
+
+    cells: Array
+    origin_mm: Array
+    resolution_mm: float
+
+    def __post_init__(self) -> None:
+        set_frozen(self, cells=np.asarray(self.cells, np.uint8), origin_mm=np.asarray(self.origin_mm, float))
+
+    def at(self, points_mm: Array) -> Array:
+        """Cells of points (N, 2) mm, (N,) uint8; `UNKNOWN` outside the grid."""
+        column, row = np.floor((np.asarray(points_mm, float) - self.origin_mm) / self.resolution_mm).astype(int).T
+        rows, columns = self.cells.shape
+        inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
+        found = np.full(len(row), UNKNOWN, np.uint8)
+        found[inside] = self.cells[row[inside], column[inside]]
+        return found
+
+
+def occupancy_grid(
+    stations: Sequence[Station], *, resolution_mm: float = 20.0, margin_mm: float = 100.0, least_share: float = 0.1
+) -> OccupancyGrid:
+    """Follow the beams of all scans over the floor.
+
+    Parameters
+    ----------
+    stations : sequence of Station
+    resolution_mm : float
+    margin_mm : float
+        Rim of unknown cells around everything.
+    least_share : float
+        A cell is taken if at least this share of the beams that reach it end in it: others pass it at its corner.
+
+    Raises
+    ------
+    ValueError
+        If there is no reading, or the grid would have more than 25 million cells.
+
+    Notes
+    -----
+    A beam frees every cell that its line crosses, but the one it ends in. The crossings are found exactly: its ends
+    and every point where it meets a line of the grid, in order, have the cells' centres between them.
+    """
+    laser = [np.broadcast_to(s.to_map(s.laser_mm), s.scan_mm.shape) for s in stations]
+    if not sum(map(len, laser)):
+        raise ValueError(f"{len(stations)} stations without a single reading make no grid: give their scans")
+    if not resolution_mm > 0:
+        raise ValueError(f"a cell needs a positive side in mm, got {resolution_mm}")
+    start, end = np.concatenate(laser), np.concatenate([s.to_map(s.scan_mm) for s in stations])
+    both = np.concatenate([start, end])
+    origin = np.floor((both.min(axis=0) - margin_mm) / resolution_mm) * resolution_mm
+    columns, rows = (np.ceil((both.max(axis=0) + margin_mm - origin) / resolution_mm)).astype(int)
+    if rows * columns > 25e6:
+        raise ValueError(f"cells of {resolution_mm:g} mm make {columns} x {rows} of them: take larger ones")
+    passed, ended = np.zeros(rows * columns, int), np.zeros(rows * columns, int)
+    a, b = (start - origin) / resolution_mm, (end - origin) / resolution_mm
+    for group in np.array_split(np.arange(len(a)), max(1, len(a) // 500)):
+        cells, last = _crossed(a[group], b[group], columns)
+        passed += np.bincount(cells, minlength=len(passed))
+        ended += np.bincount(last, minlength=len(ended))
+    grid = np.full(rows * columns, UNKNOWN, np.uint8)
+    grid[passed > 0] = FREE
+    grid[(ended > 0) & (ended >= least_share * (ended + passed))] = OCCUPIED
+    return OccupancyGrid(grid.reshape(rows, columns), origin, float(resolution_mm))
+
+
+def _crossed(a: Array, b: Array, columns: int) -> tuple[Array, Array]:
+    """Cells that the lines a to b (N, 2), in cells, cross before their last one, and the last ones (N,)."""
+    way = b - a
+    most = int(np.ceil(np.abs(way)).max()) + 1
+    shares = [np.zeros((len(a), 1)), np.ones((len(a), 1))]
+    for axis in (0, 1):
+        forward = np.where(way[:, axis] > 0, 1.0, -1.0)
+        first = np.where(forward > 0, np.floor(a[:, axis]) + 1, np.ceil(a[:, axis]) - 1)
+        lines = first[:, None] + forward[:, None] * np.arange(most)
+        step = np.where(way[:, axis] == 0, np.inf, way[:, axis])
+        shares.append(np.clip((lines - a[:, axis, None]) / step[:, None], 0, 1))
+    t = np.sort(np.concatenate(shares, axis=1), axis=1)
+    middle, long = (t[:, 1:] + t[:, :-1]) / 2, np.diff(t, axis=1) > 1e-9
+    column, row = (np.floor(a[:, k, None] + middle * way[:, k, None]).astype(int) for k in (0, 1))
+    last = np.floor(b).astype(int)
+    index, final = row * columns + column, last[:, 1] * columns + last[:, 0]
+    return index[long & (index != final[:, None])], final

@@ -1,0 +1,5 @@
+"""What only the notebooks use: sliders, and what they draw."""
+
+import lazy_loader as _lazy
+
+__getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)

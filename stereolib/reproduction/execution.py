@@ -1,0 +1,323 @@
+"""Execute notebooks so that two executions give the same bytes.
+
+A notebook is read, run in a kernel of this very interpreter and written elsewhere; the original stays as it is.
+Times, widget state and versions are left out of what is written. A cell that raises, or writes to stderr, is a
+failure that names notebook, cell and error; a kernel that died or stalls gets one more try.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import platform
+import re
+import sys
+import tempfile
+import time
+from collections.abc import AsyncIterator, Callable, Sequence
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from stereolib.base import write_atomic
+
+CELL_TIMEOUT_S = 240.0
+NOTEBOOK_TIMEOUT_S = 600.0
+INDEX = "00_index"  # shows what all the others recorded, so it runs last
+
+_WIDGET_VIEW = "application/vnd.jupyter.widget-view+json"
+_ANSI = re.compile(r"\x1b\[[0-9;]*m")
+_METADATA = {
+    "kernelspec": {"display_name": "Python 3", "language": "python", "name": "python3"},
+    "language_info": {
+        "file_extension": ".py",
+        "mimetype": "text/x-python",
+        "name": "python",
+        "pygments_lexer": "ipython3",
+    },
+}
+# Notebooks run beside each other: each keeps to one thread, which also fixes the order of every sum.
+_ONE_THREAD = {
+    name: "1"
+    for name in (
+        "OMP_NUM_THREADS",
+        "OPENBLAS_NUM_THREADS",
+        "MKL_NUM_THREADS",
+        "VECLIB_MAXIMUM_THREADS",
+        "NUMEXPR_NUM_THREADS",
+    )
+}
+
+
+#: The kernels of OpenBLAS (numpy's, scipy's and the older one in OpenCV's wheel) that every processor with AVX2 has.
+_BLAS_KERNELS = "Haswell"
+_CV_CPU_AVX2 = 11  # OpenCV's number of it, for which Python has no name
+_BEYOND_AVX2 = ("X86_V4", "AVX512")  # how the names of numpy's wider kernels begin
+
+
+class NotebookError(RuntimeError):
+    """A notebook that could not be executed: which, in which cell, and why."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """How long to wait, in seconds: for one cell, for one notebook, for a kernel to start."""
+
+    cell_s: float = CELL_TIMEOUT_S
+    notebook_s: float = NOTEBOOK_TIMEOUT_S
+    start_s: float = 60.0
+
+
+def _one_processor() -> dict[str, str]:
+    """Variables that let every x86-64 processor with AVX2 add up in the same order.
+
+    What a processor lacks must not be switched off, as numpy warns of it, nor its kernels asked for: they would crash.
+    """
+    import cv2
+    import numpy as np
+
+    if platform.machine().lower() not in ("x86_64", "amd64") or not cv2.checkHardwareSupport(_CV_CPU_AVX2):
+        return {}
+    found = np.show_config(mode="dicts")["SIMD Extensions"].get("found", ())
+    wide = [name for name in found if name.startswith(_BEYOND_AVX2)]
+    return {"OPENBLAS_CORETYPE": _BLAS_KERNELS} | ({"NPY_DISABLE_CPU_FEATURES": " ".join(wide)} if wide else {})
+
+
+def kernel_environment(figures_dir: str | os.PathLike[str]) -> dict[str, str]:
+    """Environment variables of a kernel that draws into ``figures_dir``.
+
+    Parameters
+    ----------
+    figures_dir : path
+        Becomes ``STEREOLIB_FIGURES``.
+
+    Returns
+    -------
+    dict
+        This process's variables with one thread per kernel, a fixed hash seed and no back end of the user's, and on
+        x86-64 the arithmetic of a processor with AVX2, unless the user chose another (``OPENBLAS_CORETYPE``,
+        ``NPY_DISABLE_CPU_FEATURES``).
+    """
+    environ = _one_processor() | {name: value for name, value in os.environ.items() if name != "MPLBACKEND"}
+    environ |= _ONE_THREAD
+    environ |= {
+        "STEREOLIB_FIGURES": str(Path(figures_dir).resolve()),
+        "PYTHONHASHSEED": "0",
+        "OPENCV_FOR_THREADS_NUM": "1",  # its calibration adds up in the order in which threads come
+        "PYDEVD_DISABLE_FILE_VALIDATION": "1",
+    }
+    return environ
+
+
+def normalise(notebook: Any) -> Any:
+    """Take out of an executed notebook, in place, what differs from run to run or shows nothing to a reader.
+
+    Parameters
+    ----------
+    notebook : nbformat.NotebookNode
+
+    Returns
+    -------
+    nbformat.NotebookNode
+        The same notebook: fixed kernel and language metadata, no widget views (the picture and the text that
+        stand beside them stay for readers without a kernel), no times, and an id in every cell.
+    """
+    from nbformat import from_dict
+
+    notebook.metadata = from_dict(_METADATA)
+    notebook.nbformat_minor = max(notebook.nbformat_minor, 5)
+    for number, cell in enumerate(notebook.cells):
+        cell.setdefault("id", f"cell-{number:02d}")
+        cell.metadata.pop("execution", None)
+        if cell.cell_type != "code":
+            continue
+        for output in cell.outputs:
+            output.get("data", {}).pop(_WIDGET_VIEW, None)
+        cell.outputs = [output for output in cell.outputs if output.get("data", True)]
+    return notebook
+
+
+def failures(notebook: Any) -> list[str]:
+    """Say which executed cells raised or wrote to stderr: one text each, with the end of the traceback."""
+    found = []
+    for number, cell in enumerate(notebook.cells, start=1):
+        place = f"cell {number} (In [{cell.get('execution_count')}])"
+        for output in cell.get("outputs", []):
+            if output.output_type == "error":
+                lines = _ANSI.sub("", "\n".join(output.traceback)).splitlines()
+                found.append("\n    ".join([f"{place}: {output.ename}: {output.evalue}", *lines[-15:]]))
+            elif output.output_type == "stream" and output.name == "stderr":
+                found.append(f"{place} wrote to stderr: {output.text.strip()[:500]}")
+    return found
+
+
+def _make_client(notebook: Any, cwd: Path, limits: Limits, advance: Callable[[], None]) -> Any:
+    """Client whose kernel is this interpreter, installed kernels or not, and which leaves signals alone."""
+    from jupyter_client.kernelspec import KernelSpec, KernelSpecManager
+    from jupyter_client.manager import AsyncKernelManager
+    from nbclient import NotebookClient
+
+    class ThisInterpreter(KernelSpecManager):  # type: ignore[misc, unused-ignore]
+        def get_kernel_spec(self, kernel_name: str) -> KernelSpec:
+            launch = [sys.executable, "-m", "ipykernel_launcher", "--log-level=ERROR"]
+            argv = [*launch, "-f", "{connection_file}"]
+            return KernelSpec(argv=argv, display_name="Python 3", language="python")
+
+    class Client(NotebookClient):  # type: ignore[misc, unused-ignore]
+        # nbclient's own takes over SIGINT for one notebook at a time; here several run in one loop, and an
+        # interruption cancels them all.
+        @asynccontextmanager
+        async def async_setup_kernel(self, **kwargs: Any) -> AsyncIterator[None]:
+            self.km = AsyncKernelManager(kernel_spec_manager=ThisInterpreter())
+            try:
+                await self.async_start_new_kernel(**kwargs)
+                await self.async_start_new_kernel_client()
+                yield
+            finally:
+                if self.km is not None:
+                    await self._async_cleanup_kernel()
+
+    return Client(
+        notebook,
+        timeout=limits.cell_s,
+        startup_timeout=limits.start_s,
+        record_timing=False,
+        store_widget_state=False,
+        coalesce_streams=True,
+        shutdown_kernel="immediate",
+        resources={"metadata": {"path": str(cwd)}},
+        on_cell_executed=lambda **_: advance(),
+    )
+
+
+async def _execute_once(source: Path, env: dict[str, str], limits: Limits, bar: Any) -> Any:
+    """Execute one notebook in a new kernel; return it executed, with its errors as outputs."""
+    import nbformat
+    from nbclient.exceptions import CellExecutionError, DeadKernelError
+
+    notebook = nbformat.read(source, as_version=4)
+    for cell in notebook.cells:
+        if cell.cell_type == "code":
+            cell.outputs, cell.execution_count = [], None
+    bar.reset(total=len(notebook.cells))
+    client = _make_client(notebook, source.parent, limits, lambda: bar.update())
+    try:
+        async with asyncio.timeout(limits.notebook_s) as clock:
+            await client.async_execute(env=env)
+    except CellExecutionError:
+        pass  # the cell's own error is among its outputs, where failures() reads it
+    except DeadKernelError as error:
+        # nbclient says "dead" of whatever ends it from outside: the clock and the user too.
+        if clock.expired():
+            raise TimeoutError(f"no end after {limits.notebook_s:g} s") from None
+        task = asyncio.current_task()
+        if task is not None and task.cancelling():
+            raise asyncio.CancelledError from error
+        raise
+    return notebook
+
+
+async def _execute(source: Path, env: dict[str, str], limits: Limits, bar: Any) -> Any:
+    """Execute one notebook, twice at most; raise NotebookError when that did not work."""
+    from nbclient.exceptions import DeadKernelError
+
+    for attempt in (1, 2):
+        try:
+            notebook = await _execute_once(source, env, limits, bar)
+            break
+        except (DeadKernelError, TimeoutError, RuntimeError) as error:
+            reason = str(error).strip().splitlines()[0] if str(error).strip() else ""
+            what = f"{type(error).__name__} {reason}".strip()
+            if attempt == 2:
+                raise NotebookError(
+                    f"{source.name}: the kernel died or stalled twice ({what}); limits are {limits.cell_s:g} s a "
+                    f"cell and {limits.notebook_s:g} s a notebook"
+                ) from error
+            bar.write(f"{source.stem}: {what}; trying once more", file=sys.stderr)
+    found = failures(notebook)
+    if found:
+        raise NotebookError("\n".join(f"{source.name}, {line}" for line in found))
+    return normalise(notebook)
+
+
+async def _execute_all(
+    sources: Sequence[Path], target_dir: Path, env: dict[str, str], jobs: int, limits: Limits
+) -> list[NotebookError]:
+    import nbformat
+    from tqdm import tqdm
+
+    slots = list(range(jobs))  # lines of the terminal that a progress bar may take
+    gate = asyncio.Semaphore(jobs)
+    quiet = not sys.stderr.isatty()
+    errors: list[NotebookError] = []
+
+    async def one(source: Path) -> None:
+        async with gate:
+            slot, began = slots.pop(0), time.perf_counter()
+            bar = tqdm(desc=source.stem, position=slot, leave=False, unit="cell", disable=quiet)
+            try:
+                notebook = await _execute(source, env, limits, bar)
+            except NotebookError as error:
+                errors.append(error)
+                bar.write(f"{source.stem:<24} FAILED", file=sys.stderr)
+            else:
+                write_atomic(target_dir / source.name, nbformat.writes(notebook, indent=1) + "\n")
+                seconds = time.perf_counter() - began
+                bar.write(f"{source.stem:<24} {seconds:6.1f} s", file=sys.stderr)
+            finally:
+                bar.close()
+                slots.append(slot)
+
+    async with asyncio.TaskGroup() as group:
+        for source in sources:
+            if source.stem != INDEX:
+                group.create_task(one(source))
+    for source in sources:
+        if source.stem == INDEX and not errors:
+            await one(source)
+    return errors
+
+
+def execute(
+    sources: Sequence[Path],
+    target_dir: Path,
+    figures_dir: Path,
+    jobs: int = 2,
+    limits: Limits | None = None,
+) -> None:
+    """Execute notebooks, ``jobs`` at a time and the index last, with a progress bar for each.
+
+    Parameters
+    ----------
+    sources : sequence of Path
+        Notebooks; each kernel's working directory is its notebook's folder. They are not changed.
+    target_dir : Path
+        Folder that the executed copies are written to.
+    figures_dir : Path
+        Folder that the kernels write figures and tables to.
+    jobs : int
+        Notebooks at once, each with one thread.
+    limits : Limits, optional
+        Time limits; a dead or stalled kernel gets one more try.
+
+    Raises
+    ------
+    NotebookError
+        When a cell raised or wrote to stderr, or a kernel failed twice: notebook, cell and error, for every
+        notebook that failed. The others are executed all the same, but not the index.
+    ValueError
+        If ``jobs`` is below 1.
+    """
+    if jobs < 1:
+        raise ValueError(f"jobs is {jobs}; give the number of notebooks to run at once, 1 or more")
+    target_dir.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix="stereolib-") as settings:
+        # The user's IPython profile and kernels' connection files stay out of it.
+        env = kernel_environment(figures_dir) | {"IPYTHONDIR": settings}
+        with asyncio.Runner(loop_factory=asyncio.SelectorEventLoop) as runner:
+            errors = runner.run(
+                _execute_all([Path(s).resolve() for s in sources], target_dir, env, jobs, limits or Limits())
+            )
+    if errors:
+        raise NotebookError("\n".join(str(error) for error in errors))

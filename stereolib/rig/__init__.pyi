@@ -1,0 +1,29 @@
+from .camera import Camera, distort
+from .formats import load, load_kalibr, load_opencv, load_ros, save_kalibr, save_opencv, save_ros
+from .images import check_pair, read_image, read_pair, to_grey, to_light
+from .matlab_format import from_struct, to_struct
+from .stereo_rig import RectifiedRig, StereoRig, pose_left_world, rigid, skew
+
+__all__ = [
+    "Camera",
+    "RectifiedRig",
+    "StereoRig",
+    "check_pair",
+    "distort",
+    "from_struct",
+    "load",
+    "load_kalibr",
+    "load_opencv",
+    "load_ros",
+    "pose_left_world",
+    "read_image",
+    "read_pair",
+    "rigid",
+    "save_kalibr",
+    "save_opencv",
+    "save_ros",
+    "skew",
+    "to_grey",
+    "to_light",
+    "to_struct",
+]

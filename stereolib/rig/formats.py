@@ -1,0 +1,344 @@
+"""Calibrations in the files of other tools: OpenCV, ROS and Kalibr, each in its own convention and unit.
+
+Our own file is `StereoRig.save`'s JSON; MATLAB's structures are in `formats_matlab`. Every reader gives millimetres,
+radians and ``x_right = R x_left + T``, whatever the file holds, and refuses lenses that are not OpenCV's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import yaml
+
+from stereolib.base import write_atomic
+from stereolib.rig.camera import Camera
+from stereolib.rig.stereo_rig import StereoRig, rigid
+
+Array = np.ndarray
+AnyPath = str | PathLike[str]
+_MM_PER_M = 1000.0
+#: OpenCV files call the left and right camera's matrix and lens one of these.
+_OPENCV_NAMES = (
+    ("M1", "D1", "M2", "D2"),
+    ("K1", "D1", "K2", "D2"),
+    ("cameraMatrix1", "distCoeffs1", "cameraMatrix2", "distCoeffs2"),
+)
+#: ROS' name of a lens -> how many of OpenCV's coefficients it holds.
+_ROS_MODELS = {"plumb_bob": 5, "rational_polynomial": 8}
+
+
+def save_opencv(path: AnyPath, rig: StereoRig, *, alpha: float = 0.0) -> Path:
+    """Write what OpenCV's ``stereo_calib`` sample writes, in one YAML file, with the size of the images.
+
+    Parameters
+    ----------
+    path : path
+        Ends in ``.yml``, ``.yaml`` or ``.xml``: `cv2.FileStorage` chooses by it when the file is read.
+    alpha : float
+        Of the rectification that is kept beside the rig (`StereoRig.rectify`).
+
+    Notes
+    -----
+    ``M1 D1 M2 D2 R T`` and ``R1 R2 P1 P2 Q``; T and Q in millimetres; 17 significant digits, which hold a double
+    exactly. A lens without coefficients is written as five zeros.
+    """
+    rectified = rig.rectify(alpha)
+    kind = cv2.FILE_STORAGE_FORMAT_XML if Path(path).suffix.lower() == ".xml" else cv2.FILE_STORAGE_FORMAT_YAML
+    storage = cv2.FileStorage("rig", cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY | kind)
+    storage.write("image_width", rig.left.size[0])
+    storage.write("image_height", rig.left.size[1])
+    for number, camera in enumerate((rig.left, rig.right), 1):
+        storage.write(f"M{number}", camera.K)
+        storage.write(f"D{number}", at_least(camera.dist, 5)[None])
+    storage.write("R", rig.R)
+    storage.write("T", rig.T[:, None])
+    for name in ("R1", "R2", "P1", "P2", "Q"):
+        storage.write(name, getattr(rectified, name))
+    return write_atomic(path, storage.releaseAndGetString())
+
+
+def load_opencv(*paths: AnyPath, size: tuple[int, int] | None = None, unit_mm: float = 1.0) -> StereoRig:
+    """Read a rig from OpenCV's YAML, XML or JSON: one file, or intrinsics and extrinsics in two.
+
+    Parameters
+    ----------
+    paths : path
+        Hold ``M1 D1 M2 D2 R T`` (or ``K1`` ..., ``cameraMatrix1 distCoeffs1`` ...).
+    size : (width, height), px, optional
+        Of the images, if the files do not say (OpenCV's own samples leave it out).
+    unit_mm : float
+        Length of one unit of the file's T, mm: 1000 if the board was measured in metres.
+
+    Raises
+    ------
+    ValueError
+        The files lack something or hold something else; they are named.
+    """
+    found: dict[str, Any] = {}
+    with naming(*paths):
+        for path in paths:
+            found |= _file_storage(Path(path).read_text(encoding="utf-8"))
+        for names in _OPENCV_NAMES:
+            if set(names) <= set(found):
+                break
+        else:
+            raise ValueError(f"no M1, D1, M2, D2 in it, only {', '.join(found) or 'nothing'}")
+        if size is None and not {"image_width", "image_height"} <= set(found):
+            raise ValueError("it does not say how large the images are: pass size=(width, height)")
+        size = size or (found["image_width"], found["image_height"])
+        K1, d1, K2, d2, R, T = (need(found, name) for name in (*names, "R", "T"))
+        return StereoRig(Camera(K1, d1, size), Camera(K2, d2, size), R, np.ravel(T) * unit_mm)
+
+
+def save_ros(left: AnyPath, right: AnyPath, rig: StereoRig, *, alpha: float = 0.0) -> tuple[Path, Path]:
+    """Write the pair of ``camera_info`` files of ROS' camera drivers (``camera_calibration_parsers``).
+
+    Parameters
+    ----------
+    left, right : path
+        Of the two YAML files; their stems become the cameras' names.
+    alpha : float
+        Of the rectification, which these files are made of (`StereoRig.rectify`).
+
+    Raises
+    ------
+    ValueError
+        If the lens has more than 8 coefficients: ROS has no name for it.
+
+    Notes
+    -----
+    ROS counts in metres: ``P2[0, 3] = -f B`` with B in m. The lens ``plumb_bob`` holds k1 k2 p1 p2 k3,
+    ``rational_polynomial`` k4 k5 k6 as well.
+    """
+    rectified = rig.rectify(alpha)
+    R2 = _aligned(rectified.R2, rig.T)
+    written = []
+    for path, camera, R, P in (
+        (Path(left), rig.left, R2 @ rig.R, rectified.P1),
+        (Path(right), rig.right, R2, rectified.P2),
+    ):
+        if camera.dist.size > 8:
+            raise ValueError(
+                f"ROS' camera_info has no lens model of {camera.dist.size} coefficients: calibrate with brown3 (5) or "
+                f"rational8 (8) for it"
+            )
+        model = "rational_polynomial" if camera.dist.size == 8 else "plumb_bob"
+        metric = P.copy()
+        metric[:, 3] /= _MM_PER_M
+        matrices = {
+            "camera_matrix": camera.K,
+            "distortion_coefficients": at_least(camera.dist, 5)[None],
+            "rectification_matrix": R,
+            "projection_matrix": metric,
+        }
+        info: dict[str, Any] = {
+            "image_width": camera.size[0],
+            "image_height": camera.size[1],
+            "camera_name": path.stem,
+            "distortion_model": model,
+        }
+        for name, matrix in matrices.items():
+            info[name] = {"rows": matrix.shape[0], "cols": matrix.shape[1], "data": matrix.ravel().tolist()}
+        written.append((path, _dump(info)))
+    (first, text), (second, other) = written
+    return write_atomic(first, text), write_atomic(second, other)
+
+
+def load_ros(left: AnyPath, right: AnyPath) -> StereoRig:
+    """Read a rig from a pair of ``camera_info`` files.
+
+    Raises
+    ------
+    ValueError
+        A file lacks something, its lens is not OpenCV's, or the pair is not of one rig; the file is named.
+
+    Notes
+    -----
+    The files hold no R and T but both rectifications: ``R = R2' R1`` and ``T = R2' inv(P2[:, :3]) P2[:, 3]``.
+    """
+    cameras, turns, shifts = [], [], []
+    for path in (left, right):
+        with naming(path):
+            info = _mapping(path)
+            model = info.get("distortion_model", "plumb_bob")
+            if model not in _ROS_MODELS:
+                raise ValueError(f"its lens {model!r} is none of {', '.join(_ROS_MODELS)}")
+            names = ("camera_matrix", "distortion_coefficients", "rectification_matrix", "projection_matrix")
+            K, dist, R, P = (_ros_matrix(info, name) for name in names)
+            if dist.size > _ROS_MODELS[model]:
+                raise ValueError(f"{model} has {_ROS_MODELS[model]} coefficients, it lists {dist.size}")
+            cameras.append(Camera(K, dist, (need(info, "image_width"), need(info, "image_height"))))
+            turns.append(R)
+            shifts.append(np.linalg.solve(P[:, :3], P[:, 3]) * _MM_PER_M)
+    with naming(left, right):
+        if not np.linalg.norm(shifts[1]) > 0:
+            raise ValueError("the right camera's projection matrix holds no baseline: is it one of a stereo pair?")
+        R, T = turns[1].T @ turns[0], turns[1].T @ (shifts[1] - shifts[0])
+        return StereoRig(cameras[0], cameras[1], R, T)
+
+
+def save_kalibr(path: AnyPath, rig: StereoRig) -> Path:
+    """Write a Kalibr ``camchain.yaml``, the left camera being ``cam0``.
+
+    Raises
+    ------
+    ValueError
+        If the lens is more than k1 k2 p1 p2: Kalibr's ``radtan`` holds no more.
+
+    Notes
+    -----
+    ``T_cn_cnm1`` of ``cam1`` takes points of ``cam0`` into ``cam1``, as our R and T do, in metres.
+    """
+    chain: dict[str, Any] = {}
+    for number, (side, camera) in enumerate((("left", rig.left), ("right", rig.right))):
+        if camera.dist[4:].any() or camera.K[0, 1]:
+            raise ValueError(
+                f"Kalibr's radtan lens holds k1 k2 p1 p2 and no skew, the {side} camera has k3 = "
+                f"{at_least(camera.dist, 5)[4]:g} and {camera.dist.size} coefficients: calibrate with brown2 for it"
+            )
+        (fx, _, cx), (_, fy, cy), _ = camera.K.tolist()
+        chain[f"cam{number}"] = {
+            "cam_overlaps": [1 - number],
+            "camera_model": "pinhole",
+            "distortion_coeffs": at_least(camera.dist, 4)[:4].tolist(),
+            "distortion_model": "radtan",
+            "intrinsics": [fx, fy, cx, cy],
+            "resolution": list(camera.size),
+            "rostopic": f"/{side}/image_raw",
+        }
+    chain["cam1"]["T_cn_cnm1"] = rigid(rig.R, rig.T / _MM_PER_M).tolist()
+    return write_atomic(path, _dump(chain))
+
+
+def load_kalibr(path: AnyPath) -> StereoRig:
+    """Read a rig from the first two cameras of a Kalibr ``camchain.yaml``; ValueError names what is wrong."""
+    with naming(path):
+        chain = _mapping(path)
+        cameras = []
+        for name in ("cam0", "cam1"):
+            entry = need(chain, name)
+            models = (need(entry, "camera_model"), need(entry, "distortion_model"))
+            if models not in (("pinhole", "radtan"), ("pinhole", "none")):
+                lens = " with ".join(map(str, models))
+                raise ValueError(f"{name} is {lens}; only pinhole with radtan is OpenCV's lens")
+            fx, fy, cx, cy = numbers(need(entry, "intrinsics"))
+            K = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
+            cameras.append(Camera(K, numbers(entry.get("distortion_coeffs", ())), need(entry, "resolution")))
+        T = numbers(need(chain["cam1"], "T_cn_cnm1")).reshape(4, 4)
+        return StereoRig(cameras[0], cameras[1], T[:3, :3], T[:3, 3] * _MM_PER_M)
+
+
+def load(*paths: AnyPath) -> StereoRig:
+    """Read a rig from any of the files above, told apart by what they hold.
+
+    Parameters
+    ----------
+    paths : path
+        One file (JSON of `StereoRig.save`, OpenCV, Kalibr), or two (ROS left and right, OpenCV intrinsics and
+        extrinsics).
+
+    Raises
+    ------
+    ValueError
+        If a file is of no kind that we read, or is damaged.
+    """
+    if not 1 <= len(paths) <= 2:
+        raise ValueError(f"a rig is kept in one file or two, got {len(paths)}")
+    with naming(paths[0]):
+        text = Path(paths[0]).read_text(encoding="utf-8")
+    if "stereolib.rig/" in text:
+        return StereoRig.load(paths[0])
+    if "opencv" in text:
+        return load_opencv(*paths)
+    if "cam0:" in text:
+        return load_kalibr(paths[0])
+    if "camera_matrix" in text and len(paths) == 2:
+        return load_ros(*paths)
+    raise ValueError(
+        f"{paths[0]} is no calibration that we read: expected the JSON of stereolib, OpenCV's YAML, a Kalibr camchain, "
+        f"or two camera_info files of ROS, left and right"
+    )
+
+
+@contextmanager
+def naming(*paths: object) -> Iterator[None]:
+    """Make errors of whatever a file may hold into a ValueError that names it."""
+    where = " and ".join(map(str, paths))
+    try:
+        yield
+    except (ValueError, TypeError, LookupError, AttributeError, OverflowError, np.linalg.LinAlgError) as error:
+        raise ValueError(f"{where}: {error}") from error
+    except yaml.YAMLError as error:
+        raise ValueError(f"{where}: not YAML ({' '.join(str(error).split())})") from error
+    except RecursionError as error:
+        raise ValueError(f"{where}: nested too deeply") from error
+
+
+def need(entries: Mapping[str, Any], name: str) -> Any:
+    """An entry that must be there."""
+    if not isinstance(entries, Mapping) or name not in entries:
+        raise ValueError(f"it has no {name}")
+    return entries[name]
+
+
+def numbers(values: Any) -> Array:
+    """Floats; also of ``1e-05``, which YAML 1.1 takes for a text."""
+    return np.array(values, float)
+
+
+def _aligned(R2: Array, T: Array) -> Array:
+    """The right camera's rectification with its x axis exactly along the baseline, z as near as can be.
+
+    The angles of `cv2.stereoRectify` hold 5 to 8 digits for nearly parallel cameras, so that R and T made from them
+    would be off by up to 1e-5 rad and 1e-6 mm.
+    """
+    x = -T / np.linalg.norm(T)
+    y = np.cross(R2[2], x)
+    y /= np.linalg.norm(y)
+    return np.stack([x, y, np.cross(x, y)])
+
+
+def at_least(dist: Array, count: int) -> Array:
+    """Coefficients filled up with zeros to `count`."""
+    return np.pad(dist, (0, max(0, count - dist.size)))
+
+
+def _dump(entries: Mapping[str, Any]) -> str:
+    return yaml.safe_dump(entries, sort_keys=False, default_flow_style=None, width=120)
+
+
+def _mapping(path: AnyPath) -> Mapping[str, Any]:
+    entries = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
+    if not isinstance(entries, Mapping):
+        raise ValueError("it holds no named entries")
+    return entries
+
+
+def _ros_matrix(info: Mapping[str, Any], name: str) -> Array:
+    entry = need(info, name)
+    matrix = numbers(need(entry, "data")).reshape(int(need(entry, "rows")), int(need(entry, "cols")))
+    return matrix.ravel() if name == "distortion_coefficients" else matrix
+
+
+def _file_storage(text: str) -> dict[str, Any]:
+    """Matrices and numbers at the top of OpenCV's own format."""
+    try:
+        storage = cv2.FileStorage(text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
+        root = storage.root()
+        found: dict[str, Any] = {}
+        names: Sequence[str] = root.keys()
+        for name in names:
+            node = root.getNode(name)
+            if node.isMap():
+                found[name] = node.mat()
+            elif node.isInt() or node.isReal():
+                found[name] = node.real()
+    except (cv2.error, SystemError) as error:  # SystemError: from the constructor, on a text of another format
+        raise ValueError("not a file of OpenCV's FileStorage, or damaged") from error
+    return found

@@ -1,0 +1,149 @@
+"""Where data comes from: committed files, whole writes, and recordings of others with or without a network."""
+
+from __future__ import annotations
+
+import hashlib
+import socket
+import threading
+import time
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+
+import pooch
+import pytest
+
+from stereolib.base import datasets
+
+CONTENT = b"a recording\n"
+NAME = "xv11/turns.txt"
+
+
+@pytest.fixture
+def registry(tmp_path, monkeypatch):
+    """A registry of one recording, an empty cache, no folder of the user's, and a server that refuses."""
+    monkeypatch.setattr(datasets, "_registry", lambda: {NAME: hashlib.sha256(CONTENT).hexdigest()})
+    monkeypatch.setattr(pooch, "os_cache", lambda name: tmp_path / "cache" / name)
+    monkeypatch.delenv("STEREOLIB_DATA", raising=False)
+    monkeypatch.setenv("NO_PROXY", "*")
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        free = probe.getsockname()[1]
+    monkeypatch.setattr(datasets, "_XV11", f"http://127.0.0.1:{free}")
+
+
+@pytest.fixture
+def server(registry, tmp_path, monkeypatch):
+    """A web server with the recording; returns its folder."""
+
+    class Quiet(SimpleHTTPRequestHandler):
+        def log_message(self, *_):
+            pass
+
+    folder = tmp_path / "web"
+    folder.mkdir()
+    (folder / "turns.txt").write_bytes(CONTENT)
+    with ThreadingHTTPServer(("127.0.0.1", 0), partial(Quiet, directory=folder)) as httpd:
+        monkeypatch.setattr(datasets, "_XV11", f"http://127.0.0.1:{httpd.server_port}")
+        thread = threading.Thread(target=httpd.serve_forever, kwargs={"poll_interval": 0.01})
+        thread.start()
+        yield folder
+        httpd.shutdown()
+        thread.join()
+
+
+def test_committed_file_or_how_to_get_it_back():
+    assert datasets.data_path("paper/published.toml").is_file()
+    with pytest.raises(ValueError, match=r"data/virtual/no\.jpg is missing .*git checkout.*stereolib data build"):
+        datasets.data_path("virtual/no.jpg")
+
+
+def test_figures_go_where_the_environment_says(tmp_path, monkeypatch):
+    monkeypatch.setenv("STEREOLIB_FIGURES", str(tmp_path / "elsewhere"))
+    assert datasets.figures_dir() == tmp_path / "elsewhere"
+    assert datasets.figures_dir().is_dir()
+    monkeypatch.delenv("STEREOLIB_FIGURES")
+    monkeypatch.setattr(datasets, "ROOT", tmp_path / "repository")
+    assert datasets.figures_dir() == tmp_path / "repository" / "figures"
+
+
+def test_own_folder_comes_first_and_is_checked(registry, tmp_path, monkeypatch):
+    own = tmp_path / "own" / NAME
+    own.parent.mkdir(parents=True)
+    own.write_bytes(CONTENT)
+    monkeypatch.setenv("STEREOLIB_DATA", str(tmp_path / "own"))
+    assert datasets.real_recording(NAME) == own
+    assert datasets.real_recordings("xv11") == [own]
+    own.write_bytes(CONTENT + b"more")
+    with pytest.raises(ValueError, match=r"turns\.txt is not the recording it should be: its sha256 differs"):
+        datasets.real_recording(NAME)
+
+
+def test_no_network_is_told_at_once(registry, tmp_path, monkeypatch):
+    start = time.monotonic()
+    with pytest.raises(datasets.NotAvailable, match=r"xv11/turns\.txt is not available: STEREOLIB_DATA is not set"):
+        datasets.real_recording(NAME)
+    monkeypatch.setenv("STEREOLIB_DATA", str(tmp_path))
+    with pytest.raises(datasets.NotAvailable, match=r"STEREOLIB_DATA has no such file.*Connect to the network"):
+        datasets.real_recordings("xv11")
+    assert time.monotonic() - start < 5
+
+
+def test_default_patience_is_under_five_seconds():
+    import inspect
+
+    assert inspect.signature(datasets.real_recording).parameters["timeout_s"].default < 5
+
+
+def test_a_server_that_never_answers(registry, monkeypatch):
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        monkeypatch.setattr(datasets, "_XV11", f"http://127.0.0.1:{silent.getsockname()[1]}")
+        start = time.monotonic()
+        with pytest.raises(datasets.NotAvailable, match="Timeout"):
+            datasets.real_recording(NAME, timeout_s=0.3)
+        assert time.monotonic() - start < 1.3
+
+
+def test_a_name_that_takes_long_to_look_up(registry, monkeypatch):
+    """A request's own timeout does not cover the look-up."""
+    done = threading.Event()
+
+    def slow(*_, **__):
+        done.wait(20)
+        raise socket.gaierror("no such host")
+
+    monkeypatch.setattr(socket, "getaddrinfo", slow)
+    start = time.monotonic()
+    with pytest.raises(datasets.NotAvailable, match="TimeoutError"):
+        datasets.real_recording(NAME, timeout_s=0.3)
+    assert time.monotonic() - start < 1.3
+    done.set()
+
+
+def test_download_is_kept_for_the_next_time(server, tmp_path):
+    path = datasets.real_recording(NAME)
+    assert path.read_bytes() == CONTENT
+    assert tmp_path / "cache" in path.parents
+    (server / "turns.txt").unlink()
+    assert datasets.real_recording(NAME) == path
+
+
+def test_download_of_something_else_is_refused(server, tmp_path):
+    (server / "turns.txt").write_bytes(b"<html>please log in</html>")
+    with pytest.raises(datasets.NotAvailable, match="download failed"):
+        datasets.real_recording(NAME)
+    assert not [p for p in (tmp_path / "cache").rglob("*") if p.is_file()]
+
+
+def test_names(registry):
+    with pytest.raises(ValueError, match=r"no recording 'nothing'; known are"):
+        datasets.real_recording("nothing")
+    with pytest.raises(ValueError, match="no recordings under 'minoru'"):
+        datasets.real_recordings("minoru")
+
+
+def test_committed_sums_name_both_cameras_in_order():
+    names = list(datasets._registry())
+    for side in ("left", "right"):
+        assert [n for n in names if f"/{side}/" in n] == [f"minoru3d/{side}/{i}.jpg" for i in range(1, 31)]
+    assert "xv11/hand_in_box.txt" in names
+    assert all(len(digest) == 64 for digest in datasets._registry().values())

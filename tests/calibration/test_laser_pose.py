@@ -1,0 +1,143 @@
+"""The laser's pose from boards: the virtual laser and the camera see the same board; the truth is known."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import cv2
+import numpy as np
+import pytest
+
+from stereolib import laser, paper
+from stereolib.calibration import BoardView, board_view, calibrate_lidar_to_camera
+from stereolib.rig import pose_left_world, rigid
+from stereolib.virtual import Scene, VirtualLidar, board, room
+
+INNER, SQUARE = (6, 9), 30.0  # portrait: tall enough for the laser's plane to cut it
+DIAGONAL = float(np.hypot(*((n + 2.6) * SQUARE for n in INNER)))
+LASER = (-40.0, 25.0, 0.06)  # x, y, yaw
+HEIGHT = 110.0
+POSE = pose_left_world(0.10, 140.0)
+T_WORLD_LIDAR = rigid(
+    [[np.cos(LASER[2]), -np.sin(LASER[2]), 0], [np.sin(LASER[2]), np.cos(LASER[2]), 0], [0, 0, 1]], [*LASER[:2], HEIGHT]
+)
+TRUTH = POSE @ T_WORLD_LIDAR
+
+#: (forward, left, turn about the vertical, lean back) in mm and degrees.
+GOOD = (
+    (700, 0, 0, 0), (600, 120, 35, 30), (600, -120, -35, 30), (1000, 200, -30, -30), (1000, -200, 30, -30),
+    (550, 0, 20, -30), (1100, 60, 0, 35), (700, -80, 40, 0), (750, 90, -40, -25), (900, -250, 10, 35),
+)  # fmt: skip
+
+
+def upright(forward, left, turn, lean):
+    """T_world_board: z towards the rig, y up, then turned about the vertical and leant back."""
+    t, a = np.radians([turn, lean])
+    facing = np.array([[0.0, 0, -1], [-1, 0, 0], [0, 1, 0]])
+    spin = np.array([[np.cos(t), -np.sin(t), 0], [np.sin(t), np.cos(t), 0], [0, 0, 1]])
+    back = np.array([[1, 0, 0], [0, np.cos(a), np.sin(a)], [0, -np.sin(a), np.cos(a)]])
+    return rigid(spin @ facing @ back, [forward, left, 180.0])
+
+
+@cache
+def corners():
+    columns, rows = INNER
+    grid = np.array([[c - (columns - 1) / 2, r - (rows - 1) / 2, 0] for r in range(rows) for c in range(columns)])
+    return grid * SQUARE
+
+
+def seen_by_camera(T_left_board, rng):
+    """Corners through the true lens with 0.1 px of noise, then the pose as the camera finds it."""
+    camera = paper.paper_rig().left
+    pixels = camera.project(corners() @ T_left_board[:3, :3].T + T_left_board[:3, 3])
+    pixels = pixels + rng.normal(0, 0.1, pixels.shape)
+    _, rotation, t = cv2.solvePnP(corners(), pixels, camera.K, camera.dist)
+    return rigid(cv2.Rodrigues(rotation)[0], t)
+
+
+def scanned(T_world_board, rng):
+    scene = Scene((room(), board(INNER, SQUARE, T_world_board)))
+    data = VirtualLidar(height_mm=HEIGHT).scan(scene, LASER, rng, turns=5)
+    return laser.average(laser.turns(laser.decode(data)))
+
+
+def views(poses, seed):
+    rng = np.random.default_rng(seed)
+    found = []
+    for pose in poses:
+        T = upright(*pose)
+        found.append(board_view(scanned(T, rng), seen_by_camera(POSE @ T, rng), diagonal_mm=DIAGONAL))
+    return found
+
+
+def error(T):
+    """Small turn and shift in the laser's own frame between found and true pose."""
+    off = np.linalg.inv(TRUTH) @ T
+    return np.concatenate([cv2.Rodrigues(off[:3, :3])[0].ravel(), off[:3, 3]])
+
+
+def test_pose_comes_back_with_honest_deviations():
+    scores = []
+    for seed in range(8):
+        found = calibrate_lidar_to_camera(views(GOOD, seed))
+        off = error(found.T_left_lidar)
+        assert np.abs(off[3:]).max() < 5 and np.degrees(np.abs(off[:3]).max()) < 0.6
+        assert np.abs(found.view_misses).max() < 3
+        scores.append(off / np.concatenate([found.std_rad, found.std_mm]))
+    scores = np.abs(scores)
+    assert (scores < 1.96).mean() >= 0.85
+    assert 0.4 < np.sqrt(np.mean(scores**2)) < 1.6
+
+
+def test_points_of_the_scan_land_on_the_board():
+    found = calibrate_lidar_to_camera(views(GOOD, 1))
+    T = POSE @ upright(700, 50, 20, 10)
+    view = board_view(scanned(upright(700, 50, 20, 10), np.random.default_rng(5)), T, diagonal_mm=DIAGONAL)
+    off = (found.to_camera(view.points_mm) - T[:3, 3]) @ T[:3, 2]
+    assert abs(off.mean()) < 3
+
+
+def test_any_mounting_is_found_without_a_start():
+    """A laser turned by 170 degrees: readings of the same boards, given in its own frame."""
+    turned = np.array([[np.cos(2.97), -np.sin(2.97)], [np.sin(2.97), np.cos(2.97)]])
+    found = calibrate_lidar_to_camera(
+        [BoardView(v.T_left_board, v.points_mm @ turned, v.sigma_mm) for v in views(GOOD, 2)]
+    )
+    back = found.T_left_lidar.copy()
+    back[:3, :2] = back[:3, :2] @ turned.T
+    assert np.abs(error(back)[3:]).max() < 5
+
+
+@pytest.mark.parametrize(
+    ("poses", "message"),
+    [
+        ([(d, y, t, 0) for d, y, t, _ in GOOD], "0 boards lean"),
+        ([(700, 10 * i, 25 * (-1) ** i, 25 * (i < 3)) for i in range(6)], "leaning boards stand too close"),
+        ([(600 + 60 * i, 20 * i, 2 * i, 30 * (-1) ** i) for i in range(6)], "face nearly the same way"),
+        (GOOD[:3], "at least 4"),
+    ],
+)
+def test_poor_poses_are_refused_and_the_missing_one_named(poses, message):
+    with pytest.raises(ValueError, match=message):
+        calibrate_lidar_to_camera(views(poses, 3))
+
+
+def test_a_board_that_moved_is_named():
+    good = views(GOOD, 4)
+    moved = good[4].T_left_board.copy()
+    moved[:3, 3] += 40 * moved[:3, 2]
+    with pytest.raises(ValueError, match="view 5 of 10 contradicts"):
+        calibrate_lidar_to_camera([*good[:4], BoardView(moved, good[4].points_mm, good[4].sigma_mm), *good[5:]])
+
+
+def test_board_must_be_the_only_candidate():
+    rng = np.random.default_rng(0)
+    boards = [board(INNER, SQUARE, upright(700, y, 0, 0)) for y in (-250, 250)]
+    data = VirtualLidar(height_mm=HEIGHT).scan(Scene((room(), *boards)), LASER, rng)
+    scan = laser.average(laser.turns(laser.decode(data)))
+    T = POSE @ upright(700, 250, 0, 0)
+    with pytest.raises(ValueError, match="2 things in the scan"):
+        board_view(scan, T, diagonal_mm=DIAGONAL)
+    assert board_view(scan, T, diagonal_mm=DIAGONAL, expected=TRUTH).points_mm[:, 1].min() > 0
+    with pytest.raises(ValueError, match="at least 2 readings"):
+        BoardView(T, np.zeros((1, 2)), np.ones(1))

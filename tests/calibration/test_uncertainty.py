@@ -1,0 +1,195 @@
+"""Stated uncertainties against what happens: repeated draws, bootstrap, triangulation by brute force."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from support.corners import corner_set, draw_poses, draw_rig
+
+from stereolib.calibration import (
+    INTERVAL,
+    bootstrap_covariance,
+    bundle_adjustment,
+    calibrate_stereo,
+    compare_calibrations,
+    error_map,
+    parameter_names,
+    rectified_std,
+    rig_covariance,
+    rig_std,
+    table,
+    triangulate,
+)
+from stereolib.paper import paper_rig
+
+
+def std(covariance):
+    return np.sqrt(np.diag(covariance))
+
+
+@pytest.fixture(scope="module")
+def rig():
+    return draw_rig(np.random.default_rng(11))
+
+
+@pytest.fixture(scope="module")
+def views(rig):
+    return corner_set(np.random.default_rng(12), rig=rig)
+
+
+@pytest.fixture(scope="module")
+def fitted(views, rig):
+    return bundle_adjustment.fit(views, rig)
+
+
+@pytest.fixture(scope="module")
+def covariance(fitted):
+    return rig_covariance(fitted)
+
+
+def test_intervals_hold_the_truth():
+    """95 % intervals of drawn rigs, by both methods; the pooled share over 20 draws and 24 parameters."""
+    inside = []
+    for k in range(20):
+        rng = np.random.default_rng([6, k])
+        rig = draw_rig(rng)
+        found = bundle_adjustment.fit(corner_set(rng, rig=rig), rig)
+        off = np.abs(bundle_adjustment.vector(found.rig, rig))
+        inside.append([off < INTERVAL * std(rig_covariance(found, method=m)) for m in ("jackknife", "corners")])
+    for share in np.mean(inside, axis=(0, 2)):
+        assert 0.90 <= share <= 0.99
+
+
+def test_standard_deviations_are_those_of_repetition(rig):
+    """The same boards seen again and again with new noise."""
+    poses = draw_poses(rig, 30, np.random.default_rng(0))
+    sets = [corner_set(np.random.default_rng([1, k]), rig=rig, poses=poses) for k in range(50)]
+    fits = [bundle_adjustment.fit(views, rig) for views in sets]
+    spread = np.std([bundle_adjustment.vector(f.rig, rig) for f in fits], axis=0)
+    ratio = std(rig_covariance(fits[0], method="corners")) / spread
+    assert (np.abs(ratio - 1) < 0.35).all()  # 50 draws give a standard deviation within 10 %, three times that
+    assert np.mean(ratio) == pytest.approx(1, abs=0.1)
+
+
+def test_jackknife_is_the_bootstrap(views, fitted, covariance):
+    booted = bootstrap_covariance(views, fitted, 60, np.random.default_rng(2))
+    ratio = std(covariance) / std(booted)
+    assert np.mean(ratio) == pytest.approx(1, abs=0.2)
+    assert (np.abs(ratio - 1) < 0.5).all()
+
+
+def test_errors_that_a_board_shares_are_counted(views, fitted):
+    """Each pair's right corners shifted as one: independent corners would promise too much."""
+    shift = np.random.default_rng(3).normal(0, 0.3, (len(views), 1, 2))
+    shaken = type(views)(views.board, views.size, views.left_px, views.right_px + shift, views.names, ())
+    found = bundle_adjustment.fit(shaken, fitted.rig)
+    naive, honest = (std(rig_covariance(found, method=m)) for m in ("corners", "jackknife"))
+    off = np.abs(bundle_adjustment.vector(found.rig, fitted.rig))
+    assert (honest / naive)[18:].min() > 2  # R and T
+    assert (off[18:] > INTERVAL * naive[18:]).any()
+    assert (off < 3.5 * honest).all()
+
+
+def test_few_pairs_use_the_corners(views):
+    few = bundle_adjustment.fit(views.only(range(6)), draw_rig(np.random.default_rng(11)))
+    np.testing.assert_array_equal(rig_covariance(few), rig_covariance(few, method="corners"))
+    with pytest.raises(ValueError, match=r"must be .*got 'guess'"):
+        rig_covariance(few, method="guess")
+
+
+def test_parts_by_name(fitted, covariance):
+    names, parts = parameter_names(fitted.rig), rig_std(fitted.rig, covariance)
+    assert len(names) == 24
+    spread = dict(zip(names, std(covariance), strict=True))
+    assert parts.left_K[2] == spread["left cx"]
+    assert parts.right_dist[4] == spread["right k3"]
+    assert parts.R_rad[1] == spread["Ry"]
+    assert parts.T_mm[2] == spread["Tz"]
+    drawn = np.random.default_rng(0).multivariate_normal(fitted.rig.T, covariance[-3:, -3:], 20000)
+    assert parts.baseline_mm == pytest.approx(np.linalg.norm(drawn, axis=1).std(), rel=0.03)
+
+
+def test_error_map_is_what_triangulation_does(fitted, covariance):
+    """Rigs drawn from the covariance triangulate one pixel pair; no Jacobian is involved."""
+    rig, found = fitted.rig, error_map(fitted.rig, covariance, step_px=40)
+    i, j = 6, 8
+    half, point = np.array([50.0, 0, 0]), rig.left.rays([[found.columns_px[j], found.rows_px[i]]])[0] * 700
+    points = np.array([point, point - half, point + half])
+    pixels = rig.left.project(points), rig.right.project(points @ rig.R.T + rig.T)
+    steps = np.random.default_rng(8).multivariate_normal(np.zeros(24), covariance, 400)
+    drawn = np.array([triangulate(bundle_adjustment.moved(rig, step), *pixels) for step in steps])
+    assert found.depth_mm[i, j] == pytest.approx(drawn[:, 0, 2].std(), rel=0.12)
+    lengths = np.linalg.norm(drawn[:, 2] - drawn[:, 1], axis=1)
+    assert found.length_mm[i, j] == pytest.approx(lengths.std(), rel=0.12)
+    assert np.isnan(found.depth_mm[:, 0]).all()  # the left rim is out of the right camera's sight
+    assert found.depth_mm.shape == (12, 16)
+
+
+def test_halves_differ_by_what_was_predicted(views, rig):
+    first, second = (bundle_adjustment.fit(views.only(range(k, 30, 2)), rig) for k in (0, 1))
+    agreement = compare_calibrations(first, second)
+    assert 0.5 < agreement.rms_z < 1.6
+    z = agreement.depth_mm / agreement.predicted_mm
+    assert 0.1 < np.sqrt(np.nanmean(z**2)) < 2.5
+    other = bundle_adjustment.fit(corner_set(np.random.default_rng(5), pairs=15), draw_rig(np.random.default_rng(5)))
+    assert compare_calibrations(first, other).rms_z > 20  # another rig is told from this one
+
+
+def test_table_shows_every_parameter_beside_the_truth(fitted, covariance, rig):
+    rows = table(fitted.rig, covariance, rig)
+    assert list(rows["parameter"]) == list(parameter_names(rig))
+    off = np.abs(bundle_adjustment.vector(fitted.rig, rig))
+    np.testing.assert_allclose(
+        (rows["ours"].astype(float) - rows["true"].astype(float)).abs(), off, rtol=0.1, atol=2e-2
+    )
+    assert list(rows["inside"] == "yes") == list(off <= INTERVAL * std(covariance))
+    width = rows["± (95 %)"].astype(float)
+    np.testing.assert_allclose(width, INTERVAL * std(covariance), rtol=0.06, atol=0.06)
+
+
+def test_rectified_errors_of_single_parameters():
+    """A principal point shifts all disparities, a longer T only the baseline, and a focal length only itself."""
+    rig = paper_rig()
+    rectified, names = rig.rectify(0.0), parameter_names(rig)
+    zoom = rectified.f_px / np.mean([camera.K[i, i] for camera in (rig.left, rig.right) for i in (0, 1)])
+
+    def moved_by(**parts):
+        moves = np.array([parts.get(name.replace(" ", "_"), 0.0) for name in names])
+        return rectified_std(rectified, np.outer(moves, moves))
+
+    assert moved_by(right_cx=0.5) == pytest.approx(
+        {"f_px": 0, "baseline_mm": 0, "offset_px": 0.5 * zoom}, rel=0.02, abs=1e-9
+    )
+    along = rig.T / rig.baseline_mm
+    longer = moved_by(**{f"T{axis}": 0.2 * part for axis, part in zip("xyz", along, strict=True)})
+    assert longer == pytest.approx({"f_px": 0, "baseline_mm": 0.2, "offset_px": 0}, abs=2e-3)
+    focal = moved_by(**{f"{side}_f{axis}": 2.0 for side in ("left", "right") for axis in "xy"})
+    assert (focal["f_px"], focal["baseline_mm"]) == pytest.approx((2.0 * zoom, 0))
+    # A turn of the right camera about y and the opposite shift of its principal point cancel, but for the middle.
+    turn = 0.5 / rig.right.K[0, 0]
+    both = [moved_by(right_cx=0.5, Ry=sign * turn)["offset_px"] for sign in (-1, 1)]
+    assert min(both) < 0.1 * max(both)
+
+
+def test_stated_errors_are_those_of_many_calibrations():
+    """Offset and baseline of rigs calibrated from different corners, against what one of them states."""
+    rig = paper_rig()
+    fits = [bundle_adjustment.fit(corner_set(np.random.default_rng([k, 9]), rig=rig), rig) for k in range(12)]
+    stated = rectified_std(fits[0].rig.rectify(0.0), rig_covariance(fits[0]))
+    assert np.std([f.rig.baseline_mm for f in fits], ddof=1) == pytest.approx(stated["baseline_mm"], rel=0.6)
+    points = rig.left.rays(np.stack(np.meshgrid([120.0, 320, 520], [100.0, 240, 380]), -1).reshape(-1, 2)) * 5000
+    left, right = rig.left.project(points), rig.right.project(points @ rig.R.T + rig.T)
+    scale = rig.rectify(0.0).f_px * rig.baseline_mm
+    shifts = [scale * np.mean(1 / triangulate(f.rig, left, right)[:, 2] - 1 / points[:, 2]) for f in fits]
+    assert np.std(shifts, ddof=1) == pytest.approx(stated["offset_px"], rel=0.6)
+
+
+@pytest.mark.parametrize(("model", "count"), [("pinhole", 0), ("brown2", 4), ("rational8", 8)])
+def test_table_of_another_lens_than_the_true_one(views, rig, model, count):
+    found = calibrate_stereo(views, model=model).fit
+    rows = table(found.rig, rig_covariance(found), rig).set_index("parameter")
+    assert list(rows.index) == list(parameter_names(found.rig)) and len(rows) == 2 * (4 + count) + 6
+    if count > 5:
+        assert float(rows.loc["left k4", "true"]) == 0
+    if count:
+        assert float(rows.loc["right k1", "true"]) == pytest.approx(rig.right.dist[0], abs=0.05)

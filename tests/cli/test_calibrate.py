@@ -1,0 +1,350 @@
+"""The calibrate command: pairs by name, bad folders by name, and a verdict that holds against the virtual rig."""
+
+from __future__ import annotations
+
+import argparse
+import base64
+import json
+import re
+import shutil
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from stereolib.base import datasets
+from stereolib.calibration import LENS_MODELS, Charuco, wording
+from stereolib.cli import commands
+from stereolib.cli.calibrate import CALIBRATE, pair_files, parse_board
+from stereolib.paper import paper_rig
+from stereolib.plotting import calibration_report
+from stereolib.rig import Camera, formats
+from stereolib.virtual import BOARD
+
+BOARDS = datasets.ROOT / "data" / "virtual" / "boards"
+WORDS = ["--board", "9x6", "--square-mm", "25"]
+
+
+def copy_boards(folder: Path, numbers: range) -> list[str]:
+    """The committed board pairs as ``left/01.jpg`` and ``right/01.jpg``; returns the two folders."""
+    for side in ("left", "right"):
+        (folder / side).mkdir(parents=True)
+        for k in numbers:
+            shutil.copy(BOARDS / f"{k:02d}_{side}.jpg", folder / side / f"{k:02d}.jpg")
+    return [str(folder / "left"), str(folder / "right")]
+
+
+def make_files(folder: Path, *names: str) -> Path:
+    """Small pictures by these names; other kinds of files get a text."""
+    folder.mkdir(parents=True, exist_ok=True)
+    picture = cv2.imencode(".png", np.zeros((8, 8), np.uint8))[1].tobytes()
+    for name in names:
+        (folder / name).write_bytes(picture if name.endswith((".png", ".jpg")) else b"notes")
+    return folder
+
+
+def named(pairs: list[tuple[Path, Path]]) -> list[tuple[str, str]]:
+    return [(a.name, b.name) for a, b in pairs]
+
+
+# --- which picture belongs to which
+
+
+@pytest.mark.parametrize(
+    ("left", "right", "expected"),
+    [
+        (["1", "2", "10"], ["1", "2", "10"], ["1 1", "2 2", "10 10"]),  # by number, not by letter
+        (["left01", "left02", "left03"], ["right01", "right02", "right03"], ["left01 right01", "left02 right02"]),
+        (["1_L", "2_L", "3_L"], ["3_R", "2_R", "1_R"], ["1_L 1_R", "2_L 2_R"]),
+        (["imgL1", "imgL2", "imgL3"], ["imgR1", "imgR2", "imgR3"], ["imgL1 imgR1", "imgL2 imgR2"]),
+        (["01", "02", "03"], ["1", "2", "3"], ["01 1", "02 2"]),
+        (["bright-1", "bright-2", "bright-3"], ["bright-1", "bright-2", "bright-3"], ["bright-1 bright-1"]),
+        (["104.2", "99.1", "250.7"], ["104.3", "99.4", "251.0"], ["99.1 99.4", "104.2 104.3", "250.7 251.0"]),
+    ],
+)
+def test_names_that_belong_together(left: list[str], right: list[str], expected: list[str], tmp_path: Path) -> None:
+    folders = [
+        make_files(tmp_path / side, *(f"{name}.png" for name in names)) for side, names in (("a", left), ("b", right))
+    ]
+    (folders[0] / ".thumbs").write_text("hidden files are passed over")
+    (folders[0] / "old").mkdir()
+    pairs = named(pair_files(*folders))
+    assert len(pairs) == 3
+    assert [" ".join(name.removesuffix(".png") for name in pair) for pair in pairs][: len(expected)] == expected
+
+
+@pytest.mark.parametrize(
+    ("left", "right", "hints"),
+    [
+        ("1.png 2.png 3.png 4.png 9.png", "1.png 2.png 3.png 4.png 7.png 8.png",
+         ["without a partner in", "right: 9.png", "left: 7.png, 8.png", "Expected the same names"]),
+        ("1.png 2.png 3.png notes.txt Thumbs.db", "1.png 2.png 3.txt",
+         ["no readable images", "left: Thumbs.db, notes.txt; in ", "right: 3.txt. Expected only pictures"]),
+        ("1.png 2.png", "1.png 2.png", ["2 pairs (1.png, 2.png) are too few", "at least 3"]),
+        ("1.png 01.png 2.png", "1.png 2.png 3.png", ["01.png, 1.png cannot be told apart"]),
+        ("", "1.png", ["left is empty"]),
+        (" ".join(f"{k}.png" for k in range(12)), "50.png", ["0.png, 1.png, 2.png", "and 4 more"]),
+    ],
+)  # fmt: skip
+def test_folders_that_do_not_fit_are_listed(left: str, right: str, hints: list[str], tmp_path: Path) -> None:
+    folders = [make_files(tmp_path / side, *names.split()) for side, names in (("left", left), ("right", right))]
+    with pytest.raises(ValueError) as caught:
+        pair_files(*folders)
+    assert not [hint for hint in hints if hint not in str(caught.value)], str(caught.value)
+
+
+def test_one_folder_twice_and_none(tmp_path: Path) -> None:
+    folder = make_files(tmp_path / "left", "1.png", "2.png", "3.png")
+    with pytest.raises(ValueError, match="given for both cameras"):
+        pair_files(folder, tmp_path / "left" / ".." / "left")
+    with pytest.raises(ValueError, match="nowhere is no folder"):
+        pair_files(folder, tmp_path / "nowhere")
+
+
+def test_board_in_inner_corners() -> None:
+    assert parse_board("9x6", "25") == parse_board(" 9 X 6 ", "25.0") == BOARD
+    np.testing.assert_allclose(parse_board("9x6", "24.8x25.1").points_mm[-1], [8 * 24.8, 5 * 25.1, 0], rtol=1e-6)
+    for text in ("9", "9x6x2", "axb", "-9x6", "9.5x6", ""):
+        with pytest.raises(ValueError, match="inner corners"):
+            parse_board(text, "25")
+    assert parse_board("6x6", "25", marker_mm=18.5, legacy=True) == Charuco(6, 6, 25, 18.5, legacy=True)
+    with pytest.raises(ValueError, match="unknown ArUco dictionary '7X7'"):
+        parse_board("6x6", "25", marker_mm=18.5, dictionary="7X7")
+
+
+@pytest.mark.parametrize(
+    ("words", "hint"),
+    [
+        (["--board", "9x6", "--square-mm", "nan"], "positive number of mm, got nan"),
+        (["--board", "9x6", "--square-mm", "-25"], "positive number of mm, got -25"),
+        (["--board", "6x6", "--square-mm", "25"], "looks the same after a quarter turn"),
+        (["--board", "9by6", "--square-mm", "25"], "inner corners, as 9x6"),
+        (["--board", "9x6", "--square-mm", "25x50"], "height over its width must be near 1, got 2.0"),
+        (["--board", "9x6", "--square-mm", "about 25"], "an edge in mm, as 25, or width x height"),
+        (["--board", "9x6", "--square-mm", "25x25.2", "--marker-mm", "20"], "taken for square, got 25x25.2"),
+        ([*WORDS, "--legacy"], "--legacy is about ChArUco boards"),
+        ([*WORDS, "--at-mm", "0"], "--at-mm must be"),
+        ([*WORDS, "--format", "kalibr"], "cannot hold a brown3 lens: pass --model brown2"),
+        ([*WORDS, "--marker-mm", "30"], "a marker must be smaller than its square"),
+        ([*WORDS, "--ruler-mm", "inf"], "--ruler-mm must be"),
+        ([*WORDS, "--model", "fisheye"], "unknown lens model 'fisheye'; choose one of pinhole, brown2, brown3"),
+    ],
+)
+def test_bad_words_are_one_line_and_nothing_is_written(
+    words: list[str], hint: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folders = [str(make_files(tmp_path / side, "1.png", "2.png", "3.png")) for side in ("left", "right")]
+    assert commands.main(["calibrate", *folders, *words, "--output", str(tmp_path / "rig")]) == 2
+    error = capsys.readouterr().err
+    assert hint in error and error.count("\n") == 1
+    assert not (tmp_path / "rig").exists()
+
+
+def test_a_file_in_the_way_is_said_before_any_work(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folders = [str(make_files(tmp_path / side, "1.png", "2.png", "3.png")) for side in ("left", "right")]
+    (tmp_path / "rig").write_text("notes")
+    assert commands.main(["calibrate", *folders, *WORDS, "--output", str(tmp_path / "rig" / "new")]) == 2
+    assert "--output must name a folder" in capsys.readouterr().err
+
+
+def test_help_states_the_limits_that_are_applied() -> None:
+    from stereolib.calibration import diagnosis
+
+    for limits, unit in ((diagnosis._RMS_PX, "px"), (diagnosis._EPIPOLAR_PX, "px"), (diagnosis._LENGTH_PCT, "%")):
+        for limit, line in zip(limits, (r"good.*(?:\n.*)?", "usable.*"), strict=True):
+            assert re.search(rf"{line}\b{limit:g} {unit}", CALIBRATE.notes), (limit, unit)
+    assert all(name in make_help() for name in LENS_MODELS)
+
+
+def make_help() -> str:
+    parser = argparse.ArgumentParser()
+    CALIBRATE.configure(parser)
+    return parser.format_help()
+
+
+# --- folders as they come
+
+
+@pytest.fixture(scope="module")
+def boards(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
+    """Five pairs of the virtual boards, found once: later searches take them from beside the pictures."""
+    return copy_boards(tmp_path_factory.mktemp("boards"), range(1, 6))
+
+
+@pytest.mark.parametrize(
+    ("harm", "hints"),
+    [
+        ("cut", ["03.jpg", "cut short"]),
+        ("size", ["03.jpg", "320x240", "640x480"]),
+        ("blank", ["found in both views of only 2 pairs (01.jpg, 02.jpg)", "03.jpg, 04.jpg, 05.jpg"]),
+    ],
+)
+def test_bad_pictures_are_named(
+    harm: str, hints: list[str], boards: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folders = [str(shutil.copytree(folder, tmp_path / Path(folder).name)) for folder in boards]
+    third = Path(folders[1]) / "03.jpg"
+    if harm == "cut":
+        third.write_bytes(third.read_bytes()[:5000])
+    elif harm == "size":
+        cv2.imwrite(str(third), np.zeros((240, 320), np.uint8))
+    else:
+        for name in ("03.jpg", "04.jpg", "05.jpg"):
+            cv2.imwrite(str(third.with_name(name)), np.zeros((480, 640), np.uint8))
+    assert commands.main(["calibrate", *folders, *WORDS, "--output", str(tmp_path / "rig")]) == 2
+    error = capsys.readouterr().err
+    assert not [hint for hint in hints if hint not in error], error
+    assert not (tmp_path / "rig").exists()
+
+
+def test_the_wrong_board_is_said(boards: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["calibrate", *boards, "--board", "10x7", "--square-mm", "25", "--output", str(tmp_path)]
+    assert commands.main(words) == 2
+    error = capsys.readouterr().err
+    assert "10x7 inner corners" in error and "01.jpg" in error
+    words = ["calibrate", *boards, *WORDS, "--marker-mm", "18", "--dictionary", "4X4_50", "--output", str(tmp_path)]
+    assert commands.main(words) == 2
+    error = capsys.readouterr().err
+    assert all(part in error for part in ("4X4_50, 18 mm on squares of 25 mm", "legacy", "no markers?"))
+
+
+# --- a good set: the verdict against the rig that the pictures were rendered through
+
+
+@pytest.fixture(scope="module")
+def done(tmp_path_factory: pytest.TempPathFactory) -> tuple[int, Path, list[str]]:
+    folder = tmp_path_factory.mktemp("good")
+    words = ["calibrate", *copy_boards(folder, range(1, 19)), *WORDS, "--output", str(folder / "rig"), "--json"]
+    return commands.main(words), folder / "rig", words
+
+
+@pytest.fixture(scope="module")
+def kept(done: tuple[int, Path, list[str]]) -> dict[str, Any]:
+    return json.loads((done[1] / "calibration.json").read_text(encoding="utf-8"))
+
+
+def test_truth_lies_within_four_standard_deviations(done: tuple[int, Path, list[str]], kept: dict[str, Any]) -> None:
+    assert done[0] == 0
+    truth, found, std = paper_rig(), formats.load(done[1] / "calibration.json"), kept["calibration"]["std"]
+    for side in ("left", "right"):
+        ours, true = getattr(found, side), getattr(truth, side)
+        off = np.append((ours.K - true.K)[[0, 1, 0, 1], [0, 1, 2, 2]], ours.dist - true.dist)
+        assert (np.abs(off) < 4 * np.append(std["K"][side], std["dist"][side])).all(), off
+    assert (np.abs(found.T - truth.T) < 4 * np.array(std["T"])).all()
+    assert abs(found.baseline_mm - truth.baseline_mm) < min(0.05, 4 * std["baseline_mm"])
+    turn = np.ravel(cv2.Rodrigues(found.R @ truth.R.T)[0])
+    assert (np.abs(turn) < 4 * np.array(std["R_rad"])).all()
+    assert kept["calibration"]["rms_px"] < 0.1 and kept["calibration"]["verdict"] in ("good", "usable")
+    assert kept["calibration"]["pairs_used"] == [f"{k:02d}.jpg" for k in range(1, 19)]
+
+
+def test_nothing_is_overwritten_unless_forced(
+    done: tuple[int, Path, list[str]], capsys: pytest.CaptureFixture[str]
+) -> None:
+    files = [done[1] / name for name in ("calibration.json", "report.html")]
+    before = [path.read_bytes() for path in files]
+    capsys.readouterr()
+    assert commands.main(done[2]) == 2
+    assert re.search(r"calibration\.json and \S+report\.html would be overwritten.*--force", capsys.readouterr().err)
+    assert [path.read_bytes() for path in files] == before
+    assert commands.main([*done[2], "--force"]) == 0
+    printed, kept = json.loads(capsys.readouterr().out), json.loads(files[0].read_text(encoding="utf-8"))
+    assert {"verdict", "rms_px", "K", "dist", "R", "T", "baseline_mm", "std", "pairs_used", "pairs_refused"} <= set(
+        printed
+    )
+    assert printed["R"] == kept["R"] and printed["T"] == kept["T_mm"] and printed["K"]["left"] == kept["left"]["K"]
+    assert {name: printed[name] for name in kept["calibration"]} == kept["calibration"]
+
+
+def test_files_of_other_tools_hold_the_same_rig(done: tuple[int, Path, list[str]], tmp_path: Path) -> None:
+    words = [
+        *done[2][:-2],
+        str(tmp_path),
+        "--model",
+        "brown2",
+        *["--format", "opencv", "--format", "ros", "--format", "kalibr"],
+    ]
+    assert commands.main(words) == 0
+    kept = formats.load(tmp_path / "calibration.json")
+    for names in (["opencv.yml"], ["left.yaml", "right.yaml"], ["camchain.yaml"]):
+        read = formats.load(*(tmp_path / name for name in names))
+        np.testing.assert_allclose(read.T, kept.T, atol=1e-6)
+        np.testing.assert_allclose(read.right.dist[:4], kept.right.dist, atol=1e-12)
+
+
+def test_report_is_one_file_with_the_pictures(done: tuple[int, Path, list[str]]) -> None:
+    page = (done[1] / "report.html").read_text(encoding="utf-8")
+    assert "9 x 6 inner corners, squares of 25 mm; 18 of 18 pairs of 640 x 480 px; lens model brown3" in page
+    assert re.findall(r"<h2>(.*?)</h2>", page) == [
+        "Checked", "Result", "Corners found", "Coverage", "Errors", "Lenses", "Uncertainty", "Pairs"]  # fmt: skip
+    sources = re.findall(r"<img[^>]*src=\"([^\"]*)\"", page)
+    assert len(sources) == 6 and not re.search(r"https?:|<script|<link|url\(", page)
+    for source in sources:
+        picture = base64.b64decode(source.removeprefix("data:image/png;base64,"))
+        drawn = cv2.imdecode(np.frombuffer(picture, np.uint8), cv2.IMREAD_COLOR)
+        assert (drawn < 200).any(axis=2).mean() > 0.01
+    assert str(done[1]) not in page and len(page) < 3e6
+
+
+# --- what is printed of a result
+
+
+@pytest.fixture(scope="module")
+def diagnosis() -> Any:
+    from support.corners import corner_set
+
+    from stereolib.calibration import diagnose
+
+    return diagnose(corner_set(np.random.default_rng(5), pairs=12))
+
+
+def test_text_says_what_is_asked_with_deviations(diagnosis: Any) -> None:
+    shown = wording.summary(
+        replace(diagnosis, verdict="bad", reasons=("too <few>",), pairs_refused={"odd.jpg": "moved"})
+    )
+    lines = shown.splitlines()
+    assert re.match(r"bad +do not measure with it", lines[0]) and re.match(r"because +too <few>$", lines[1])
+    assert re.search(r"^baseline \(mm\) +93\.\d+ ± 0\.\d\d+$", shown, re.M)
+    assert re.search(r"^K left \(px\) +fx 7\d\d\.\d+ ± 0\.\d+  fy .* cx .* cy ", shown, re.M)
+    assert re.search(r"^dist right +k1 .*±.* p2 .*\s+k3 .*±", shown, re.M)
+    assert re.search(r"^T \(mm\) +x -93\.\d+ ± ", shown, re.M)
+    assert "odd.jpg: moved" in shown and re.search(r"^pairs refused +1$", shown, re.M)
+
+
+def test_numbers_carry_two_digits_of_their_deviation() -> None:
+    assert wording._pm(729.9077, 0.1234) == "729.91 ± 0.12"
+    assert wording._pm(-0.00069, 0.000123) == "-0.00069 ± 0.00012"
+    assert wording._pm(-0.0012, 0.62) == "0.00 ± 0.62"
+    assert wording._pm(1234.5, 45.6) == "1234 ± 46"
+    assert wording._pm(5.25, float("nan")) == "5.25"
+
+
+def test_facts_are_json_even_where_something_is_unknown(diagnosis: Any) -> None:
+    unknown = replace(diagnosis, square_error_pct=float("nan"), pairs_refused={"x": "y"})
+    told = json.loads(json.dumps(wording.facts(unknown), allow_nan=False))
+    assert told["errors"]["square_pct"] is None and told["pairs_refused"] == {"x": "y"}
+    np.testing.assert_array_equal(told["K"]["right"], diagnosis.rig.right.K)
+
+
+def test_report_escapes_names_and_does_without_pictures(diagnosis: Any, tmp_path: Path) -> None:
+    odd = replace(diagnosis, pairs_refused={"<b>.jpg": "moved & turned"}, warnings=("a < b",))
+    page = calibration_report.build(tmp_path / "report.html", odd, {}).read_text(encoding="utf-8")
+    assert "&lt;b&gt;.jpg: moved &amp; turned" in page and "a &lt; b" in page and "<b>.jpg" not in page
+
+
+def test_lens_map_is_the_shift_that_the_lens_makes() -> None:
+    K = np.array([[700.0, 0, 320], [0, 700, 240], [0, 0, 1]])
+    columns, rows, shift = calibration_report.lens_shift_px(Camera(K, np.zeros(0), (640, 480)))
+    assert (columns[-1], rows[-1]) == (639, 479) and np.abs(shift).max() < 1e-9
+    lens = Camera(K, np.array([-0.2, 0, 0, 0]), (640, 480))
+    columns, rows, shift = calibration_report.lens_shift_px(lens)
+    x, y = (columns[3] - 320) / 700, (rows[2] - 240) / 700  # where a pixel is; its ideal place by fixed point
+    ideal = np.array([x, y])
+    for _ in range(200):
+        ideal = np.array([x, y]) / (1 - 0.2 * ideal @ ideal)
+    assert shift[2, 3] == pytest.approx(700 * np.hypot(*(ideal - [x, y])), abs=1e-9)
+    folding = paper_rig().right  # Table I's right lens has pixels without a direction, lower right
+    assert np.isnan(calibration_report.lens_shift_px(folding)[2][-1, -1])

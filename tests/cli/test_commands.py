@@ -1,0 +1,157 @@
+"""The command line: help, exit codes, one-line errors."""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import subprocess
+import sys
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import pytest
+
+from stereolib import __version__
+from stereolib.base import datasets
+from stereolib.cli import commands
+from stereolib.reproduction import NotebookError, regenerate
+
+
+def leaves(
+    commands: Sequence[commands.Command] = commands.COMMANDS, above: str = ""
+) -> Iterator[tuple[str, commands.Command]]:
+    for command in commands:
+        if command.commands:
+            yield from leaves(command.commands, f"{above}{command.name} ")
+        else:
+            yield f"{above}{command.name}", command
+
+
+def test_help_names_every_command(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit, match="0"):
+        commands.main(["--help"])
+    text = capsys.readouterr().out
+    assert all(command.name in text for command in commands.COMMANDS) and "example:" in text
+
+
+@pytest.mark.parametrize(("words", "command"), list(leaves()))
+def test_every_example_is_in_the_help_and_parses(
+    words: str, command: commands.Command, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit, match="0"):
+        commands.main([*words.split(), "--help"])
+    assert f"example:\n  {command.example}\n" in capsys.readouterr().out
+    assert command.example.startswith(f"stereolib {words}")
+    parsed = commands.make_parser().parse_args(command.example.split()[1:])
+    assert parsed.run is command.run
+
+
+def test_version(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit, match="0"):
+        commands.main(["--version"])
+    assert capsys.readouterr().out == f"stereolib {__version__}\n"
+
+
+@pytest.mark.parametrize("words", [[], ["nonsense"], ["data"], ["reproduce", "--check", "--accept"]])
+def test_wrong_words_are_refused(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit, match="2"):
+        commands.main(words)
+    assert "usage: stereolib" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "line"),
+    [
+        (ValueError("three\nlines  of text"), 2, "stereolib: error: three lines of text\n"),
+        (FileNotFoundError(2, "No such file", "left.png"), 2, "stereolib: error: [Errno 2] No such file: 'left.png'\n"),
+        (ValueError(), 2, "stereolib: error: ValueError\n"),
+        (KeyboardInterrupt(), 130, "stereolib: interrupted; all is kept\n"),
+    ],
+)
+def test_errors_are_one_line(
+    error: BaseException,
+    code: int,
+    line: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    def fail(arguments: argparse.Namespace) -> int:
+        raise error
+
+    command = commands.Command("fail", "fails", "stereolib fail", fail, interrupted="all is kept")
+    monkeypatch.setattr(commands, "COMMANDS", (command,))
+    assert commands.main(["fail"]) == code
+    assert capsys.readouterr().err == line
+
+
+def test_a_fault_of_ours_keeps_its_traceback(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(arguments: argparse.Namespace) -> int:
+        raise KeyError("a bug")
+
+    monkeypatch.setattr(commands, "COMMANDS", (commands.Command("fail", "fails", "stereolib fail", fail),))
+    with pytest.raises(KeyError, match="a bug"):
+        commands.main(["fail"])
+
+
+@pytest.mark.parametrize(
+    ("outcome", "words", "code", "said"),
+    [
+        ([], [], 0, ""),
+        (["x: 1 before, 2 now"], [], 1, "stereolib reproduce --accept"),
+        (["x: 1 before, 2 now"], ["--accept"], 0, ""),
+        (NotebookError("02.ipynb, cell 3: KeyError"), [], 1, "02.ipynb, cell 3: KeyError"),
+        (ValueError("notebook '99' fits 0"), ["99"], 2, "stereolib: error: notebook '99' fits 0"),
+    ],
+)
+def test_reproduce_says_how_it_went(
+    outcome: list[str] | Exception,
+    words: list[str],
+    code: int,
+    said: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    def answer(**options: object) -> list[str]:
+        if isinstance(outcome, Exception):
+            raise outcome
+        return outcome
+
+    monkeypatch.setattr(regenerate, "reproduce", answer)
+    assert commands.main(["reproduce", *words]) == code
+    output = capsys.readouterr()
+    assert said in output.err
+    assert all(line in output.out for line in (outcome if isinstance(outcome, list) else []))
+
+
+def test_data_verify_names_damaged_and_missing_files(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(datasets, "ROOT", tmp_path)
+    assert commands.main(["data", "verify"]) == 2
+    assert "data/virtual/SHA256SUMS is missing" in capsys.readouterr().err
+    folder = tmp_path / "data" / "virtual"
+    folder.mkdir(parents=True)
+    names = ["left.jpg", "right.jpg", "scan.bin"]
+    for name in names:
+        (folder / name).write_bytes(name.encode())
+    sums = "".join(f"{hashlib.sha256(name.encode()).hexdigest()}  {name}\n" for name in names)
+    (folder / "SHA256SUMS").write_text(sums)
+    assert commands.main(["data", "verify"]) == 0
+    (folder / "left.jpg").write_bytes(b"left.jpg ")
+    (folder / "right.jpg").unlink()
+    capsys.readouterr()
+    assert commands.main(["data", "verify"]) == 1
+    output = capsys.readouterr().out
+    assert "left.jpg differs from its sha256" in output and "right.jpg is missing" in output
+    assert "scan.bin" not in output
+
+
+def test_module_runs_as_a_program() -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "stereolib", "reproduce", "no-such-notebook"],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 2
+    assert done.stderr.startswith("stereolib: error: ") and done.stderr.count("\n") == 1

@@ -1,0 +1,143 @@
+"""``stereolib disparity``: what it writes against the library, and what it refuses."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+
+from stereolib import paper
+from stereolib.base import data_path
+from stereolib.cli import commands
+from stereolib.matching import stereo_pipeline
+from stereolib.virtual import recordings
+
+NAME = "conditions/texture"
+
+
+@pytest.fixture
+def pair(tmp_path):
+    files = []
+    rectified = recordings.rectified().rectify(*recordings.load_pair(NAME))
+    for side, image in zip(("left", "right"), rectified, strict=True):
+        files.append(str(tmp_path / f"{side}.png"))
+        cv2.imwrite(files[-1], image)
+    return files
+
+
+def run(*words):
+    return commands.main(["disparity", *map(str, words)])
+
+
+def test_a_rectified_pair(pair, tmp_path, capsys):
+    out = tmp_path / "d.npy"
+    assert run(*pair, "--pipeline", "fast", "--out", out) == 0
+    found = np.load(out, allow_pickle=False)
+    expected = stereo_pipeline("fast")(*(cv2.imread(file) for file in pair)).disparity_px
+    assert found.dtype == np.float32
+    np.testing.assert_array_equal(found, expected)
+    assert cv2.imread(str(tmp_path / "d.png")).shape == (480, 640, 3)
+    assert not (tmp_path / "d_std.npy").exists()
+    assert "of the pixels matched" in capsys.readouterr().out
+
+
+def test_a_raw_pair_with_its_calibration(tmp_path):
+    calibration, out = paper.paper_rig().save(tmp_path / "rig.json"), tmp_path / "d.npy"
+    files = [data_path(f"virtual/{NAME}_{side}.jpg") for side in ("left", "right")]
+    assert run(*files, "--calibration", calibration, "--pipeline", "paper", "--out", out) == 0
+    found, truth = np.load(out, allow_pickle=False), recordings.load_truth(NAME)
+    seen = truth.visible & np.isfinite(found) & (truth.box == 1)
+    assert np.isnan(found).any()  # the columns that OpenCV leaves out
+    assert np.median(np.abs(found - truth.disparity_px)[seen]) < 2
+
+
+def test_best_writes_its_standard_deviation(pair, tmp_path):
+    small = []
+    for file in pair:  # a quarter of the size: quick
+        small.append(file.replace(".png", "_small.png"))
+        cv2.imwrite(small[-1], cv2.resize(cv2.imread(file), None, fx=0.25, fy=0.25, interpolation=cv2.INTER_AREA))
+    assert run(*small, "--max-disparity", 48, "--out", tmp_path / "d.npy") == 0
+    std = np.load(tmp_path / "d_std.npy", allow_pickle=False)
+    assert std.shape == (120, 160) and (std > 0).all()
+
+
+@pytest.mark.parametrize(
+    ("words", "text"),
+    [
+        (["--pipeline", "finest"], "unknown pipeline 'finest'; choose one of paper, fast, best"),
+        (["--max-disparity", "100"], "needs a --max-disparity that is a multiple of 16, got 100; near are 96, 112"),
+        (["--pipeline", "fast", "--max-disparity", "48"], "multiple of 32, got 48; near are 32, 64"),
+        (["--out", "d.tif"], "written as .npy"),
+        (["--calibration", "none.json"], "No such file or directory: 'none.json'"),
+    ],
+)
+def test_refuses(pair, tmp_path, monkeypatch, capsys, words, text):
+    monkeypatch.chdir(tmp_path)
+    assert run(*pair, *words) == 2
+    assert text in capsys.readouterr().err
+    assert not list(tmp_path.glob("*.npy"))
+
+
+def test_keeps_what_is_there(pair, tmp_path, capsys):
+    (tmp_path / "d.png").write_bytes(b"mine")
+    assert run(*pair, "--pipeline", "fast", "--out", tmp_path / "d.npy") == 2
+    assert "d.png exists" in capsys.readouterr().err
+    assert not (tmp_path / "d.npy").exists()
+    assert run(*pair, "--pipeline", "fast", "--out", tmp_path / "d.npy", "--force") == 0
+    assert (tmp_path / "d.png").read_bytes() != b"mine"
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        (lambda right: np.roll(right, 5, axis=0), "differ by 5.0 px rms (median +5.0 px), at most 1 px is allowed"),
+        (lambda right: turned(right, 1.0), "Rectify it with its rig: --calibration FILE"),
+        (lambda right: np.full_like(right, 90), "changed.tif has one grey value, 90: there is nothing to match"),
+        (lambda right: right[:400], "a stereo pair must have one size"),
+        (lambda right: right.astype(np.uint16) * 257, "the picture has uint16 samples, 8 bits are needed"),
+        (lambda right: (right / 255).astype(np.float32), "the picture has float32 samples, 8 bits are needed"),
+    ],
+)
+def test_refuses_a_pair_that_is_none(pair, tmp_path, capsys, change, text):
+    right = tmp_path / "changed.tif"
+    cv2.imwrite(str(right), change(cv2.imread(pair[1])))
+    assert run(pair[0], right, "--out", tmp_path / "d.npy") == 2
+    assert text in capsys.readouterr().err
+    assert not (tmp_path / "d.npy").exists()
+
+
+@pytest.mark.parametrize("name", ["paper", "fast", "best"])
+def test_refuses_a_window_wider_than_the_pictures(pair, tmp_path, capsys, name):
+    assert run(*pair, "--pipeline", name, "--max-disparity", 640, "--out", tmp_path / "d.npy") == 2
+    shown = capsys.readouterr().err
+    assert "640" in shown and "640 px wide" in shown and "reduce --max-disparity" in shown
+
+
+def test_refuses_one_picture_twice(pair, tmp_path, capsys):
+    assert run(pair[0], pair[0], "--pipeline", "fast", "--out", tmp_path / "d.npy") == 2
+    assert "left.png are the same picture, every disparity would be 0" in capsys.readouterr().err
+    assert not (tmp_path / "d.npy").exists()
+
+
+def test_refuses_exchanged_and_missing_pictures(pair, tmp_path, capsys):
+    out = tmp_path / "d.npy"
+    assert run(*pair[::-1], "--out", out) == 2
+    assert "left and right are exchanged" in capsys.readouterr().err
+    assert run(pair[0], tmp_path / "none.png", "--out", out) == 2
+    assert "none.png: no such image file" in capsys.readouterr().err
+    assert not out.exists()
+
+
+def test_says_when_the_rows_could_not_be_checked(tmp_path, capsys):
+    files = [tmp_path / f"{side}.png" for side in "lr"]
+    for file, shift in zip(files, (0, 4), strict=True):
+        smooth = cv2.GaussianBlur(np.random.default_rng(1).random((120, 170)).astype(np.float32), (0, 0), 6)
+        smooth = smooth[:, shift : shift + 160]
+        cv2.imwrite(str(file), cv2.normalize(smooth, None, 100, 130, cv2.NORM_MINMAX).astype(np.uint8))
+    assert run(*files, "--pipeline", "fast", "--max-disparity", 32, "--out", tmp_path / "d.npy") == 0
+    assert "note: too few points" in capsys.readouterr().out
+
+
+def turned(image, degrees):
+    height, width = image.shape[:2]
+    return cv2.warpAffine(image, cv2.getRotationMatrix2D((width / 2, height / 2), degrees, 1), (width, height))

@@ -1,0 +1,111 @@
+"""Poses from scans, on rooms of the virtual laser whose poses are known."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from support import walks
+
+from stereolib import laser
+from stereolib.mapping import Station, disturbed, refine_poses
+from stereolib.virtual import Scene, VirtualLidar, box_on_floor, recordings, room, walk
+
+TRUE = np.array(list(walk.POSES.values()))
+
+
+def stations(poses, scans):
+    return [Station(pose, (), scan) for pose, scan in zip(poses, scans, strict=True)]
+
+
+def poses_of(match):
+    return np.array([station.pose for station in match.stations])
+
+
+def test_disturbed_poses_of_the_walk_come_back():
+    """From 50 mm and 3 degrees off to 9 mm and 0.25 degrees, as far as the laser's bias lets it."""
+    scans = [walks.scan_mm(k) for k in walks.SEEN]
+    found = []
+    for seed in range(3):
+        match = refine_poses(disturbed(stations(TRUE, scans), np.random.default_rng(seed), 50.0, np.radians(3.0)))
+        error = poses_of(match) - TRUE
+        assert np.array_equal(error[0], [0, 0, 0]) and not match.stations[0].covariance.any()
+        assert np.abs(error[:, :2]).max() < 9 and np.degrees(np.abs(error[:, 2])).max() < 0.25
+        for k, station in enumerate(match.stations[1:]):
+            assert error[k + 1] @ np.linalg.solve(station.covariance, error[k + 1]) < 14.2  # 99.7 % of three
+            np.testing.assert_array_equal(station.covariance, match.covariance[3 * k : 3 * k + 3, 3 * k : 3 * k + 3])
+        assert match.rms_before_mm > 25 > 5 > match.rms_after_mm and match.pairs > 2000
+        found.append(poses_of(match))
+    np.testing.assert_allclose(found[1:], [found[0]] * 2, atol=0.05)  # one minimum
+
+
+def test_the_bias_that_was_learnt_and_taken_off_brings_the_poses_nearer():
+    true = np.repeat(np.array(recordings.RANGES_MM, float), 360)
+    learnt = laser.learn_bias(true, np.concatenate(recordings.load_range_series("white")))
+    scans = [recordings.scan(name) for name in walk.POSES]
+    corrected = [laser.points_mm(replace(scan, ranges_mm=learnt(scan.ranges_mm))) for scan in scans]
+    match = refine_poses(stations(TRUE, corrected), bias_mm=(1.0, 0.0))
+    error = poses_of(match) - TRUE
+    assert np.abs(error[:, :2]).max() < 4.5 and np.degrees(np.abs(error[:, 2])).max() < 0.18
+
+
+def test_exact_scans_give_exact_poses_and_deviations_cover_noisy_ones():
+    """Rooms drawn at random: errors in units of their stated deviations; without noise and bias hardly any error."""
+    scores = []
+    perfect = VirtualLidar(sigma_mm=0.0, sigma_per_mm=0.0, bias_mm=(0, 0, 0), bias_dark_mm=0.0)
+    for seed in range(12):
+        rng = np.random.default_rng([3, seed])
+        (x, y), (u, v) = rng.uniform(800, 1500, 2), rng.uniform(1500, 2200, 2)
+        boxes = [box_on_floor((300.0, 200.0, 300.0), px, py, rng.uniform(0, 3)) for px, py in ((900, 500), (700, -500))]
+        scene = Scene((room(x_mm=(-x, u), y_mm=(-y, v)), *boxes))
+        true = np.array([[0.0, 0, 0], [300, 100, 2.0], [100, -300, -0.7]])
+        for sensor in (perfect, VirtualLidar()):
+            scans = [
+                laser.points_mm(laser.average(laser.turns(laser.decode(sensor.scan(scene, p, rng))))) for p in true
+            ]
+            match = refine_poses(disturbed(stations(true, scans), rng, 50.0, np.radians(3.0)))
+            error = poses_of(match)[1:] - true[1:]
+            if sensor is perfect:
+                assert np.abs(error[:, :2]).max() < 0.5 and np.degrees(np.abs(error[:, 2])).max() < 0.02
+            else:
+                scores += [e @ np.linalg.solve(s.covariance, e) for e, s in zip(error, match.stations[1:], strict=True)]
+    assert np.mean(np.array(scores) < 7.81) > 0.85  # 95 % of three degrees of freedom
+    assert np.mean(scores) > 0.2  # and are not several times too wide
+
+
+def line(start, end, count=90):
+    return np.linspace(start, end, count)
+
+
+def test_one_wall_leaves_a_direction_open_and_says_which():
+    rng = np.random.default_rng(0)
+    wall = [line((1000, -900), (1000, 900)) + rng.normal(0, 2, (90, 2)) * [1, 0] for _ in range(2)]
+    with pytest.raises(ValueError, match=r"leave open for station 2 where it stands along (89|90|91) degrees"):
+        refine_poses(stations(np.zeros((2, 3)), wall))
+    slanted = [p @ np.array([[0.8, 0.6], [-0.6, 0.8]]) for p in wall]  # the wall now runs along 127 degrees
+    with pytest.raises(ValueError, match=r"stands along 12[678] degrees"):
+        refine_poses(stations(np.zeros((2, 3)), slanted))
+    corner = [np.concatenate([p, line((990, 900), (-500, 900)) + rng.normal(0, 2, (90, 2)) * [0, 1]]) for p in wall]
+    assert refine_poses(stations(np.zeros((2, 3)), corner)).rms_after_mm < 5
+
+
+def test_a_round_room_leaves_the_turn_open():
+    angles = np.radians(np.arange(360))
+    ring = 1500 * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    with pytest.raises(ValueError, match="station 2 the direction in which it looks"):
+        refine_poses(stations(np.zeros((2, 3)), [ring, ring]))
+
+
+def test_stations_that_see_nothing_in_common_are_named():
+    scans = [walks.scan_mm(k) for k in (1, 3, 4)]
+    start = TRUE[[0, 2, 3]]
+    start[2, 0] += 9000
+    with pytest.raises(ValueError, match="stations 3 have nothing in common with that of station 1"):
+        refine_poses(stations(start, scans))
+    with pytest.raises(ValueError, match="two stations or more, got 1"):
+        refine_poses(stations(TRUE[:1], scans[:1]))
+    with pytest.raises(ValueError, match="scan of station 2 has 3 readings"):
+        refine_poses(stations(TRUE[:2], [scans[0], scans[1][:3]]))
+    with pytest.raises(ValueError, match="station 1 has no straight bit"):
+        refine_poses(stations(TRUE[:2], [np.random.default_rng(0).uniform(-2000, 2000, (300, 2)), scans[1]]))

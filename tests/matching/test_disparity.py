@@ -1,0 +1,323 @@
+"""Block matching against bare OpenCV and known planes, and disparity to depth."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+
+from stereolib.matching import (
+    SGBMParams,
+    check_rectified,
+    compute_disparity,
+    depth_to_disparity,
+    disparity_to_depth,
+    left_right_check,
+)
+from stereolib.paper import paper_rig
+from stereolib.rig import Camera, StereoRig, pose_left_world, rigid
+from stereolib.virtual import Box, Material, Scene, recordings, render_pair, truth
+
+
+def shifted(disparity, shape=(120, 240), seed=0):
+    """A textured pair whose right picture is the left one moved by a whole number of pixels."""
+    rng = np.random.default_rng(seed)
+    wide = cv2.GaussianBlur(rng.integers(0, 256, (shape[0], shape[1] + disparity), dtype=np.uint8), (0, 0), 0.8)
+    return wide[:, : shape[1]].copy(), wide[:, disparity:].copy()
+
+
+@pytest.fixture(scope="module")
+def cube():
+    return recordings.rectified().rectify(*recordings.load_pair("conditions/texture"))
+
+
+@pytest.mark.parametrize("disparity", [3, 17, 40])
+def test_shift_comes_back(disparity):
+    found = compute_disparity(*shifted(disparity), SGBMParams(num_disparities=48))
+    assert found.dtype == np.float32
+    assert np.isnan(found[:, :48]).all()
+    assert np.isfinite(found[:, 48:]).mean() > 0.97
+    error = np.abs(found[np.isfinite(found)] - disparity)
+    assert np.percentile(error, 99) < 0.2
+    assert error.max() < 2
+
+
+def test_window_that_begins_later():
+    params = SGBMParams(num_disparities=16, min_disparity=30)
+    found = compute_disparity(*shifted(40), params)
+    assert np.nanmedian(found) == pytest.approx(40, abs=0.1)
+    assert np.nanmin(found) >= 30
+    missed = compute_disparity(*shifted(20), params)
+    assert np.nanmin(missed) >= 30  # whatever is matched by chance lies in the window
+    assert np.isfinite(missed).mean() < 0.5 < 0.7 < np.isfinite(found).mean()
+
+
+def test_negative_window():
+    right, left = shifted(5)
+    found = compute_disparity(left, right, SGBMParams(num_disparities=16, min_disparity=-16))
+    assert np.nanmedian(found) == pytest.approx(-5, abs=0.1)
+
+
+@pytest.mark.parametrize("mode", ["sgbm", "hh", "3way", "hh4"])
+def test_bit_for_bit_as_bare_opencv(cube, mode):
+    part = [image[200:330] for image in cube]
+    bare = cv2.StereoSGBM.create(
+        minDisparity=3, numDisparities=112, blockSize=7, P1=8 * 49, P2=32 * 49, disp12MaxDiff=1, preFilterCap=63,
+        uniquenessRatio=10, speckleWindowSize=100, speckleRange=2,
+        mode={"sgbm": cv2.STEREO_SGBM_MODE_SGBM, "hh": cv2.STEREO_SGBM_MODE_HH,
+              "3way": cv2.STEREO_SGBM_MODE_SGBM_3WAY, "hh4": cv2.STEREO_SGBM_MODE_HH4}[mode],
+    )  # fmt: skip
+    raw = bare.compute(*(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) for image in part)).astype(float) / 16
+    expected = np.where(raw < 3, np.nan, raw)
+    found = compute_disparity(*part, SGBMParams(112, 7, 3, mode=mode))
+    np.testing.assert_array_equal(found, expected.astype(np.float32))
+    assert 0.3 < np.isfinite(found).mean() < 1
+
+
+def test_colour_is_matched_as_grey(cube):
+    part = [image[250:300] for image in cube]
+    grey = [cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) for image in part]
+    np.testing.assert_array_equal(compute_disparity(*part), compute_disparity(*grey))
+
+
+def test_whole_covers_the_left_columns():
+    pair = shifted(20)
+    params = SGBMParams(num_disparities=64)
+    part, whole = compute_disparity(*pair, params), compute_disparity(*pair, params, whole=True)
+    assert np.isnan(part[:, :64]).all()
+    np.testing.assert_allclose(np.nanmedian(whole[:, 24:64], axis=0), 20, atol=0.1)
+    assert np.isfinite(whole[:, 24:64]).mean() > 0.95
+    # what lies outside the right image cannot be matched; nothing is made up from the border's copies
+    column = np.broadcast_to(np.arange(whole.shape[1]), whole.shape)
+    seen = np.isfinite(whole)
+    assert (whole[seen] <= column[seen]).all()
+    both = seen[:, 64:] & np.isfinite(part[:, 64:])
+    assert (whole[:, 64:][both] == part[:, 64:][both]).mean() > 0.9
+    np.testing.assert_allclose(whole[:, 64:][both], part[:, 64:][both], atol=0.5)
+
+
+def test_slanted_plane_through_the_whole_path():
+    """Rendered through Table I's lenses, rectified, matched, triangulated: the wall stands where it stood."""
+    paper = paper_rig()
+    left, right = (
+        Camera(np.diag([0.5, 0.5, 1]) @ c.K - [[0, 0, 0.25], [0, 0, 0.25], [0, 0, 0]], c.dist, (320, 240))
+        for c in (paper.left, paper.right)
+    )
+    rig = StereoRig(left, right, paper.R, paper.T)
+    yaw = np.radians(20)
+    turn = np.array([[np.cos(yaw), -np.sin(yaw), 0], [np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]])
+    wall = Box((10.0, 3000.0, 3000.0), rigid(turn, [900.0, 0, 500.0]), (Material((0.5, 0.5, 0.5), 0.5, 10.0),))
+    scene, pose = Scene((wall,), (), ambient=0.8), pose_left_world(0.0, 500.0)
+    rectified = rig.rectify()
+    pair = [np.rint(255 * np.clip(light, 0, 1)).astype(np.uint8) for light in render_pair(scene, rig, pose)]
+    found = compute_disparity(*rectified.rectify(*pair), SGBMParams(num_disparities=80))
+    true = truth(scene, rectified, pose)
+    assert np.isfinite(found[:, 80:]).mean() > 0.95
+    error = found - true.disparity_px
+    assert abs(np.nanmedian(error)) < 0.05
+    assert np.nanpercentile(np.abs(error), 95) < 0.35
+    depth = disparity_to_depth(found, rectified.f_px, rectified.baseline_mm)
+    # independently of `truth`: the points lie in the wall's front plane
+    v, u = np.nonzero(np.isfinite(depth))
+    rays = np.column_stack([u, v, np.ones(len(u))]) @ np.linalg.inv(rectified.P1[:, :3]).T
+    world = np.linalg.inv(pose) @ np.vstack([(rays * depth[v, u][:, None] @ rectified.R1).T, np.ones(len(u))])
+    beyond = (world[:3].T - [900.0, 0, 500.0]) @ turn[:, 0] + 5.0
+    assert abs(np.median(beyond)) < 2
+    assert np.percentile(np.abs(beyond), 90) < 12  # mm, at 0.9 m with half of the paper's resolution
+
+
+def test_depth_by_hand():
+    depth = disparity_to_depth(np.array([[100.0, 50, 0, -3, np.nan]]), 763.7, 93.1)
+    np.testing.assert_allclose(depth, [[763.7 * 0.931, 763.7 * 1.862, np.nan, np.nan, np.nan]])
+    back = depth_to_disparity(depth[0, :2], 763.7, 93.1)
+    np.testing.assert_allclose(back, [100, 50])
+
+
+@pytest.mark.parametrize("nothing", [np.full((4, 5), np.nan), np.zeros((4, 5)), np.zeros((0, 5))])
+def test_empty_disparity(nothing):
+    with pytest.raises(ValueError, match=r"disparity map of shape \(\d, 5\) is empty: no pixel was matched"):
+        disparity_to_depth(nothing, 700, 93)
+
+
+def test_left_right_check_against_loops():
+    rng = np.random.default_rng(4)
+    left = rng.uniform(0, 12, (9, 30))
+    right = rng.uniform(0, 12, (9, 30))
+    left[rng.random(left.shape) < 0.2] = right[rng.random(left.shape) < 0.2] = np.nan
+    expected = np.full_like(left, np.nan)
+    for v in range(9):
+        for u in range(30):
+            if np.isnan(left[v, u]):
+                continue
+            there = int(np.rint(u - left[v, u]))
+            if there >= 0 and abs(right[v, there] - left[v, u]) <= 3:
+                expected[v, u] = left[v, u]
+    assert 20 < np.isfinite(expected).sum() < 200
+    np.testing.assert_array_equal(left_right_check(left, right, 3.0), expected)
+
+
+def test_exchanged_pair_is_told(cube):
+    with pytest.raises(ValueError, match=r"left and right are exchanged: .* swap the images"):
+        compute_disparity(cube[1], cube[0])
+    with pytest.raises(ValueError, match="left and right are exchanged"):
+        compute_disparity(*shifted(30, (240, 320))[::-1])
+
+
+@pytest.mark.parametrize("name", [n for n in recordings.pairs() if "conditions" in n or n.endswith(("500", "1000"))])
+@pytest.mark.parametrize("num", [16, 112])
+def test_good_pairs_never_pass_for_exchanged(name, num):
+    """Not even when the search window misses the scene and hardly anything is matched."""
+    pair = recordings.rectified().rectify(*recordings.load_pair(name))
+    assert compute_disparity(*pair, SGBMParams(num)).shape == (480, 640)
+
+
+@pytest.mark.parametrize("sigma", [0, 0.5, 3, 20])
+def test_noise_never_passes_for_exchanged(sigma):
+    rng = np.random.default_rng(16)
+    pair = [np.clip(128 + sigma * rng.standard_normal((240, 320)), 0, 255).astype(np.uint8) for _ in "lr"]
+    compute_disparity(*pair)
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        ({"num_disparities": 100}, "num_disparities must be a positive multiple of 16, got 100; near are 96, 112"),
+        ({"num_disparities": 0}, "got 0; near are 16, 32"),
+        ({"num_disparities": -16}, "got -16; near are 16, 32"),
+        ({"block_size": 4}, "block_size must be odd and at least 1, got 4; near are 3, 5"),
+        ({"block_size": 0}, "got 0; near are 1, 3"),
+        ({"block_size": -3}, "got -3; near are 1, 3"),
+        ({"p1": 100, "p2": 100}, "0 < p1 < p2, got p1=100, p2=100"),
+        ({"p2": 100}, "got p1=200, p2=100"),
+        ({"mode": "fast"}, "unknown mode 'fast'; choose one of sgbm, hh, 3way, hh4"),
+        ({"uniqueness_ratio": 101}, "uniqueness_ratio is a percentage, got 101"),
+        ({"pre_filter_cap": 0}, "pre_filter_cap must be 1 to 63, got 0"),
+        ({"pre_filter_cap": 64}, "pre_filter_cap must be 1 to 63, got 64"),
+        ({"speckle_window_size": -1}, r"0 \(no search for specks\) or more, got -1 and 2"),
+        ({"speckle_range": -2}, r"or more, got 100 and -2"),
+        ({"block_size": 5.0}, "block_size must be a whole number, got 5.0"),
+        ({"p1": 10.5}, "p1 must be a whole number, got 10.5"),
+        ({"num_disparities": None}, "num_disparities must be a whole number, got None"),
+        ({"uniqueness_ratio": "10"}, "uniqueness_ratio must be a whole number, got '10'"),
+        ({"speckle_window_size": 1.5}, "speckle_window_size must be a whole number"),
+        ({"disp12_max_diff": 0.5}, "disp12_max_diff must be a whole number"),
+    ],
+)
+def test_parameters_are_checked(change, text):
+    with pytest.raises(ValueError, match=text):
+        SGBMParams(**change)
+
+
+def test_penalties_follow_the_block():
+    assert SGBMParams(block_size=7).penalties == (8 * 49, 32 * 49)
+    assert SGBMParams(p1=10, p2=20).penalties == (10, 20)
+
+
+@pytest.mark.parametrize("width", [64, 65, 66])
+def test_window_as_wide_as_the_image(width):
+    with pytest.raises(ValueError, match=f"the search window ends at 64 px, the image is {width} px wide"):
+        compute_disparity(*shifted(3, (40, width)), SGBMParams(num_disparities=64, block_size=5))
+
+
+def test_narrow_images():
+    compute_disparity(*shifted(3, (40, 67)), SGBMParams(num_disparities=64, block_size=5))
+    compute_disparity(*(np.zeros((20, 19), np.uint8),) * 2, SGBMParams(num_disparities=16, block_size=5))
+
+
+def test_pair_that_does_not_fit():
+    left, right = shifted(3)
+    with pytest.raises(ValueError, match="left is 240x120, right is 239x120"):
+        compute_disparity(left, right[:, 1:])
+    with pytest.raises(ValueError, match="left is grey, right is colour"):
+        compute_disparity(left, cv2.cvtColor(right, cv2.COLOR_GRAY2BGR))
+    with pytest.raises(ValueError, match="uint8"):
+        compute_disparity(left.astype(float), right.astype(float))
+
+
+def test_window_from_depths_holds_them_and_no_more():
+    rig = recordings.rectified()
+    fB = rig.f_px * rig.baseline_mm
+    for near, far in ((500, 520), (400, 3000), (700, 1200), (650, np.inf)):
+        params = SGBMParams.for_range(rig, near, far, block_size=7)
+        last = params.min_disparity + params.num_disparities - 1
+        assert params.min_disparity <= fB / far - 1 + (far == np.inf) and last >= fB / near + 1
+        assert params.block_size == 7
+        fewest = fB / near - (fB / far if far < np.inf else 0) + 2
+        assert params.num_disparities < fewest + 18
+    with pytest.raises(ValueError, match="0 < near_mm < far_mm, got 900 and 700"):
+        SGBMParams.for_range(rig, 900, 700)
+    with pytest.raises(ValueError, match=r"near_mm=0.7 needs \d{5} disparities, more than 1024: depths are in mm"):
+        SGBMParams.for_range(rig, 0.7, 1.2)
+    with pytest.raises(ValueError, match=r"needs a RectifiedRig, got StereoRig: pass rig.rectify\(\)"):
+        SGBMParams.for_range(paper_rig(), 600, 1200)
+
+
+def test_window_from_depths_matches_the_cube(cube):
+    true = recordings.load_truth("conditions/texture")
+    where = true.visible & (true.box == 1)
+    depth = true.depth_mm[where]
+    params = SGBMParams.for_range(recordings.rectified(), depth.min(), depth.max())
+    assert params.num_disparities < 64
+    found = compute_disparity(*cube, params)
+    assert (np.abs(found - true.disparity_px)[where] <= 1).mean() > 0.995
+
+
+def test_blocks_whose_costs_leave_16_bits_are_refused():
+    with pytest.raises(ValueError, match=r"block_size 19 .* 16 bits, and 59 grey levels .* p2 up to 999 "):
+        SGBMParams(block_size=19)
+    SGBMParams(block_size=19, p1=200, p2=999)
+    with pytest.raises(ValueError, match="runs over"):
+        SGBMParams(block_size=19, p1=200, p2=1000)
+    with pytest.raises(ValueError, match="runs over"):
+        SGBMParams(p1=1, p2=32000)
+    with pytest.raises(ValueError, match=r"are needed\. Take a block of at most 15"):
+        SGBMParams(block_size=21, p1=2, p2=3)
+    assert SGBMParams(block_size=15).room > 88 and SGBMParams(block_size=11).room > 189
+
+
+def test_opencv_runs_over_where_it_is_refused_and_not_below():
+    """The same block and the same images: only the penalties differ, and with them the room left in 16 bits."""
+    view = recordings.view("series/coarse_700")
+    grey = [cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) for image in (view.left, view.right)]
+    bad = []
+    for p2 in (800, 32 * 19**2):
+        raw = cv2.StereoSGBM.create(0, 128, 19, p2 // 4, p2, 1, 63, 10, 100, 2).compute(*grey)
+        bad.append((np.abs(raw / 16 - view.truth_px)[view.regions["cube"]] > 2).mean())
+    assert bad[0] < 0.01 and bad[1] > 0.1
+    SGBMParams(block_size=19, p1=200, p2=800)
+    with pytest.raises(ValueError, match="runs over"):
+        SGBMParams(block_size=19)
+
+
+@pytest.mark.parametrize("name", ["conditions/texture", "conditions/glare", "series/coarse_1000", "series/fine_500"])
+def test_rows_that_do_not_agree_are_refused_with_their_rms(name):
+    pair = recordings.rectified().rectify(*recordings.load_pair(name))
+    assert check_rectified(*pair) < 0.6
+    lower = cv2.warpAffine(pair[1], np.float32([[1, 0, 0], [0, 1, 3]]), (640, 480))
+    with pytest.raises(ValueError, match=r"by 3\.\d px rms \(median \+(2\.9|3\.0|3\.1) px\), at most 1 px"):
+        check_rectified(pair[0], lower)
+    with pytest.raises(ValueError, match=r"not rectified: .* by 2\.\d px rms"):
+        check_rectified(*recordings.load_pair(name))
+    with pytest.raises(ValueError, match="exchanged"):
+        check_rectified(*pair[::-1])
+
+
+def test_half_a_pixel_of_offset_is_measured_and_allowed():
+    pair = recordings.rectified().rectify(*recordings.load_pair("series/fine_700"))
+    lower = cv2.warpAffine(pair[1], np.float32([[1, 0, 0], [0, 1, 0.6]]), (640, 480))
+    assert 0.5 < check_rectified(pair[0], lower) < 0.9
+
+
+@pytest.mark.parametrize("sigma", [0, 1, 20, 60])
+def test_where_nothing_matches_nothing_is_said_of_the_rows(sigma):
+    rng = np.random.default_rng(3)
+    pair = [np.clip(128 + sigma * rng.standard_normal((240, 320)), 0, 255).astype(np.uint8) for _ in "lr"]
+    assert np.isnan(check_rectified(*pair))
+
+
+@pytest.mark.parametrize("dtype", [np.uint16, np.float32])
+def test_images_of_another_kind_are_refused(dtype):
+    left, right = (image.astype(dtype) for image in shifted(3))
+    for function in (compute_disparity, check_rectified):
+        with pytest.raises(ValueError, match=f"must be uint8 arrays, got {np.dtype(dtype)}; scale to 0..255"):
+            function(left, right)

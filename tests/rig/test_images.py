@@ -1,0 +1,100 @@
+"""Reading pictures: what comes back, and bad files refused by name."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+
+from stereolib.rig import check_pair, read_image, read_pair, to_grey
+
+
+@pytest.fixture
+def picture():
+    smooth = cv2.GaussianBlur(np.random.default_rng(0).integers(0, 256, (40, 60, 3), dtype=np.uint8), (0, 0), 2)
+    return cv2.normalize(smooth, None, 0, 255, cv2.NORM_MINMAX)
+
+
+def written(path, image):
+    path.write_bytes(cv2.imencode(path.suffix, image)[1].tobytes())
+    return path
+
+
+def test_lossless_file_comes_back_exactly(tmp_path, picture):
+    path = written(tmp_path / "a.png", picture)
+    np.testing.assert_array_equal(read_image(path), picture)
+    np.testing.assert_array_equal(read_image(str(path), grey=True), to_grey(picture))
+
+
+def test_deep_pictures_are_refused_not_crushed(tmp_path, picture):
+    """Cameras of 10 and 12 bits write files of 16: taken as 8, little more than black would be left."""
+    cv2.imwrite(str(tmp_path / "deep.png"), picture.astype(np.uint16) << 2)
+    with pytest.raises(ValueError, match=r"deep\.png: the picture has uint16 samples, 8 bits are needed"):
+        read_image(tmp_path / "deep.png")
+
+
+def test_grey_is_the_luminance(picture):
+    expected = picture.astype(float) @ [0.114, 0.587, 0.299]
+    np.testing.assert_allclose(to_grey(picture), expected, atol=0.51)
+    assert to_grey(picture[..., 0]) is not None
+    np.testing.assert_array_equal(to_grey(picture[..., 0]), picture[..., 0])
+
+
+def test_pair_in_order(tmp_path, picture):
+    left, right = written(tmp_path / "l.png", picture), written(tmp_path / "r.png", 255 - picture)
+    pair = read_pair(left, right)
+    np.testing.assert_array_equal(pair, [picture, 255 - picture])
+    assert read_pair(left, right, grey=True)[0].shape == (40, 60)
+
+
+@pytest.mark.parametrize("kind", ["jpg", "png", "bmp"])
+@pytest.mark.parametrize("share", [0.02, 0.5, 0.9])
+@pytest.mark.filterwarnings("default")
+def test_a_file_cut_short_is_named(tmp_path, picture, kind, share):
+    data = cv2.imencode(f".{kind}", picture)[1].tobytes()
+    path = tmp_path / f"cut.{kind}"
+    path.write_bytes(data[: int(len(data) * share)])
+    with pytest.raises(ValueError, match=rf"cut\.{kind}: .*{int(len(data) * share)} bytes"):
+        read_image(path)
+
+
+def test_a_jpeg_without_its_last_bytes_is_refused_though_opencv_reads_it(tmp_path, picture):
+    data = cv2.imencode(".jpg", picture)[1].tobytes()
+    path = tmp_path / "almost.jpg"
+    path.write_bytes(data[:-100])
+    assert cv2.imread(str(path)) is not None  # with grey where the rest should be
+    with pytest.raises(ValueError, match="cut short"):
+        read_image(path)
+
+
+@pytest.mark.parametrize(("content", "text"), [(None, "no such image file"), (b"", "0 bytes"), (b"hello", "5 bytes")])
+def test_no_picture_at_all_is_named(tmp_path, content, text):
+    path = tmp_path / "board 01.jpg"
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(ValueError, match=rf"board 01\.jpg: .*{text}"):
+        read_image(path)
+    with pytest.raises(ValueError, match="is a folder"):
+        read_image(tmp_path)
+
+
+def test_pair_of_two_sizes_names_both_files(tmp_path, picture):
+    with pytest.raises(ValueError, match=r"l\.png is 60x40, .*r\.png is 60x20: a stereo pair must have one size"):
+        read_pair(written(tmp_path / "l.png", picture), written(tmp_path / "r.png", picture[:20]))
+
+
+@pytest.mark.parametrize(
+    ("right", "text"),
+    [
+        (np.zeros((40, 30, 3), np.uint8), "left is 60x40, right is 30x40"),
+        (np.zeros((40, 60), np.uint8), "left is colour, right is grey: read both the same way"),
+        (np.zeros((40, 60, 3)), "right: images must be uint8 arrays, got float64"),
+        (np.zeros((40, 60, 4), np.uint8), r"right: expected .* got shape \(40, 60, 4\)"),
+        (np.zeros((0, 60, 3), np.uint8), "right: expected"),
+        (None, "right: images must be uint8 arrays, got NoneType"),  # what cv2.imread gives for a bad file
+    ],
+)
+def test_check_pair_refuses(picture, right, text):
+    check_pair(picture, picture)
+    with pytest.raises(ValueError, match=text):
+        check_pair(picture, right)

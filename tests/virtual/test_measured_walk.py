@@ -1,0 +1,78 @@
+"""The recorded walk through everything: pairs and scans to objects, objects to one map, against the truth."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from stereolib.mapping import Station, disturbed, merge, refine_poses, size_table
+from stereolib.notebook import drawings
+from stereolib.rig import rigid
+from stereolib.virtual import measured_walk, recordings, walk
+
+
+@pytest.fixture(scope="module")
+def stations():
+    return tuple(Station.of(each, walk.POSES[name]) for name, each in measured_walk.measure_walk().items())
+
+
+def check(found, places_mm):
+    """Each box once and nothing left out, sizes within 1.5 % and four deviations, the sums within 1 %."""
+    assert found.warnings == ()
+    boxes = [walk.nearest_box(thing.position_mm) for thing in found.things]
+    true = np.array([box.size_mm for box in boxes])
+    assert sorted(map(tuple, true)) == sorted(tuple(box.size_mm) for box in walk.objects())
+    sizes, std = (np.array([getattr(thing, name) for thing in found.things]) for name in ("size_mm", "std_mm"))
+    assert np.abs(sizes / true - 1).max() < 0.015 and np.median(np.abs(sizes / true - 1)) < 0.003
+    assert np.abs((sizes - true) / std).max() < 4 and np.mean(np.abs(sizes - true) < 1.96 * std) > 0.8
+    for thing, box in zip(found.things, boxes, strict=True):
+        assert thing.position_mm == pytest.approx(box.T_world_box[:2, 3], abs=places_mm)
+    litres, area = true.prod(axis=1).sum() / 1e6, sum(2 * (a + b) * h + a * b for a, b, h in true) / 1e6
+    assert found.volume_l[0] == pytest.approx(litres, rel=0.01) and found.surface_m2[0] == pytest.approx(area, rel=0.01)
+    assert abs(found.volume_l[0] - litres) < 3 * found.volume_l[1] < 0.01 * litres
+    assert len(found.walls) == 4 and all(wall.ends == ("corner", "corner") for wall in found.walls)
+    assert max(abs(walk.wall_error_mm(wall.ends_mm)) for wall in found.walls) < 8
+
+
+def test_laser_of_the_walk_is_calibrated_where_it_stands():
+    pose = measured_walk.laser()
+    true = recordings.setup() @ rigid(np.eye(3), [0.0, 0.0, walk.LASER_HEIGHT_MM])
+    error = np.linalg.inv(true) @ pose.T_left_lidar
+    assert (np.abs(error[:3, 3]) < 3 * pose.std_mm).all()
+    assert np.degrees(np.abs(error[:2, :2] - np.eye(2)).max()) < 0.3
+
+
+def test_walk_with_known_poses(stations):
+    found = merge(stations, rng=np.random.default_rng(0))
+    check(found, places_mm=2.0)
+
+
+def test_walk_with_poses_from_its_scans(stations):
+    wrong = disturbed(stations, np.random.default_rng(1), 50.0, np.radians(3.0))
+    match = refine_poses(wrong)
+    found = merge(match.stations, rng=np.random.default_rng(0))
+    check(found, places_mm=8.0)
+    for thing in found.things:  # what is not known of the poses is in the places
+        off = thing.position_mm - walk.nearest_box(thing.position_mm).T_world_box[:2, 3]
+        assert off @ np.linalg.solve(thing.position_covariance, off) < 14
+    at_wrong = merge(wrong, rng=np.random.default_rng(0))
+    assert len(at_wrong.warnings) > 3 and "left out" in " ".join(at_wrong.warnings)
+
+
+def test_table_says_what_is_not_known(stations):
+    things = stations[3].objects
+    table = size_table(things, [str(k) for k in range(len(things))])
+    unknown = np.array([np.isnan(thing.size_mm) for thing in things])
+    np.testing.assert_array_equal(table[["length_mm", "width_mm", "height_mm"]].to_numpy() == "?", unknown)
+    k = int(np.flatnonzero(~unknown.any(axis=1))[0])
+    length, std = (float(part) for part in table["length_mm"][k].split(" ± "))
+    assert (length, std) == (round(things[k].size_mm[0], 1), round(things[k].std_mm[0], 1))
+
+
+def test_sliders_of_the_map():
+    boxes, text = drawings.draw_map_view(35, 35, "boxes")
+    points, _ = drawings.draw_map_view(35, 35, "points")
+    assert boxes.shape == points.shape == (600, 900, 3) and (boxes != points).any()
+    assert text.startswith("5 objects, 66.") and "4 walls" in text
+    _, text = drawings.draw_matching(50, 3.0, 0)
+    assert "pairs" in text and "worst pose is off by" in text

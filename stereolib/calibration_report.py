@@ -142,9 +142,7 @@ def _tilts(diagnosis: Diagnosis) -> tuple[Array, Array, Array]:
         turn, shift = pose(points, corners[seen], lens)
         R = cv2.Rodrigues(turn)[0]
         x, y, z = R[:, 2] * np.sign(R[2, 2])
-        found.append(
-            (np.degrees(np.arctan2(x, z)), np.degrees(np.arctan2(y, z)), (R @ points.mean(axis=0) + shift)[2])
-        )
+        found.append((np.degrees(np.arctan2(x, z)), np.degrees(np.arctan2(y, z)), (R @ points.mean(axis=0) + shift)[2]))
     about_y, about_x, distances = np.array(found).T
     return about_y, about_x, distances
 

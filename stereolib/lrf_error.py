@@ -320,10 +320,8 @@ def error_against_n(
     if not len(values):
         raise ValueError("none of the readings is valid; nothing to combine")
     numbers = np.array([k for k in n if 1 <= k <= len(values)], int)
-    most = max(numbers, default=1)
-    order = np.argsort(
-        rng.random((draws, len(values))), axis=1, kind="stable"
-    )  # a partition's depends on the processor
+    draw = rng.random((draws, len(values)))
+    order = np.argsort(draw, axis=1, kind="stable")  # a partition's order depends on the processor
     errors = np.stack([combine(values[order[:, :k]], axis=1) - true_mm for k in numbers])
     bias, sigma = float(values.mean() - true_mm), float(values.std(ddof=min(1, len(values) - 1)))
     return ErrorAgainstN(

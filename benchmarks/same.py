@@ -29,6 +29,7 @@ COMPARED = ("figures", "notebooks")
 MAY_DIFFER: dict[str, str] = {}
 _NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?(?![\w.])")
 _TEXTS = {".csv", ".ipynb", ".yaml"}
+_OURS = ("OPENBLAS_CORETYPE", "NPY_DISABLE_CPU_FEATURES", "OPENCV_CPU_DISABLE", "STEREOLIB_FIGURES")
 _CV_AVX2, _CV_AVX512_SKX = 11, 256  # OpenCV's numbers of them, for which Python has no names
 
 
@@ -55,7 +56,7 @@ def reproduce(folder: Path, environment: dict[str, str], jobs: int) -> dict[str,
     """Clone the last commit into a folder and execute it there; return the sha256 of each file compared."""
     subprocess.run(["git", "clone", "--quiet", str(ROOT), str(folder)], check=True)
     command = [sys.executable, "-m", "stereolib.cli", "reproduce", "--accept", "--jobs", str(jobs)]
-    inherited = {k: v for k, v in os.environ.items() if k not in variants()["all"] if k != "STEREOLIB_FIGURES"}
+    inherited = {name: value for name, value in os.environ.items() if name not in _OURS}
     env = inherited | {"PYTHONPATH": str(folder)} | environment
     done = subprocess.run(command, cwd=folder, env=env, capture_output=True, text=True)
     if done.returncode:

@@ -26,7 +26,10 @@ from stereolib.datasets import ROOT
 
 COMPARED = ("figures", "notebooks")
 #: Files that may differ, each with its reason.
-MAY_DIFFER: dict[str, str] = {}
+MAY_DIFFER = {
+    "notebooks/05_lrf.ipynb": "matplotlib thins out nearly straight curves, and decides by the last bit: 48 pixels of "
+    "one picture without AVX2, no number",
+}
 _NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?(?![\w.])")
 _TEXTS = {".csv", ".ipynb", ".yaml"}
 _OURS = ("OPENBLAS_CORETYPE", "NPY_DISABLE_CPU_FEATURES", "OPENCV_CPU_DISABLE", "STEREOLIB_FIGURES")
@@ -126,7 +129,7 @@ def main() -> int:
                 gap = moved(
                     text_of(root / "baseline" / file), text_of((ROOT if name == "baseline" else root / name) / file)
                 )
-                print(f"    {file}: {gap} moved. {MAY_DIFFER.get(file, '')}".rstrip(), flush=True)
+                print(f"    {file}: {gap} moved; {MAY_DIFFER.get(file, '')}".rstrip("; "), flush=True)
     unnamed = {file for files in differ.values() for file in files} - MAY_DIFFER.keys()
     print("\nfiles that differ from the baseline")
     print(*(f"  {name:16} {len(files)}" for name, files in differ.items()), sep="\n")

@@ -194,8 +194,8 @@ def calibrate_lidar_to_camera(
 
     Notes
     -----
-    Minimises ``sum ((n . (R p + t) - d) / s)^2`` with n, d the board's plane (`scipy.optimize.least_squares`, then
-    Gauss-Newton to rounding). For a small turn w and shift tau in the laser's own frame, with ``m = R' n``:
+    Minimises ``sum ((n . (R p + t) - d) / s)^2`` with n, d the board's plane, by `scipy.optimize.least_squares` and
+    then Gauss-Newton to rounding. For a small turn w and shift tau in the laser's own frame, with ``m = R' n``:
     ``d residual = (p x m) . w + m . tau``. As p = (x, y, 0): upright boards (m_z = 0) say nothing of roll, pitch and
     height.
     """

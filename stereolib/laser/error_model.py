@@ -320,8 +320,8 @@ def error_against_n(
     if not len(values):
         raise ValueError("none of the readings is valid; nothing to combine")
     numbers = np.array([k for k in n if 1 <= k <= len(values)], int)
-    # Sorted wholly: what a partition leaves in which order depends on the processor.
-    order = np.argsort(rng.random((draws, len(values))), axis=1, kind="stable")
+    draw = rng.random((draws, len(values)))
+    order = np.argsort(draw, axis=1, kind="stable")  # a partition's order depends on the processor
     errors = np.stack([combine(values[order[:, :k]], axis=1) - true_mm for k in numbers])
     bias, sigma = float(values.mean() - true_mm), float(values.std(ddof=min(1, len(values) - 1)))
     return ErrorAgainstN(

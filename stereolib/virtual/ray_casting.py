@@ -65,7 +65,7 @@ def cast(scene: Scene, origins: Array, directions: Array) -> Hits:
         box, face = scene.boxes[s // 6], s % 6
         normal[at] = _normal(box, face)
         tint = np.dot(box.materials[face].color_bgr, (0.114, 0.587, 0.299))
-        no_footprint = np.zeros(len(at), np.float32)
+        no_footprint = np.zeros(len(at))
         albedo[at] = tint * _pattern(box, face, points[at], directions[at], no_footprint)
         gloss[at] = box.materials[face].gloss
     return Hits(distance, normal, surface, albedo, gloss)
@@ -87,17 +87,17 @@ def render(scene: Scene, camera: Camera, T_camera_world: Array, *, samples: int 
 
     Returns
     -------
-    (H, W, 3) float32
+    (H, W, 3) float64
         Blue, green, red; 1 is white paper in good light.
     """
     if samples < 1 or light_samples < 1:
         raise ValueError(f"samples and light_samples must be at least 1, got {samples} and {light_samples}")
     width, height = camera.size
-    R = T_camera_world[:3, :3].astype(np.float32)
-    origin = (-T_camera_world[:3, :3].T @ T_camera_world[:3, 3]).astype(np.float32)
+    R = T_camera_world[:3, :3]
+    origin = -T_camera_world[:3, :3].T @ T_camera_world[:3, 3]
     rays = _ray_grid(camera, samples).reshape(height, -1, 3)
-    pixel_rad = np.float32(1.0 / (camera.K[0, 0] * samples))
-    picture = np.empty((height, width, 3), np.float32)
+    pixel_rad = 1.0 / (camera.K[0, 0] * samples)
+    picture = np.empty((height, width, 3))
     for top in range(0, height, _BAND_ROWS):
         directions = rays[top : top + _BAND_ROWS].reshape(-1, 3) @ R
         light = _radiance(scene, origin, directions, pixel_rad, light_samples, bounce=True)
@@ -147,11 +147,11 @@ def render_pair(
 
 @lru_cache(maxsize=8)
 def _ray_grid(camera: Camera, samples: int) -> Array:
-    """Unit rays of all sub-pixels in row order, (H * samples * W * samples, 3) float32, camera frame."""
+    """Unit rays of all sub-pixels in row order, (H * samples * W * samples, 3) float64, camera frame."""
     width, height = camera.size
     u, v = ((np.arange(n * samples) + 0.5) / samples - 0.5 for n in (width, height))
     rays = camera.rays(np.stack(np.meshgrid(u, v), -1).reshape(-1, 2), clamp=True)
-    return (rays / np.linalg.norm(rays, axis=1, keepdims=True)).astype(np.float32)
+    return rays / np.linalg.norm(rays, axis=1, keepdims=True)
 
 
 def _slabs(box: Box, origins: Array, directions: Array) -> tuple[Array, Array, Array, Array]:
@@ -230,7 +230,7 @@ def _pattern(box: Box, face: int, points: Array, directions: Array, footprint_mm
         inside = (np.abs(u) < (columns + 1) * square / 2) & (np.abs(v) < (rows + 1) * square / 2)
         return np.where(inside, 0.05 + 0.95 * white, 1.0)
     if not material.contrast:
-        return np.ones(len(points), np.float32)
+        return np.ones(len(points))
     width = footprint_mm / np.sqrt(np.maximum(cos, 0.02))
     offset = 137.0 * face  # each face shows another part of the texture
     grain = texture.noise(local[:, a] + offset, local[:, b] + offset, width, material.scale_mm, material.seed)
@@ -241,27 +241,27 @@ def _radiance(
     scene: Scene,
     origins: Array,
     directions: Array,
-    pixel_rad: np.float32,
+    pixel_rad: float,
     light_samples: int,
     bounce: bool,
 ) -> Array:
-    """Light along each ray, (N, 3) float32: diffuse with soft shadows, GGX glare, one mirror bounce."""
+    """Light along each ray, (N, 3) float64: diffuse with soft shadows, GGX glare, one mirror bounce."""
     distance, surface = _nearest(scene, origins, directions)
-    light = np.zeros((len(directions), 3), np.float32)
+    light = np.zeros((len(directions), 3))
     origins = np.broadcast_to(origins, directions.shape)
     for s in np.unique(surface[surface >= 0]):
         at = np.flatnonzero(surface == s)
         box, face = scene.boxes[s // 6], int(s % 6)
-        material, normal = box.materials[face], _normal(box, face).astype(np.float32)
+        material, normal = box.materials[face], _normal(box, face)
         toward = directions[at]
         points = origins[at] + distance[at, None] * toward + _EPS_MM * normal
         pattern = _pattern(box, face, points, toward, distance[at] * pixel_rad)
-        diffuse, glare = np.full(len(at), scene.ambient, np.float32), np.zeros(len(at), np.float32)
+        diffuse, glare = np.full(len(at), scene.ambient), np.zeros(len(at))
         for lamp in scene.lights:
             d, g = _lit(scene, lamp, points, normal, toward, material, light_samples if bounce else 1)
             diffuse += d
             glare += g
-        light[at] = np.float32(material.color_bgr) * (pattern * diffuse)[:, None] + glare[:, None]
+        light[at] = np.array(material.color_bgr) * (pattern * diffuse)[:, None] + glare[:, None]
         if bounce and material.gloss:
             cos = -toward @ normal
             mirrored = toward + 2 * cos[:, None] * normal
@@ -280,21 +280,21 @@ def _lit(
     material: Material,
     n: int,
 ) -> tuple[Array, Array]:
-    """Diffuse irradiance and glare from one area light at points (N, 3), each (N,) float32."""
+    """Diffuse irradiance and glare from one area light at points (N, 3), each (N,) float64."""
     grid = ((np.arange(n) + 0.5) / n - 0.5) * lamp.size_mm if n > 1 else np.zeros(1)
     to_scene = np.array([700.0, 0.0, 150.0]) - lamp.position_mm
     to_scene /= np.linalg.norm(to_scene)
     side = np.cross(to_scene, [0.0, 1.0, 0.0] if abs(to_scene[1]) < 0.9 else [1.0, 0.0, 0.0])
     side /= np.linalg.norm(side)
     up = np.cross(side, to_scene)
-    spots = np.array([lamp.position_mm + a * side + b * up for a in grid for b in grid], np.float32)
+    spots = np.array([lamp.position_mm + a * side + b * up for a in grid for b in grid])
     lit = _visibility(scene, points, spots, n)
-    middle = np.array(lamp.position_mm, np.float32) - points
+    middle = np.array(lamp.position_mm) - points
     reach = np.linalg.norm(middle, axis=1)
     cos = np.maximum(middle @ normal, 0) / reach
-    shining = np.maximum(-middle @ to_scene.astype(np.float32), 0) / reach  # nothing goes backwards
-    fall = np.float32(lamp.power) * shining * (np.float32(2000.0) / reach) ** 2
-    glare = np.zeros(len(points), np.float32)
+    shining = np.maximum(-middle @ to_scene, 0) / reach  # nothing goes backwards
+    fall = lamp.power * shining * (2000.0 / reach) ** 2
+    glare = np.zeros(len(points))
     if material.gloss:
         few = spots[:: max(1, len(spots) // 5)]
         for spot in few:
@@ -306,23 +306,23 @@ def _lit(
 def _visibility(scene: Scene, points: Array, spots: Array, n: int) -> Array:
     """Share of the light's points that each point sees: the corners first, the rest only in the half shadow."""
     corners = spots[[0, n - 1, -n, -1]] if n > 1 else spots
-    lit = np.asarray(np.mean([~_blocked(scene, points, spot) for spot in corners], axis=0, dtype=np.float32))
+    lit = np.asarray(np.mean([~_blocked(scene, points, spot) for spot in corners], axis=0))
     soft = np.flatnonzero((lit > 0) & (lit < 1))
     if n > 1 and soft.size:
-        lit[soft] = np.mean([~_blocked(scene, points[soft], spot) for spot in spots], axis=0, dtype=np.float32)
+        lit[soft] = np.mean([~_blocked(scene, points[soft], spot) for spot in spots], axis=0)
     return lit
 
 
 def _ggx(to_light: Array, normal: Array, to_eye: Array, material: Material) -> Array:
-    """Glare of a rough surface times the cosine: ``D F G / (4 n.v)`` (Walter et al. 2007). (N,) float32."""
+    """Glare of a rough surface times the cosine: ``D F G / (4 n.v)`` (Walter et al. 2007). (N,) float64."""
     to_light = to_light / np.linalg.norm(to_light, axis=1, keepdims=True)
     half = to_light + to_eye
     half /= np.maximum(np.linalg.norm(half, axis=1, keepdims=True), 1e-6)
     nl, nv, nh = (np.maximum(x @ normal, 1e-3) for x in (to_light, to_eye, half))
     vh = np.maximum((to_eye * half).sum(axis=1), 0)
-    a2 = np.float32(material.roughness**4 + 1e-6)
+    a2 = material.roughness**4 + 1e-6
     spread = a2 / (np.pi * (nh * nh * (a2 - 1) + 1) ** 2)
     fresnel = material.gloss * (0.04 + 0.96 * (1 - vh) ** 5)
     k = a2**0.5 / 2
     shadowing = nl * nv / ((nl * (1 - k) + k) * (nv * (1 - k) + k))
-    return np.where(to_light @ normal > 0, spread * fresnel * shadowing / (4 * nv), 0).astype(np.float32)
+    return np.where(to_light @ normal > 0, spread * fresnel * shadowing / (4 * nv), 0)

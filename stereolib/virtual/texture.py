@@ -76,10 +76,9 @@ def _square_wave(x: Array, width: Array, half_period: float) -> Array:
 def _lookup(tile: Array, u: Array, v: Array) -> Array:
     """Bilinear lookup with wrap; `tile` carries one texel of padding."""
     n = tile.shape[0] - 1
-    columns = 1024  # cv2.remap limits the width of a map, so the list is folded into rows
-    rows = -(-len(u) // columns)
-    maps = [np.zeros(rows * columns, np.float32) for _ in range(2)]
-    for target, coordinate in zip(maps, (u, v), strict=True):
-        target[: len(u)] = np.mod(coordinate, n)
-    x, y = (m.reshape(rows, columns) for m in maps)
-    return cv2.remap(tile, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE).ravel()[: len(u)]
+    x, y = np.mod(u, n), np.mod(v, n)
+    column, row = x.astype(np.intp), y.astype(np.intp)
+    x, y = x - column, y - row
+    at = row * (n + 1) + column
+    upper, lower = ((1 - x) * tile.take(at + k) + x * tile.take(at + k + 1, mode="clip") for k in (0, n + 1))
+    return np.asarray((1 - y) * upper + y * lower)

@@ -42,7 +42,7 @@ class Webcam:
 
         Parameters
         ----------
-        light : (H, W, 3) float32
+        light : (H, W, 3) float64
             Blue, green, red; 1 is white paper in good light.
         rng : numpy.random.Generator
             Draws the noise field: normal, scaled by the root of the signal. A Poisson draw would do it too, but its
@@ -53,16 +53,16 @@ class Webcam:
         (H, W, 3) uint8
         """
         height, width = light.shape[:2]
-        x = (np.arange(width, dtype=np.float32) - (width - 1) / 2) / (np.hypot(width, height) / 2)
-        y = (np.arange(height, dtype=np.float32) - (height - 1) / 2) / (np.hypot(width, height) / 2)
-        falloff = 1 - np.float32(self.vignetting) * (x**2 + (y**2)[:, None])
+        x = (np.arange(width) - (width - 1) / 2) / (np.hypot(width, height) / 2)
+        y = (np.arange(height) - (height - 1) / 2) / (np.hypot(width, height) / 2)
+        falloff = 1 - self.vignetting * (x**2 + (y**2)[:, None])
         seen = cv2.GaussianBlur(light, (0, 0), self.psf_sigma_px) * falloff[..., None]
-        electrons = seen * np.float32(self.full_well_e)
+        electrons = seen * self.full_well_e
         noise = rng.standard_normal(light.shape, np.float32)
-        electrons = electrons + noise * np.sqrt(electrons + np.float32(self.read_noise_e) ** 2)
+        electrons = electrons + noise * np.sqrt(electrons + self.read_noise_e**2)
         gain = np.clip(0.42 / max(float(seen.mean()), 1e-6), 1 / self.max_gain, self.max_gain)
-        signal = np.clip(electrons * np.float32(gain / self.full_well_e), 0, 1)
-        return np.rint(255 * signal ** np.float32(1 / 2.2)).astype(np.uint8)
+        signal = np.clip(electrons * (gain / self.full_well_e), 0, 1)
+        return np.rint(255 * signal ** (1 / 2.2)).astype(np.uint8)
 
     def encode(self, image: Array) -> bytes:
         """The picture as the camera sends it: JPEG bytes."""

@@ -103,3 +103,16 @@ def test_corners_that_were_not_found_are_left_out(views, fitted):
     assert (np.abs(bundle_adjustment.vector(found.rig, fitted.rig)) < 3 * std).all()
     assert np.isfinite(found.fit.residuals_px).all()
     assert found.fit.seen[:, 0].mean() == pytest.approx(0.8, abs=0.05)
+
+
+def test_pose_of_a_board_is_the_minimum_to_rounding(views, rig):
+    rng, board, corners = np.random.default_rng(3), views.board.points_mm.astype(float), views.left_px[0].astype(float)
+    turn, shift = bundle_adjustment.pose(board, corners, rig.left)
+    _, bare_turn, bare_shift = cv2.solvePnP(board, corners, rig.left.K, rig.left.dist)
+    np.testing.assert_allclose(turn, bare_turn[:, 0], atol=1e-5)
+    np.testing.assert_allclose(shift, bare_shift[:, 0], atol=1e-2)
+    pixels, J = cv2.projectPoints(board, turn, shift, rig.left.K, rig.left.dist)
+    slope = J[:, :6].T @ (corners - pixels[:, 0]).ravel() / np.linalg.norm(J[:, :6], axis=0)
+    assert np.abs(slope).max() < 1e-9  # px
+    shaken = corners * (1 + 1e-15 * rng.standard_normal(corners.shape))
+    np.testing.assert_allclose(bundle_adjustment.pose(board, shaken, rig.left)[1], shift, rtol=0, atol=1e-9)

@@ -141,3 +141,16 @@ def test_board_must_be_the_only_candidate():
     assert board_view(scan, T, diagonal_mm=DIAGONAL, expected=TRUTH).points_mm[:, 1].min() > 0
     with pytest.raises(ValueError, match="at least 2 readings"):
         BoardView(T, np.zeros((1, 2)), np.ones(1))
+
+
+def test_last_bits_of_the_input_stay_last_bits():
+    """An optimiser that stops by its tolerance magnified them to 1e-4 mm: another processor, another map."""
+    rng, good = np.random.default_rng(6), views(GOOD, 2)
+
+    def shaken(array):
+        return array * (1 + 1e-15 * rng.standard_normal(array.shape))
+
+    other = [BoardView(shaken(v.T_left_board), shaken(v.points_mm), v.sigma_mm) for v in good]
+    first, second = (calibrate_lidar_to_camera(some).T_left_lidar for some in (good, other))
+    np.testing.assert_allclose(second[:3, 3], first[:3, 3], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(second[:3, :3], first[:3, :3], rtol=0, atol=1e-12)

@@ -11,10 +11,10 @@ from pathlib import Path
 
 import pytest
 
-from stereolib import __version__
+from stereolib import __version__, reproduction
 from stereolib.base import datasets
 from stereolib.cli import commands
-from stereolib.reproduction import NotebookError, regenerate
+from stereolib.reproduction import NotebookError
 
 
 def leaves(
@@ -116,7 +116,7 @@ def test_reproduce_says_how_it_went(
             raise outcome
         return outcome
 
-    monkeypatch.setattr(regenerate, "reproduce", answer)
+    monkeypatch.setattr(reproduction, "reproduce", answer)
     assert commands.main(["reproduce", *words]) == code
     output = capsys.readouterr()
     assert said in output.err

@@ -222,7 +222,7 @@ def test_recordings_are_never_overwritten_unasked(tmp_path):
 @needs_pty
 def test_sigkill_loses_at_most_100_ms(tmp_path):
     path = tmp_path / "killed.bin"
-    code = "import sys; from stereolib import serial_lidar as s; s.record(sys.argv[1], sys.argv[2])"
+    code = "import sys; from stereolib.laser import serial_port as s; s.record(sys.argv[1], sys.argv[2])"
     with emulator.serve(emulator.replay(turning(60)), "pty") as served:
         recorder = subprocess.Popen([sys.executable, "-c", code, served.port, str(path)])
         deadline = time.monotonic() + 30
@@ -244,8 +244,8 @@ def test_live_reading_takes_little_of_a_core():
     code = (
         "import sys, time, resource\n"
         "from itertools import islice\n"
-        "from stereolib import serial_lidar\n"
-        "scans = serial_lidar.open_lidar(sys.argv[1])\n"
+        "from stereolib.laser import serial_port\n"
+        "scans = serial_port.open_lidar(sys.argv[1])\n"
         "next(scans); cpu, wall = time.process_time(), time.monotonic()\n"
         "list(islice(scans, 10))\n"
         "print((time.process_time() - cpu) / (time.monotonic() - wall))\n"

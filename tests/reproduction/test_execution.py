@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import platform
 import subprocess
 import sys
 import time
@@ -192,8 +193,8 @@ def test_killed_run_leaves_the_figures_whole(tmp_path: Path) -> None:
     committed = ledger.read_bytes()
     source = write(folder, "01_one", record("9.99"), "import time\ntime.sleep(600)")
     code = (
-        "import pathlib, sys; from stereolib import reproduce; "
-        "reproduce.reproduce(pathlib.Path('notebooks'), pathlib.Path('figures'))"
+        "import pathlib, sys; from stereolib.reproduction import reproduce; "
+        "reproduce(pathlib.Path('notebooks'), pathlib.Path('figures'))"
     )
     child = subprocess.Popen([sys.executable, "-c", code], cwd=tmp_path)
     staged = tmp_path / ".staging" / "figures" / "tables" / "ledger_01.csv"
@@ -255,3 +256,27 @@ def test_names_select_notebooks(tmp_path: Path) -> None:
         regenerate.find_notebooks(tmp_path, ["09"])
     with pytest.raises(ValueError, match="jobs is 0"):
         execution.execute([], tmp_path, tmp_path, jobs=0)
+
+
+def test_kernels_add_up_as_every_processor_does(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """On x86-64 with AVX2, wider kernels are off; what the user set stays; nothing is printed by what is set."""
+    import cv2
+    import numpy as np
+
+    for name in ("OPENBLAS_CORETYPE", "NPY_DISABLE_CPU_FEATURES"):
+        monkeypatch.delenv(name, raising=False)
+    pinned = execution.kernel_environment(tmp_path)
+    if platform.machine().lower() in ("x86_64", "amd64") and cv2.checkHardwareSupport(11):  # AVX2
+        assert pinned["OPENBLAS_CORETYPE"] == "Haswell"
+        found = np.show_config(mode="dicts")["SIMD Extensions"].get("found", ())
+        wide = {name for name in found if name.startswith(("X86_V4", "AVX512"))}
+        assert set(pinned.get("NPY_DISABLE_CPU_FEATURES", "").split()) == wide
+    else:
+        assert not {"OPENBLAS_CORETYPE", "NPY_DISABLE_CPU_FEATURES"} & pinned.keys()
+    command = [sys.executable, "-W", "error", "-c", "import numpy, cv2; numpy.eye(3) @ numpy.eye(3)"]
+    done = subprocess.run(command, env=pinned, capture_output=True, text=True, check=True)
+    assert done.stdout == done.stderr == ""
+    monkeypatch.setenv("OPENBLAS_CORETYPE", "Sandybridge")
+    monkeypatch.setenv("NPY_DISABLE_CPU_FEATURES", "")
+    own = execution.kernel_environment(tmp_path)
+    assert (own["OPENBLAS_CORETYPE"], own["NPY_DISABLE_CPU_FEATURES"]) == ("Sandybridge", "")

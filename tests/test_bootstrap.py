@@ -103,7 +103,7 @@ def test_failed_installing_says_what_to_do_and_leaves_it_stale(made: Path, monke
 
 
 def test_unknown_command_shows_the_help(capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit, match="no command 'nonsense'(.|\n)*make reproduce"):
+    with pytest.raises(SystemExit, match=r"no command 'nonsense'(.|\n)*make reproduce"):
         bootstrap.main(["nonsense"])
     assert bootstrap.main([]) == 0
     assert "make reproduce" in capsys.readouterr().out

@@ -25,7 +25,7 @@ MODULES = sorted((ROOT / "stereolib").rglob("*.py"))
 ROOMS = sorted(path.parent.name for path in (ROOT / "stereolib").glob("*/__init__.py"))
 PAGES = sorted(page for page in ROOT.glob("**/*.md") if not {".venv", ".staging"} & set(page.parts))
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-DEVELOPMENT = PROJECT["optional-dependencies"]["dev"]
+EXTRAS = sorted({name for extra in PROJECT["optional-dependencies"].values() for name in extra})
 
 each_notebook = pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 
@@ -144,9 +144,9 @@ def test_requirements_pin_everything_in_pyproject() -> None:
     lines = (ROOT / "requirements.txt").read_text(encoding="utf-8").splitlines()
     pins = {Requirement(line).name: Requirement(line).specifier for line in lines}
     assert len(pins) == len(lines)
-    for text in [*PROJECT["dependencies"], *DEVELOPMENT]:
+    for text in [*PROJECT["dependencies"], *EXTRAS]:
         wanted = Requirement(text)
-        (pin,) = pins[wanted.name]
+        (pin,) = pins[wanted.name.lower()]
         assert wanted.specifier.contains(pin.version), text
 
 
@@ -157,22 +157,30 @@ def test_conda_environment_equals_pyproject() -> None:
     python = f"python{PROJECT['requires-python']}"
     assert {python, "pip"} <= set(from_conda) and "-e ." in from_pip
     packages = [name for name in [*from_conda, *from_pip] if name not in {python, "pip", "-e ."}]
-    assert sorted(map(normal, packages)) == sorted(map(normal, [*PROJECT["dependencies"], *DEVELOPMENT]))
+    assert sorted(map(normal, packages)) == sorted(map(normal, [*PROJECT["dependencies"], *EXTRAS]))
 
 
 def test_no_package_registry_is_named() -> None:
     # Written in two pieces, so that this file does not name them either.
     forbidden = ["index" + "-url", "py" + "pi.org", "python" + "hosted"]
-    names = ["requirements.txt", "environment.yml", "pyproject.toml", "Makefile", ".ci/run", "nbval.cfg"]
+    names = [
+        "requirements.txt",
+        "environment.yml",
+        "pyproject.toml",
+        "Makefile",
+        "bootstrap.py",
+        "noxfile.py",
+        ".ci/run",
+    ]
     for path in [*(ROOT / name for name in names), *PAGES]:
         assert not [word for word in forbidden if word in path.read_text(encoding="utf-8")], path.name
 
 
 def test_both_opencv_majors_are_tested() -> None:
-    import bootstrap
+    import noxfile
 
     admitted = {Requirement(text).name: Requirement(text) for text in PROJECT["dependencies"]}
-    oldest = Requirement(bootstrap.OPENCV4)
+    oldest = Requirement(noxfile.OPENCV4)
     (pin,) = oldest.specifier
     assert admitted[oldest.name].specifier.contains(pin.version) and pin.version.startswith("4.14.")
     assert f"\nopencv-python-headless=={5}" in (ROOT / "requirements.txt").read_text(encoding="utf-8")

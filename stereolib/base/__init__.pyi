@@ -1,7 +1,7 @@
 from . import datasets
 from .angles import direction, turn_2d, turn_about_z, wrap_rad
 from .arrays import Bools, Float32, Float64, Floats, Ints, UInt8, finite_array, set_frozen
-from .datasets import ROOT, NotAvailable, available, data_path, figures_dir, real_recording, real_recordings
+from .datasets import ROOT, NotAvailable, available, data_path, figures_dir, real_recording, real_recordings, repository
 from .files import check_nesting, check_target, read_bytes, read_json, read_text, read_yaml, write_atomic
 
 __all__ = [
@@ -27,6 +27,7 @@ __all__ = [
     "read_yaml",
     "real_recording",
     "real_recordings",
+    "repository",
     "set_frozen",
     "turn_2d",
     "turn_about_z",

@@ -7,7 +7,9 @@ from functools import cache
 from pathlib import Path
 from threading import Thread
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[2]  # the repository, in a checkout
+_PACKAGED = ROOT / "stereolib" / "data"  # made by the build: a checkout has data/ instead
+INSTALLED = _PACKAGED.is_dir()
 
 # Recordings made by others, fetched for the user and never kept in the repository. See data/README.md.
 _MINORU = (
@@ -22,25 +24,51 @@ class NotAvailable(OSError):
 
 
 def data_path(name: str) -> Path:
-    """Path of a committed data file, for example ``data_path("paper/published.toml")``.
+    """Path of a data file of the repository, for example ``data_path("paper/published.toml")``.
+
+    Looked for in the checkout's ``data/`` or, of an installed package, in the few files that it holds and then in the
+    folder named by ``STEREOLIB_DATA``.
 
     Raises
     ------
     ValueError
-        If the file is not there; the text says where it was looked for and how to make it.
+        If the file is not there; the text says how to get it.
     """
-    path = ROOT / "data" / name
-    if not path.exists():
+    own = os.environ.get("STEREOLIB_DATA")
+    folders = [_PACKAGED, *([Path(own)] if own else [])] if INSTALLED else [ROOT / "data"]
+    for folder in folders:
+        if (folder / name).exists():
+            return folder / name
+    if INSTALLED:
         raise ValueError(
-            f"data/{name} is missing (looked in {path}). Restore it with `git checkout -- data` "
-            f"or, if it belongs to the virtual rig, make it again with `stereolib data build`."
+            f"data/{name} is missing: it comes with stereolib's repository, not with the installed package. Clone the "
+            f"repository and work there, or set STEREOLIB_DATA to a folder that holds {name}"
         )
-    return path
+    raise ValueError(
+        f"data/{name} is missing (looked in {folders[0] / name}). Restore it with `git checkout -- data` "
+        f"or, if it belongs to the virtual rig, make it again with `stereolib data build`."
+    )
+
+
+def repository() -> Path:
+    """Folder of the checkout, for what works on the repository itself.
+
+    Raises
+    ------
+    ValueError
+        If the library was installed without it.
+    """
+    if INSTALLED:
+        raise ValueError("this needs stereolib's repository, not the installed package: clone it and work there")
+    return ROOT
 
 
 def figures_dir() -> Path:
-    """Folder that figures and tables are written to: ``$STEREOLIB_FIGURES``, else ``figures/``."""
-    path = Path(os.environ.get("STEREOLIB_FIGURES") or ROOT / "figures")
+    """Folder that figures and tables are written to: ``$STEREOLIB_FIGURES``, else ``figures/``.
+
+    That is the repository's or, of an installed package, one in the current folder.
+    """
+    path = Path(os.environ.get("STEREOLIB_FIGURES") or (Path.cwd() if INSTALLED else ROOT) / "figures")
     path.mkdir(parents=True, exist_ok=True)
     return path
 

@@ -52,7 +52,7 @@ def _data_build(arguments: argparse.Namespace) -> int:
     from stereolib.base import datasets
     from stereolib.virtual import recordings
 
-    recordings.build(arguments.output or datasets.ROOT / "data" / "virtual")
+    recordings.build(arguments.output or datasets.repository() / "data" / "virtual")
     return 0
 
 
@@ -173,6 +173,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = make_parser().parse_args(argv)
     try:
         return int(arguments.run(arguments))
+    except ModuleNotFoundError as error:
+        if not error.name or error.name.partition(".")[0] == "stereolib":
+            raise
+        print(f'stereolib: error: this needs {error.name}: pip install "stereolib[notebooks]"', file=sys.stderr)
+        return 2
     except (ValueError, OSError) as error:
         text = " ".join(str(error).split()) or type(error).__name__
         print(f"stereolib: error: {text}", file=sys.stderr)

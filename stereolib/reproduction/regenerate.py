@@ -226,7 +226,7 @@ def reproduce(
     ValueError
         If a name fits no notebook, or another run is at work.
     """
-    notebooks_dir = notebooks_dir or datasets.ROOT / "notebooks"
+    notebooks_dir = notebooks_dir or datasets.repository() / "notebooks"
     figures_dir = (figures_dir or datasets.figures_dir()).resolve()
     sources = find_notebooks(notebooks_dir, names)
     staging = figures_dir.parent / ".staging"

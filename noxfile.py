@@ -1,0 +1,117 @@
+"""The sessions behind ``make test``, ``lint``, ``bench``, ``pins``; and the matrix of Pythons and OpenCV majors.
+
+``make`` runs them with the nox of ``.venv``, and most run in ``.venv`` itself. Those that need another environment get
+one below ``.venv/nox``, made once and made again with ``.venv``. By hand: ``.venv/bin/nox --list``.
+"""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import nox
+
+ROOT = Path(__file__).resolve().parent
+PINS = ROOT / "requirements.txt"
+OPENCV4 = "opencv-python-headless==4.14.0.94"  # the oldest that pyproject.toml admits
+OPENCV5 = next(pin for pin in PINS.read_text(encoding="utf-8").splitlines() if pin.startswith("opencv-"))
+PYTHONS = ["3.11", "3.12", "3.13"]
+
+PYTEST = ["-m", "pytest", "-n", "2", "--dist", "loadfile", "-q"]
+UNIT_TESTS = [*PYTEST, "--doctest-modules", "tests", "stereolib"]
+OPENCV_TESTS = [*PYTEST, "--only-opencv", "tests"]  # the option's help says which these are
+CHECKS = ["ruff check", "ruff format --check", "mypy", "python tests/support/count_lines.py"]
+if "[tool.importlinter]" in (ROOT / "pyproject.toml").read_text(encoding="utf-8") or (ROOT / ".importlinter").exists():
+    CHECKS.append("lint-imports")
+
+nox.options.sessions = ["tests", "test-opencv4", "notebooks"]
+nox.options.reuse_existing_virtualenvs = True
+nox.options.envdir = str(ROOT / ".venv" / "nox")
+nox.options.default_venv_backend = "uv" if shutil.which("uv") else "virtualenv"  # as bootstrap.py
+
+
+def command(check: str) -> list[str]:
+    """Words of a check, its program from the environment that runs nox."""
+    program, *words = check.split()
+    return [str(shutil.which(program, path=str(Path(sys.executable).parent))), *words]
+
+
+def run(session: nox.Session, *arguments: str) -> None:
+    """Run the Python that runs nox: that of ``.venv``."""
+    session.run(sys.executable, *arguments, external=True)
+
+
+@nox.session(venv_backend="none")
+def tests(session: nox.Session) -> None:
+    """Unit tests and the examples in docstrings, with the pinned OpenCV."""
+    run(session, *UNIT_TESTS, *session.posargs)
+
+
+@nox.session(name="test-opencv4")
+def tests_opencv4(session: nox.Session) -> None:
+    """Tests of what calls OpenCV, with the oldest OpenCV; all else comes from ``.venv``."""
+    session.install("--no-deps", OPENCV4)
+    where = "import sysconfig; print(sysconfig.get_path('purelib'), end='')"
+    own = Path(str(session.run("python", "-c", where, silent=True)))
+    shared = subprocess.check_output([sys.executable, "-c", where], text=True)
+    (own / "shared.pth").write_text(f"import site; site.addsitedir({shared!r})\n", encoding="utf-8")
+    expected = {"STEREOLIB_EXPECT_OPENCV": OPENCV4.partition("==")[2]}
+    session.run("python", *OPENCV_TESTS, *session.posargs, env=expected)
+
+
+@nox.session(venv_backend="none")
+def notebooks(session: nox.Session) -> None:
+    """Every notebook again, its checked outputs and tables compared with the committed ones."""
+    run(session, "tests/run_notebooks.py")
+
+
+@nox.session(python=PYTHONS, default=False)
+@nox.parametrize("opencv", [nox.param(OPENCV4, id="opencv4"), nox.param(OPENCV5, id="opencv5")])
+def matrix(session: nox.Session, opencv: str) -> None:
+    """Unit tests in an environment of their own: each Python with each OpenCV."""
+    pins = Path(session.create_tmp()) / "requirements.txt"
+    pins.write_text(re.sub(r"^opencv-.*$", opencv, PINS.read_text(encoding="utf-8"), flags=re.MULTILINE))
+    session.install("-r", str(pins))
+    session.install("--no-deps", "--no-build-isolation", "-e", ".")
+    session.run("python", *UNIT_TESTS, *session.posargs)
+
+
+@nox.session(default=False, reuse_venv=False)
+def wheel(session: nox.Session) -> None:
+    """Install the package as a user does, with whatever versions come, and try it away from the repository."""
+    session.install(".")
+    session.run("python", str(ROOT / "tests" / "support" / "try_package.py"), session.create_tmp())
+
+
+@nox.session(venv_backend="none", default=False)
+def lint(session: nox.Session) -> None:
+    """All checks, also those after one that failed."""
+    failed = [check for check in CHECKS if subprocess.call(command(check), cwd=ROOT)]
+    if failed:
+        session.error(f"failed: {', '.join(failed)}")
+
+
+@nox.session(name="format", venv_backend="none", default=False)
+def format_(session: nox.Session) -> None:
+    """Let ruff mend what it can and lay out the rest."""
+    run(session, "-m", "ruff", "check", "--fix", "--exit-zero")
+    run(session, "-m", "ruff", "format")
+
+
+@nox.session(venv_backend="none", default=False)
+def bench(session: nox.Session) -> None:
+    """Every ``benchmarks/bench_*.py``."""
+    for script in sorted((ROOT / "benchmarks").glob("bench_*.py")):
+        run(session, str(script), *session.posargs)
+
+
+@nox.session(venv_backend="none", default=False)
+def pins(session: nox.Session) -> None:
+    """Compile ``requirements.txt``: one set for every platform and Python, the newest versions."""
+    one_set = ["--universal", "--python-version", "3.11", "--fork-strategy", "fewest"]
+    names_only = ["--no-annotate", "--no-header", "--quiet", "--output-file", str(PINS)]
+    versions = session.posargs or ["--upgrade"]  # or, of one package: --upgrade-package NAME
+    run(session, "-m", "uv", "pip", "compile", "pyproject.toml", "--all-extras", *one_set, *names_only, *versions)

@@ -205,7 +205,9 @@ def write_atomic(path: str | PathLike[str], data: bytes | str) -> Path:
     """
     path = Path(path)
     payload = data.encode("utf-8") if isinstance(data, str) else data
-    _make_place(path)
+    if path.is_dir():
+        raise ValueError(f"{path}: is a folder; name a file to write")
+    path.parent.mkdir(parents=True, exist_ok=True)
     if path.exists() and not path.is_file():
         with os.fdopen(_open_to_write(path), "wb") as stream:
             stream.write(payload)
@@ -226,33 +228,30 @@ def write_atomic(path: str | PathLike[str], data: bytes | str) -> Path:
 
 
 def check_target(path: str | PathLike[str]) -> None:
-    """Find out before long work whether a file can be written; its folder is made where it is missing.
+    """Find out before long work whether a file can be written; nothing is made or left there.
 
     Parameters
     ----------
     path : path
-        Where a file is to be written later; nothing is left there.
+        Where a file is to be written later; folders above it may be missing.
 
     Raises
     ------
     ValueError
-        If it is a folder, or its folder cannot be made or written to; the text names it.
+        If it is a folder, or the nearest folder above it that exists cannot be written to; the text names it.
     """
     path = Path(path)
-    try:
-        _make_place(path)
-        if not path.exists() or path.is_file():
-            probe = Path(os.path.realpath(path)).with_name(f".{path.name[:100]}.{secrets.token_hex(4)}")
-            probe.open("xb").close()
-            probe.unlink()
-    except OSError as error:
-        raise ValueError(f"{path}: cannot be written ({error.strerror or error}); choose another place") from None
-
-
-def _make_place(path: Path) -> None:
     if path.is_dir():
         raise ValueError(f"{path}: is a folder; name a file to write")
-    path.parent.mkdir(parents=True, exist_ok=True)
+    if path.exists() and not path.is_file():
+        return
+    folder = next(above for above in Path(os.path.abspath(path)).parents if above.exists())
+    probe = folder / f".{path.name[:100]}.{secrets.token_hex(4)}"
+    try:
+        probe.open("xb").close()
+        probe.unlink()
+    except OSError as error:
+        raise ValueError(f"{path}: cannot be written ({error.strerror or error}); choose another place") from None
 
 
 def _open_to_write(path: Path) -> int:

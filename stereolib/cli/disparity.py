@@ -1,4 +1,4 @@
-"""The command from a pair of pictures to a disparity map: ``stereolib disparity``."""
+"""The command ``stereolib disparity``: from a pair of pictures to a disparity map."""
 
 from __future__ import annotations
 
@@ -8,7 +8,11 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from stereolib.cli.command import Command
+from stereolib.cli.errors import DONE
+from stereolib.cli.outputs import check_ending, check_outputs
 
+_OUT = """(H, W) float32, px, NaN invalid; a picture goes beside it, and from `best` NPY_std.npy, the standard deviation
+in px as measured on virtual scenes: up to 3 where matched, 9 and more where filled by a guess"""
 _OPTIONS = {
     "looks for a multiple of 16 disparities, got": "needs a --max-disparity that is a multiple of 16, got",
     "looks for a multiple of 32 disparities, got": "needs a --max-disparity that is a multiple of 32, got",
@@ -18,26 +22,19 @@ _OPTIONS = {
 }
 
 
-def _disparity_arguments(parser: argparse.ArgumentParser) -> None:
+def _configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("left", type=Path, metavar="LEFT", help="picture of the left camera")
     parser.add_argument("right", type=Path, metavar="RIGHT", help="picture of the right camera")
-    parser.add_argument(
-        "--calibration", type=Path, metavar="FILE", help="rig as StereoRig.save writes it; without it the pair is "
-        "taken as rectified",
-    )  # fmt: skip
+    parser.add_argument("--calibration", type=Path, metavar="FILE", help="calibration.json; default: a rectified pair")
     parser.add_argument("--pipeline", default="best", metavar="NAME", help="paper, fast or best (default: best)")
     parser.add_argument(
         "--max-disparity", type=int, default=128, metavar="N", help="px, a multiple of 16, of 32 for fast (128)"
     )
-    parser.add_argument(
-        "--out", type=Path, default=Path("disparity.npy"), metavar="NPY",
-        help="(H, W) float32, px, NaN invalid; a picture goes beside it, and from `best` NPY_std.npy, the standard "
-        "deviation in px as measured on virtual scenes: up to 3 where matched, 9 and more where filled by a guess",
-    )  # fmt: skip
+    parser.add_argument("--out", type=Path, default=Path("disparity.npy"), metavar="NPY", help=_OUT)
     parser.add_argument("--force", action="store_true", help="replace the files if they are there")
 
 
-def _disparity(arguments: argparse.Namespace) -> int:
+def _run(arguments: argparse.Namespace) -> int:
     import io
 
     import cv2
@@ -51,12 +48,10 @@ def _disparity(arguments: argparse.Namespace) -> int:
     with _named_as_options():
         run = stereo_pipeline(arguments.pipeline, arguments.max_disparity)
     out = arguments.out
-    if out.suffix != ".npy":
-        raise ValueError(f"--out {out}: the map is written as .npy, name the file so")
+    check_ending(out, ".npy", "the map (--out)")
     picture, deviation = out.with_suffix(".png"), out.with_name(f"{out.stem}_std.npy")
-    for path in (out, picture, *([deviation] if arguments.pipeline == "best" else [])):
-        if path.exists() and not arguments.force:
-            raise FileExistsError(f"{path} exists and is not overwritten: name another with --out, or pass --force")
+    written = [out, picture, *([deviation] if arguments.pipeline == "best" else [])]
+    check_outputs(written, force=arguments.force, option="--out")
     pair = read_pair(arguments.left, arguments.right)
     check_told(*pair, (str(arguments.left), str(arguments.right)))
     if arguments.calibration:
@@ -78,7 +73,7 @@ def _disparity(arguments: argparse.Namespace) -> int:
     shown = colored(found.disparity_px, low, max(high, low + 1))
     write_atomic(picture, cv2.imencode(".png", shown)[1].tobytes())
     print(f"{out}: {100 * valid.mean():.1f} % of the pixels matched, disparities {low:.1f} to {high:.1f} px")
-    return 0
+    return DONE
 
 
 @contextmanager
@@ -97,6 +92,6 @@ DISPARITY = Command(
     "disparity",
     "match a pair of pictures and write its disparity map",
     "stereolib disparity left.png right.png --pipeline best --max-disparity 96 --out d.npy",
-    _disparity,
-    _disparity_arguments,
+    _run,
+    _configure,
 )

@@ -9,14 +9,16 @@ from pathlib import Path
 from typing import Any
 
 from stereolib.cli.command import Command
+from stereolib.cli.errors import DONE, INTERRUPTED
+from stereolib.cli.outputs import check_ending, check_outputs
 
 
-def _lrf_info_arguments(parser: argparse.ArgumentParser) -> None:
+def _configure_info(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("file", type=Path, metavar="FILE", help="raw bytes, as `lrf record` writes them")
     parser.add_argument("--json", action="store_true", help="print one JSON object")
 
 
-def _lrf_info(arguments: argparse.Namespace) -> int:
+def _info(arguments: argparse.Namespace) -> int:
     from stereolib import laser
 
     facts = laser.info(arguments.file)
@@ -26,26 +28,24 @@ def _lrf_info(arguments: argparse.Namespace) -> int:
         width = max(map(len, facts))
         for name, value in facts.items():
             print(f"{name:{width}}  {value:.4g}" if isinstance(value, float) else f"{name:{width}}  {value}")
-    return 0
+    return DONE
 
 
-def _lrf_show_arguments(parser: argparse.ArgumentParser) -> None:
+def _configure_show(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("source", metavar="FILE|PORT", help="a recording, or the port of a sensor or emulator")
     parser.add_argument("--turns", type=int, default=5, metavar="N", help="turns combined by the median (default: 5)")
     parser.add_argument("--output", type=Path, metavar="PNG", help="default: NAME.png in this folder")
     parser.add_argument("--force", action="store_true", help="replace the picture if it is there")
 
 
-def _lrf_show(arguments: argparse.Namespace) -> int:
+def _show(arguments: argparse.Namespace) -> int:
     from stereolib import laser, plotting
     from stereolib.base import write_atomic
     from stereolib.laser import serial_port
 
     output = arguments.output or Path(f"{Path(arguments.source).stem}.png")
-    if output.suffix != ".png":
-        raise ValueError(f"the picture is a PNG: name it so, not {output}")
-    if output.exists() and not arguments.force:
-        raise FileExistsError(f"{output} exists and is not overwritten: name another with --output, or pass --force")
+    check_ending(output, ".png", "the picture")
+    check_outputs([output], force=arguments.force, option="--output")
     if arguments.turns < 1:
         raise ValueError(f"--turns must be 1 or more, got {arguments.turns}")
     scan = laser.average(serial_port.take(arguments.source, arguments.turns))
@@ -54,17 +54,17 @@ def _lrf_show(arguments: argparse.Namespace) -> int:
     plotting.plot_scan_polar(scan.angles_rad, scan.ranges_mm, ax[0], title)
     write_atomic(output, plotting.save_figure(None, figure).data)
     print(f"{output}: {int((scan.count > 0).sum())} of 360 beams with a reading, {scan.speed_rpm:.0f} turns a minute")
-    return 0
+    return DONE
 
 
-def _lrf_record_arguments(parser: argparse.ArgumentParser) -> None:
+def _configure_record(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("port", metavar="PORT", help="for example /dev/ttyUSB0, COM3 or socket://127.0.0.1:4000")
     parser.add_argument("file", type=Path, metavar="FILE", help="what to write; FILE.json beside it has the notes")
     parser.add_argument("--seconds", type=float, default=float("inf"), metavar="S", help="default: until Ctrl-C")
     parser.add_argument("--force", action="store_true", help="replace a recording that is there")
 
 
-def _lrf_record(arguments: argparse.Namespace) -> int:
+def _record(arguments: argparse.Namespace) -> int:
     from stereolib.laser import serial_port
 
     def live(state: dict[str, Any]) -> None:
@@ -79,15 +79,15 @@ def _lrf_record(arguments: argparse.Namespace) -> int:
     )
     print(file=sys.stderr)
     print(f"{arguments.file}: {notes['bytes']} bytes; ended: {notes['ended']}")
-    return 0
+    return DONE
 
 
-def _lrf_replay_arguments(parser: argparse.ArgumentParser) -> None:
+def _configure_replay(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("file", type=Path, metavar="FILE", help="a recording")
     parser.add_argument("--link", choices=("auto", "pty", "socket"), default="auto", help="what to serve it on")
 
 
-def _lrf_replay(arguments: argparse.Namespace) -> int:
+def _replay(arguments: argparse.Namespace) -> int:
     from stereolib import laser
     from stereolib.virtual import emulator
 
@@ -95,7 +95,7 @@ def _lrf_replay(arguments: argparse.Namespace) -> int:
     return _serve(emulator.replay(arguments.file.read_bytes()), arguments.link)
 
 
-def _lrf_emulate_arguments(parser: argparse.ArgumentParser) -> None:
+def _configure_emulate(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--scene", choices=("cube", "room"), default="cube", help="the cube in a room, or the room alone"
     )
@@ -114,7 +114,7 @@ def _lrf_emulate_arguments(parser: argparse.ArgumentParser) -> None:
         parser.add_argument(f"--{name}", type=float, metavar="X", help=what)
 
 
-def _lrf_emulate(arguments: argparse.Namespace) -> int:
+def _emulate(arguments: argparse.Namespace) -> int:
     from dataclasses import fields
 
     import numpy as np
@@ -140,44 +140,47 @@ def _serve(schedule: Any, link: Any) -> int:
             while not served.wait(0.5):
                 pass
         except KeyboardInterrupt:
-            return 130
-    return 0
+            return INTERRUPTED
+    return DONE
 
 
-LRF_COMMANDS = (
+_COMMANDS = (
     Command(
         "info",
         "say what a recording holds",
         "stereolib lrf info room.bin --json",
-        _lrf_info,
-        _lrf_info_arguments,
+        _info,
+        _configure_info,
     ),
     Command(
         "show",
         "draw the polar picture of a recording or of a sensor",
         "stereolib lrf show /dev/ttyUSB0 --output room.png",
-        _lrf_show,
-        _lrf_show_arguments,
+        _show,
+        _configure_show,
     ),
     Command(
         "record",
         "write the raw bytes of a sensor to a file, as they come",
         "stereolib lrf record /dev/ttyUSB0 room.bin --seconds 10",
-        _lrf_record,
-        _lrf_record_arguments,
+        _record,
+        _configure_record,
     ),
     Command(
         "replay",
         "play a recording at its true rate onto a port of this machine",
         "stereolib lrf replay room.bin",
-        _lrf_replay,
-        _lrf_replay_arguments,
+        _replay,
+        _configure_replay,
     ),
     Command(
         "emulate",
         "be an XV-11 in the virtual room, on a port of this machine",
         "stereolib lrf emulate --scene cube --lost-byte-rate 0.001",
-        _lrf_emulate,
-        _lrf_emulate_arguments,
+        _emulate,
+        _configure_emulate,
     ),
+)
+LRF = Command(
+    "lrf", "read, record, replay or emulate the laser range finder", "stereolib lrf emulate", commands=_COMMANDS
 )

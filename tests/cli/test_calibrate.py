@@ -18,7 +18,8 @@ import pytest
 from stereolib.base import datasets
 from stereolib.calibration import LENS_MODELS, Charuco, wording
 from stereolib.cli import commands
-from stereolib.cli.calibrate import CALIBRATE, pair_files, parse_board
+from stereolib.cli.boards import pair_files, parse_board
+from stereolib.cli.calibrate import CALIBRATE
 from stereolib.paper import paper_rig
 from stereolib.plotting import calibration_report
 from stereolib.rig import Camera, formats

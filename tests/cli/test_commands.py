@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import hashlib
+import os
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence
@@ -63,7 +64,19 @@ def test_wrong_words_are_refused(words: list[str], capsys: pytest.CaptureFixture
     ("error", "code", "line"),
     [
         (ValueError("three\nlines  of text"), 2, "stereolib: error: three lines of text\n"),
-        (FileNotFoundError(2, "No such file", "left.png"), 2, "stereolib: error: [Errno 2] No such file: 'left.png'\n"),
+        (FileNotFoundError(2, "No such file", "left.png"), 2, "stereolib: error: left.png: No such file\n"),
+        (FileExistsError("d.npy would be overwritten"), 2, "stereolib: error: d.npy would be overwritten\n"),
+        (
+            ModuleNotFoundError("no", name="trimesh.x"),
+            2,
+            'stereolib: error: this needs trimesh.x: pip install "stereolib[notebooks]"\n',
+        ),
+        (
+            MemoryError(),
+            2,
+            "stereolib: error: too little memory, none is left: try smaller pictures, close other programs\n",
+        ),
+        (ValueError("bad \udcff name"), 2, "stereolib: error: bad \\udcff name\n"),
         (ValueError(), 2, "stereolib: error: ValueError\n"),
         (KeyboardInterrupt(), 130, "stereolib: interrupted; all is kept\n"),
     ],
@@ -82,6 +95,16 @@ def test_errors_are_one_line(
     monkeypatch.setattr(commands, "COMMANDS", (command,))
     assert commands.main(["fail"]) == code
     assert capsys.readouterr().err == line
+
+
+@pytest.mark.skipif(os.name == "nt", reason="pipes break otherwise there")
+def test_nobody_reading_is_no_error() -> None:
+    reading, writing = os.pipe()
+    os.close(reading)
+    command = [sys.executable, "-m", "stereolib", "data", "verify"]
+    done = subprocess.run(command, cwd=datasets.ROOT, stdout=writing, stderr=subprocess.PIPE, check=False)
+    os.close(writing)
+    assert (done.returncode, done.stderr) == (0, b"")
 
 
 def test_a_fault_of_ours_keeps_its_traceback(monkeypatch: pytest.MonkeyPatch) -> None:

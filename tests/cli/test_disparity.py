@@ -81,7 +81,7 @@ def test_refuses(pair, tmp_path, monkeypatch, capsys, words, text):
 def test_keeps_what_is_there(pair, tmp_path, capsys):
     (tmp_path / "d.png").write_bytes(b"mine")
     assert run(*pair, "--pipeline", "fast", "--out", tmp_path / "d.npy") == 2
-    assert "d.png exists" in capsys.readouterr().err
+    assert "d.png would be overwritten" in capsys.readouterr().err
     assert not (tmp_path / "d.npy").exists()
     assert run(*pair, "--pipeline", "fast", "--out", tmp_path / "d.npy", "--force") == 0
     assert (tmp_path / "d.png").read_bytes() != b"mine"

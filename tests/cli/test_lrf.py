@@ -49,7 +49,7 @@ def test_show_draws_a_picture_and_keeps_one_that_is_there(tmp_path: Path, capsys
     assert (drawn < 250).any(axis=2).mean() > 0.01
     before = picture.read_bytes()
     assert commands.main(["lrf", "show", ROOM, "--output", str(picture)]) == 2
-    assert "is not overwritten" in capsys.readouterr().err
+    assert "would be overwritten" in capsys.readouterr().err
     assert picture.read_bytes() == before
 
 

@@ -181,7 +181,7 @@ def test_command_prints_json_and_draws(files, capsys):
         assert cube[f"{name}_mm"] == pytest.approx(300, abs=3) and 0 < cube[f"{name}_std_mm"] < 3
     assert cube["volume_l"] == pytest.approx(27, abs=0.6) and cube["shape"] == "box"
     assert cv2.imread(str(files / "out.png")).shape == (480, 640, 3)
-    assert run(files) == 2 and "is not overwritten" in capsys.readouterr().err
+    assert run(files) == 2 and "would be overwritten" in capsys.readouterr().err
     assert run(files, "--force") == 0 and "± one standard deviation" in capsys.readouterr().out
 
 

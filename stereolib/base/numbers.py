@@ -1,0 +1,32 @@
+"""Numbers as people read them."""
+
+from __future__ import annotations
+
+import math
+
+
+def plus_minus(value: float, std: float) -> str:
+    """Write a value with its standard deviation, the deviation to two digits and the value to as many decimals.
+
+    Parameters
+    ----------
+    value : float
+        NaN where it is not known.
+    std : float
+        In the same unit; 0 or NaN where it has none.
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> plus_minus(299.634, 0.1234), plus_minus(12345.6, 78.9), plus_minus(2.5, 0), plus_minus(float("nan"), 1)
+    ('299.63 ± 0.12', '12346 ± 79', '2.5', '?')
+    """
+    if not math.isfinite(value):
+        return "?"
+    if not (math.isfinite(std) and std > 0):
+        return f"{value:.6g}"
+    decimals = min(max(1 - math.floor(math.log10(std)), 0), 9)
+    return f"{round(value, decimals) + 0.0:.{decimals}f} ± {std:.{decimals}f}"  # + 0.0: never -0.00

@@ -1,0 +1,75 @@
+"""The commands ``stereolib data ...``: the recordings made, checked and fetched."""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+from pathlib import Path
+
+from stereolib.cli.command import Command
+from stereolib.cli.errors import DONE, REFUSED
+
+
+def _configure_build(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--output", type=Path, metavar="FOLDER", help="default: data/virtual")
+
+
+def _build(arguments: argparse.Namespace) -> int:
+    from stereolib.base import check_target, datasets
+    from stereolib.virtual import recordings
+
+    output = arguments.output or datasets.repository() / "data" / "virtual"
+    check_target(output / "SHA256SUMS")
+    recordings.build(output)
+    return DONE
+
+
+def _verify(arguments: argparse.Namespace) -> int:
+    from stereolib.base import datasets, read_text
+
+    sums = datasets.data_path("virtual/SHA256SUMS")
+    problems = []
+    for line in read_text(sums).splitlines():
+        known, name = line.split(maxsplit=1)
+        path = sums.parent / name.removeprefix("*")
+        if not path.is_file():
+            problems.append(f"{name} is missing")
+        elif hashlib.sha256(path.read_bytes()).hexdigest() != known:
+            problems.append(f"{name} differs from its sha256")
+    for problem in problems:
+        print(f"data/virtual/{problem}; restore it: git checkout -- data, or: stereolib data build")
+    if not problems:
+        print("every file of data/virtual is as its sha256 says")
+    return REFUSED if problems else DONE
+
+
+def _fetch(arguments: argparse.Namespace) -> int:
+    from stereolib.base import datasets
+
+    for folder in ("xv11", "minoru3d/left", "minoru3d/right"):
+        files = datasets.real_recordings(folder)
+        print(f"{files[0].parent}: {len(files)} files, sha256 as expected")
+    return DONE
+
+
+DATA = Command(
+    "data",
+    "make, check or fetch the recordings",
+    "stereolib data verify",
+    commands=(
+        Command(
+            "build",
+            "render the virtual rig's recordings again (some minutes)",
+            "stereolib data build",
+            _build,
+            _configure_build,
+        ),
+        Command("verify", "compare the committed recordings with their sha256", "stereolib data verify", _verify),
+        Command(
+            "fetch",
+            "download the real recordings, or find them in $STEREOLIB_DATA, and say where they are",
+            "stereolib data fetch",
+            _fetch,
+        ),
+    ),
+)

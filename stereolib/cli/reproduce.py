@@ -1,0 +1,48 @@
+"""The command ``stereolib reproduce``."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+
+from stereolib.cli.command import Command
+from stereolib.cli.errors import DONE, REFUSED
+
+
+def _configure(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("names", nargs="*", metavar="NAME", help="notebooks by number or name; default: all")
+    parser.add_argument("--jobs", type=int, default=2, metavar="N", help="notebooks at once (default: 2)")
+    outcome = parser.add_mutually_exclusive_group()
+    outcome.add_argument("--check", action="store_true", help="compare only; replace no file")
+    outcome.add_argument("--accept", action="store_true", help="replace the files although numbers changed")
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    from stereolib.reproduction import REPEAT_RTOL, NotebookError, reproduce
+
+    try:
+        changed = reproduce(names=arguments.names, jobs=arguments.jobs, check=arguments.check, accept=arguments.accept)
+    except NotebookError as error:
+        print(f"stereolib: failed, nothing was replaced\n{error}", file=sys.stderr)
+        return REFUSED
+    if not changed:
+        return DONE
+    print(f"\nchanged by more than {REPEAT_RTOL:.0%} or one unit of the last digit:", *changed, sep="\n  ")
+    if arguments.accept:
+        return DONE
+    print(
+        "The committed files are as they were; the new ones are in .staging/ until the next run.\n"
+        "If the change is meant: stereolib reproduce --accept",
+        file=sys.stderr,
+    )
+    return REFUSED
+
+
+REPRODUCE = Command(
+    "reproduce",
+    "execute the notebooks, redraw all figures, and hold every number against the paper's",
+    "stereolib reproduce 03 04 --check",
+    _run,
+    _configure,
+    interrupted="the committed files are as they were",
+)

@@ -72,9 +72,10 @@ def test_wrong_words_are_refused(words: list[str], capsys: pytest.CaptureFixture
             'stereolib: error: this needs trimesh.x: pip install "stereolib[notebooks]"\n',
         ),
         (
-            MemoryError(),
+            MemoryError("Unable to allocate 3 GiB"),
             2,
-            "stereolib: error: too little memory, none is left: try smaller pictures, close other programs\n",
+            "stereolib: error: too little memory (Unable to allocate 3 GiB): try smaller pictures, or close other "
+            "programs\n",
         ),
         (ValueError("bad \udcff name"), 2, "stereolib: error: bad \\udcff name\n"),
         (ValueError(), 2, "stereolib: error: ValueError\n"),

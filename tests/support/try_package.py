@@ -56,7 +56,7 @@ def main(folder: Path) -> None:
 
     for side in ("left", "right"):
         (folder / side).mkdir()
-        for board in sorted((VIRTUAL / "boards").glob(f"*_{side}.jpg"))[:10]:
+        for board in sorted((VIRTUAL / "boards").glob(f"*_{side}.jpg"))[:6]:
             shutil.copy(board, folder / side / board.name.replace(f"_{side}", ""))
     stereolib(folder, "calibrate", "left", "right", "--board", "9x6", "--square-mm", "25", "--output", "rig")
     assert (folder / "rig" / "calibration.json").is_file() and (folder / "rig" / "report.html").is_file()

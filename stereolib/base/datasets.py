@@ -7,6 +7,8 @@ from functools import cache
 from pathlib import Path
 from threading import Thread
 
+from stereolib.base.files import read_text
+
 ROOT = Path(__file__).resolve().parents[2]  # the repository, in a checkout
 _PACKAGED = ROOT / "stereolib" / "data"  # made by the build: a checkout has data/ instead
 INSTALLED = _PACKAGED.is_dir()
@@ -24,15 +26,29 @@ class NotAvailable(OSError):
 
 
 def data_path(name: str) -> Path:
-    """Path of a data file of the repository, for example ``data_path("paper/published.toml")``.
+    """Find a data file of the repository.
 
-    Looked for in the checkout's ``data/`` or, of an installed package, in the few files that it holds and then in the
-    folder named by ``STEREOLIB_DATA``.
+    It is looked for in the checkout's ``data/`` or, of an installed package, in the few files that it holds and then in
+    the folder named by ``STEREOLIB_DATA``.
+
+    Parameters
+    ----------
+    name : str
+        Its path below ``data/``.
+
+    Returns
+    -------
+    Path
 
     Raises
     ------
     ValueError
         If the file is not there; the text says how to get it.
+
+    Examples
+    --------
+    >>> data_path("paper/published.toml").name
+    'published.toml'
     """
     own = os.environ.get("STEREOLIB_DATA")
     folders = [_PACKAGED, *([Path(own)] if own else [])] if INSTALLED else [ROOT / "data"]
@@ -51,7 +67,11 @@ def data_path(name: str) -> Path:
 
 
 def repository() -> Path:
-    """Folder of the checkout, for what works on the repository itself.
+    """Find the checkout, for what works on the repository itself.
+
+    Returns
+    -------
+    Path
 
     Raises
     ------
@@ -64,9 +84,13 @@ def repository() -> Path:
 
 
 def figures_dir() -> Path:
-    """Folder that figures and tables are written to: ``$STEREOLIB_FIGURES``, else ``figures/``.
+    """Find, and make, the folder that figures and tables are written to.
 
-    That is the repository's or, of an installed package, one in the current folder.
+    Returns
+    -------
+    Path
+        ``$STEREOLIB_FIGURES``, else the repository's ``figures/`` or, of an installed package, one in the current
+        folder.
     """
     path = Path(os.environ.get("STEREOLIB_FIGURES") or (Path.cwd() if INSTALLED else ROOT) / "figures")
     path.mkdir(parents=True, exist_ok=True)
@@ -74,9 +98,9 @@ def figures_dir() -> Path:
 
 
 def real_recording(name: str, timeout_s: float = 4.0) -> Path:
-    """Path of one recording made by others, fetched on first use.
+    """Find one recording made by others, fetched on first use.
 
-    Looked for in the folder named by ``STEREOLIB_DATA``, then in the user's cache, then downloaded from the
+    It is looked for in the folder named by ``STEREOLIB_DATA``, then in the user's cache, then downloaded from the
     pinned commit; wherever it came from, its sha256 is checked.
 
     Parameters
@@ -85,6 +109,10 @@ def real_recording(name: str, timeout_s: float = 4.0) -> Path:
         For example ``"xv11/hand_in_box.txt"`` or ``"minoru3d/left/1.jpg"``.
     timeout_s : float
         Longest wait for the network to answer, s.
+
+    Returns
+    -------
+    Path
 
     Raises
     ------
@@ -136,9 +164,18 @@ def real_recording(name: str, timeout_s: float = 4.0) -> Path:
 
 
 def real_recordings(folder: str) -> list[Path]:
-    """Paths of all recordings of a folder such as ``"minoru3d/left"``, in the order of their numbers.
+    """Find all recordings of a folder, in the order of their numbers.
 
     The first one decides whether the network is there, so that an offline machine waits once.
+
+    Parameters
+    ----------
+    folder : str
+        For example ``"minoru3d/left"``.
+
+    Returns
+    -------
+    list of Path
 
     Raises
     ------
@@ -179,15 +216,23 @@ def _wait_for_answer(url: str, timeout_s: float) -> None:
 @cache
 def _registry() -> dict[str, str]:
     """sha256 by name, from ``data/real/SHA256SUMS``."""
-    lines = data_path("real/SHA256SUMS").read_text(encoding="utf-8").splitlines()
+    lines = read_text(data_path("real/SHA256SUMS")).splitlines()
     pairs = (line.split(maxsplit=1) for line in lines if line.strip())
     return {name.strip(): digest for digest, name in pairs}
 
 
 def available(folder: str) -> list[Path]:
-    """`real_recordings`, or an empty list and a printed line that says what is skipped and how to supply it.
+    """Find recordings as `real_recordings` does, or print that they are skipped: notebooks go on without them.
 
-    For notebooks, which go on without recordings that are not to be had.
+    Parameters
+    ----------
+    folder : str
+        For example ``"xv11"``.
+
+    Returns
+    -------
+    list of Path
+        Empty where they are not to be had; the line that is printed says how to supply them.
     """
     try:
         return real_recordings(folder)

@@ -73,7 +73,24 @@ def read_bytes(path: str | PathLike[str], *, limit_bytes: int = LIMIT_BYTES, sil
 
 
 def read_text(path: str | PathLike[str], *, limit_bytes: int = TEXT_LIMIT_BYTES) -> str:
-    """Read a text file in UTF-8, with or without a byte order mark; raises as `read_bytes`."""
+    """Read a text file in UTF-8, with or without a byte order mark.
+
+    Parameters
+    ----------
+    path : path
+    limit_bytes : int
+        The most that is read, bytes.
+
+    Returns
+    -------
+    str
+        With ``\\n`` at the end of lines.
+
+    Raises
+    ------
+    ValueError
+        As `read_bytes`; or it is not in UTF-8.
+    """
     try:
         return read_bytes(path, limit_bytes=limit_bytes).decode("utf-8-sig").replace("\r\n", "\n")
     except UnicodeDecodeError as error:
@@ -164,10 +181,23 @@ def read_yaml(path: str | PathLike[str]) -> Any:
 def check_nesting(text: str) -> None:
     """Refuse brackets or XML tags nested more than `NESTING` deep: parsers that call themselves run out of stack.
 
+    Parameters
+    ----------
+    text : str
+        JSON, flow YAML or XML.
+
     Raises
     ------
     ValueError
         If they are.
+
+    Examples
+    --------
+    >>> check_nesting('{"a": [1, [2, 3]]}')
+    >>> check_nesting("[" * 100)
+    Traceback (most recent call last):
+    ...
+    ValueError: nested more than 64 deep
     """
     depth = 0
     for match in _BRACKETS.finditer(text):

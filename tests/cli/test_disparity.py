@@ -124,7 +124,7 @@ def test_refuses_exchanged_and_missing_pictures(pair, tmp_path, capsys):
     assert run(*pair[::-1], "--out", out) == 2
     assert "left and right are exchanged" in capsys.readouterr().err
     assert run(pair[0], tmp_path / "none.png", "--out", out) == 2
-    assert "none.png: no such image file" in capsys.readouterr().err
+    assert "none.png: no such file" in capsys.readouterr().err
     assert not out.exists()
 
 

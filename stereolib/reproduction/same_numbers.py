@@ -105,6 +105,11 @@ def compare_tables(committed_dir: Path, fresh_dir: Path, complete: bool = True) 
     -------
     list of str
         One line for each number or word that changed beyond the repeat tolerance; empty when none did.
+
+    Examples
+    --------
+    >>> compare_tables(Path("a/folder/without/tables"), Path("another"))
+    []
     """
     changed = []
     for committed in [committed_dir / "ledger.csv", *sorted((committed_dir / "tables").glob("*.csv"))]:

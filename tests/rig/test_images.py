@@ -55,8 +55,8 @@ def test_a_header_that_claims_a_giant_is_refused_before_it_is_decoded(tmp_path, 
         read_image(tmp_path / "giant.png")
 
 
-def test_a_format_that_only_opencv_knows_is_read(tmp_path, picture):
-    """Sun raster: Pillow reads it only in part."""
+def test_a_format_that_pillow_does_not_know_goes_to_opencv(tmp_path, picture):
+    """Radiance's HDR: decoded, and refused for its samples only."""
     path = written(tmp_path / "a.hdr", picture)
     with pytest.raises(ValueError, match="float32 samples"):
         read_image(path)

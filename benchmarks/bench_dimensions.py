@@ -114,7 +114,7 @@ def errors(thing: MeasuredObject | None, shot: Shot) -> dict[str, tuple[float, f
 
 def paper_error_pct(shot: Shot, rectified: RectifiedRig) -> float:
     """Error of the height that the paper's recipe reads, %: SGBM, 53 rows, 0.116 cm/px; NaN where it reads nothing."""
-    rows, scale = int(paper.value("height.constant_rows")), paper.value("scale.cm_per_px")
+    rows, scale = int(paper.printed_value("height.constant_rows")), paper.printed_value("scale.cm_per_px")
     left, right = rectified.rectify(shot.left, shot.right)
     disparity = compute_disparity(left, right, SGBMParams(num_disparities=160, block_size=5))
     try:

@@ -95,7 +95,7 @@ def filters_ms() -> dict[str, float]:
     true = recordings.load_truth("conditions/poor_light")
     pair = recordings.rectified().rectify(*recordings.load_pair("conditions/poor_light"))
     one = {"poor_light": filter_comparison.case(pair, true.disparity_px, true.visible & (true.box == 1), true.box == 1)}
-    tables = [filter_comparison.measure(one, cm_per_px=paper.value("scale.cm_per_px")) for _ in range(3)]
+    tables = [filter_comparison.measure(one, cm_per_px=paper.printed_value("scale.cm_per_px")) for _ in range(3)]
     return {m: round(min(t["time_ms"][k] for t in tables), 1) for k, m in enumerate(tables[0]["method"])}
 
 

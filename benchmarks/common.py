@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from stereolib.base import ROOT, figures_dir, write_atomic
-from stereolib.reproduction import report
+from stereolib.reproduction import update_readme_tables
 
 RESULTS = Path(__file__).parent / "results"
 
@@ -48,7 +48,7 @@ def save(name: str, result: dict[str, Any]) -> None:
     text = json.dumps({**result, "machine": machine, "versions": versions}, indent=1)
     write_atomic(RESULTS / f"{name}.json", text + "\n")
     print(f"{name}: {json.dumps(result)}")
-    report.update_readme(ROOT / "README.md", figures_dir(), RESULTS)
+    update_readme_tables(ROOT / "README.md", figures_dir(), RESULTS)
 
 
 def _processor() -> str:

@@ -2,7 +2,7 @@
 
 Each variant clones the last commit into a folder of its own, executes all notebooks there with other kernels of
 OpenBLAS, numpy or OpenCV, and its `figures/` and `notebooks/` are held against the baseline's, byte by byte. A variant
-replaces what `stereolib.notebooks.kernel_environment` would pin. Only what this processor can do is tried.
+replaces what `stereolib.reproduction.kernels` would pin. Only what this processor can do is tried.
 """
 
 from __future__ import annotations

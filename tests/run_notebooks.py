@@ -11,8 +11,9 @@ import tempfile
 from pathlib import Path
 
 from stereolib.base import datasets
-from stereolib.reproduction import compare_tables, report
-from stereolib.reproduction.execution import CELL_TIMEOUT_S, INDEX, kernel_environment
+from stereolib.reproduction import build_report, compare_tables
+from stereolib.reproduction.execution import CELL_TIMEOUT_S, INDEX
+from stereolib.reproduction.kernels import kernel_environment
 from stereolib.reproduction.regenerate import find_notebooks
 
 OUTER_TIMEOUT_S = 600.0
@@ -48,7 +49,7 @@ def main() -> int:
         code |= run_nbval([path for path in paths if path.stem == INDEX], figures_dir)
         if code:
             return code
-        report.build(figures_dir)
+        build_report(figures_dir)
         changed = compare_tables(datasets.ROOT / "figures", figures_dir)
     print(*changed, sep="\n", end="\n" if changed else "")
     print(f"figures/: {len(changed)} committed numbers changed beyond the repeat tolerance")

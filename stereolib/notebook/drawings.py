@@ -25,7 +25,7 @@ def draw_verdicts(verdict: str) -> tuple[Array, str]:
     """Notebook 00: how many rows of each notebook got a verdict."""
     from stereolib.plotting import panels, picture_of, plot_bars
 
-    rows = paper.recorded()
+    rows = paper.recorded_rows()
     chosen = rows[rows["verdict"] == verdict]
     figure, axes = panels(1, width_in=7, aspect=0.45)
     counts = chosen["notebook"].value_counts(sort=False).sort_index()
@@ -140,7 +140,7 @@ def draw_recipe(set_up: str, rows: int, tolerance_px: float, dilate_px: int) -> 
 
     left, right = recordings.rectified().rectify(*recordings.load_pair(f"conditions/{_RECORDED[set_up]}"))
     found = height_by_maximum(
-        compute_disparity(left, right, SGBMParams(128)), paper.value("scale.cm_per_px"), rows,
+        compute_disparity(left, right, SGBMParams(128)), paper.printed_value("scale.cm_per_px"), rows,
         tolerance_px=tolerance_px, dilate_px=dilate_px,
     )  # fmt: skip
     picture = _marked(left, found)
@@ -164,8 +164,8 @@ def draw_heights(distance_mm: float, yaw_deg: float, lateral_mm: float, height_m
     left, right = (_cube(*where, side, lateral_mm, height_mm) for side in ("left", "right"))
     tolerance = view.disparity_foot_px - view.disparity_top_px + 2  # SGBM's scatter with one ray a pixel
     recipe = height_by_maximum(
-        compute_disparity(left, right, SGBMParams(160)), paper.value("scale.cm_per_px"),
-        paper.value("height.constant_rows"), tolerance_px=tolerance,
+        compute_disparity(left, right, SGBMParams(160)), paper.printed_value("scale.cm_per_px"),
+        paper.printed_value("height.constant_rows"), tolerance_px=tolerance,
     )  # fmt: skip
     attempt = attempt_height(left, right, rectified)
     figure, axes = panels(1, width_in=6.4)
@@ -201,7 +201,7 @@ def draw_width(distance_mm: float, yaw_deg: float, pitch_deg: float) -> tuple[Ar
     scales = [float(paper.cm_per_px_at(depth, f_px)) for depth in (view.depth_side_mm, near_mm)]
     text = f"{box.width} px wide; edge-on (yaw 45) {view.width_px:.0f} px are expected. One pixel stands for "
     text += f"{scales[0]:.4f} cm at the side corners and {scales[1]:.4f} cm at the near edge's foot; "
-    constant = paper.value("scale.cm_per_px")
+    constant = paper.printed_value("scale.cm_per_px")
     return picture, text + f"{constant} cm/px would read the width as {constant * box.width:.1f} cm"
 
 

@@ -6,10 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stereolib.base import Bools, Float64, Floats
 from stereolib.matching import dilate
 from stereolib.rig import RectifiedRig
 
-Array = np.ndarray
+_MM_PER_CM = 10.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,11 +30,11 @@ class HeightResult:
     height_px: int
     height_mm: float
     threshold_px: float
-    mask: Array
+    mask: Bools
 
 
 def height_by_maximum(
-    disparity_px: Array,
+    disparity_px: Floats,
     cm_per_px: float,
     constant_rows: int,
     *,
@@ -53,7 +54,11 @@ def height_by_maximum(
     tolerance_px : float
         How far below the maximum a disparity still counts.
     dilate_px : odd int
-        Side of the square kernel of the dilation before (`stereolib.smoothing.dilate`); 1 is none.
+        Side of the square kernel of the dilation before (`stereolib.matching.dilate`); 1 is none.
+
+    Returns
+    -------
+    HeightResult
 
     Raises
     ------
@@ -73,6 +78,13 @@ def height_by_maximum(
     - One bright speckle above the object is the maximum of everything.
     - The scale belongs to one depth. The paper's is that of the side corners; at the near edge it
       reads a quarter too much (`height_from_depth` does not).
+
+    Examples
+    --------
+    >>> disparity = np.full((8, 6), 10.0)
+    >>> disparity[2:6, 3] = 20.0
+    >>> height_by_maximum(disparity, cm_per_px=0.1, constant_rows=2).height_mm
+    4.0
     """
     disparity = _checked(disparity_px)
     rows = disparity.shape[0]
@@ -100,27 +112,31 @@ def height_by_maximum(
         disparity_px=float(disparity[top_row, column]),
         foot_row=foot_row,
         height_px=height_px,
-        height_mm=10.0 * cm_per_px * height_px,
+        height_mm=_MM_PER_CM * cm_per_px * height_px,
         threshold_px=float(maximum - tolerance_px),
         mask=mask,
     )
 
 
 def height_from_depth(
-    rectified: RectifiedRig, T_left_world: Array, column: float, row: float, disparity_px: float
+    rectified: RectifiedRig, T_left_world: Float64, column: float, row: float, disparity_px: float
 ) -> float:
-    """Height above the floor of what one pixel shows, from its own depth. mm.
+    """Height above the floor of what one pixel shows, from its own depth.
 
     Parameters
     ----------
     rectified : RectifiedRig
     T_left_world : (4, 4) array
-        Pose of the left camera over the floor (`stereolib.scale.rig_pose`).
+        Pose of the left camera over the floor (`rig_pose`).
     column, row : float, px
         In the rectified left image. The upper border of the top pixel is ``top_row - 0.5``, the foot's lower one
         ``foot_row - 0.5``.
-    disparity_px : float
-        There; NaN gives NaN.
+    disparity_px : float, px
+        At that pixel; NaN gives NaN.
+
+    Returns
+    -------
+    float, mm
 
     Raises
     ------
@@ -139,12 +155,24 @@ def height_from_depth(
     return float((T_left_world[:3, :3].T @ (left - T_left_world[:3, 3]))[2])
 
 
-def height_of_top(rectified: RectifiedRig, T_left_world: Array, found: HeightResult) -> float:
-    """`height_from_depth` of the pixel that `height_by_maximum` took for the top, at its upper border. mm."""
-    return height_from_depth(rectified, T_left_world, found.column, found.top_row - 0.5, found.disparity_px)
+def height_of_top(rectified: RectifiedRig, T_left_world: Float64, recipe: HeightResult) -> float:
+    """Height of the upper border of the pixel that `height_by_maximum` took for the top, from its own depth.
+
+    Parameters
+    ----------
+    rectified : RectifiedRig
+    T_left_world : (4, 4) array
+        Pose of the left camera over the floor (`rig_pose`).
+    recipe : HeightResult
+
+    Returns
+    -------
+    float, mm
+    """
+    return height_from_depth(rectified, T_left_world, recipe.column, recipe.top_row - 0.5, recipe.disparity_px)
 
 
-def _checked(disparity_px: Array) -> Array:
+def _checked(disparity_px: Floats) -> Float64:
     disparity = np.asarray(disparity_px)
     if disparity.ndim != 2 or disparity.size == 0:
         raise ValueError(f"the disparity must be (rows, columns), got shape {disparity.shape}")

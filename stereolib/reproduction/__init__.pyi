@@ -1,5 +1,16 @@
-from .execution import NotebookError, execute
-from .regenerate import REPEAT_RTOL, compare_tables, reproduce
-from .report import build, tally, update_readme
+from .execution import NotebookError, execute_notebooks
+from .readme_tables import update_readme_tables
+from .regenerate import reproduce
+from .report import build_report, count_verdicts
+from .same_numbers import REPEAT_RTOL, compare_tables
 
-__all__ = ["REPEAT_RTOL", "NotebookError", "build", "compare_tables", "execute", "reproduce", "tally", "update_readme"]
+__all__ = [
+    "REPEAT_RTOL",
+    "NotebookError",
+    "build_report",
+    "compare_tables",
+    "count_verdicts",
+    "execute_notebooks",
+    "reproduce",
+    "update_readme_tables",
+]

@@ -8,8 +8,6 @@ failure that names notebook, cell and error; a kernel that died or stalls gets o
 from __future__ import annotations
 
 import asyncio
-import os
-import platform
 import re
 import sys
 import tempfile
@@ -20,10 +18,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from stereolib.base import write_atomic
+from stereolib.base import read_text, write_atomic
+from stereolib.reproduction.kernels import kernel_environment
 
 CELL_TIMEOUT_S = 240.0
 NOTEBOOK_TIMEOUT_S = 600.0
+_TRACEBACK_LINES, _STDERR_CHARACTERS = 15, 500  # shown of a failure
 INDEX = "00_index"  # shows what all the others recorded, so it runs last
 
 _WIDGET_VIEW = "application/vnd.jupyter.widget-view+json"
@@ -37,23 +37,6 @@ _METADATA = {
         "pygments_lexer": "ipython3",
     },
 }
-# Notebooks run beside each other: each keeps to one thread, which also fixes the order of every sum.
-_ONE_THREAD = {
-    name: "1"
-    for name in (
-        "OMP_NUM_THREADS",
-        "OPENBLAS_NUM_THREADS",
-        "MKL_NUM_THREADS",
-        "VECLIB_MAXIMUM_THREADS",
-        "NUMEXPR_NUM_THREADS",
-    )
-}
-
-
-#: The kernels of OpenBLAS (numpy's, scipy's and the older one in OpenCV's wheel) that every processor with AVX2 has.
-_BLAS_KERNELS = "Haswell"
-_CV_CPU_AVX2 = 11  # OpenCV's number of it, for which Python has no name
-_BEYOND_AVX2 = ("X86_V4", "AVX512")  # how the names of numpy's wider kernels begin
 
 
 class NotebookError(RuntimeError):
@@ -69,45 +52,11 @@ class Limits:
     start_s: float = 60.0
 
 
-def _one_processor() -> dict[str, str]:
-    """Variables that let every x86-64 processor with AVX2 add up in the same order.
+def _nbformat() -> Any:
+    """The library that reads and writes notebooks; its functions have no types."""
+    import nbformat
 
-    What a processor lacks must not be switched off, as numpy warns of it, nor its kernels asked for: they would crash.
-    """
-    import cv2
-    import numpy as np
-
-    if platform.machine().lower() not in ("x86_64", "amd64") or not cv2.checkHardwareSupport(_CV_CPU_AVX2):
-        return {}
-    found = np.show_config(mode="dicts")["SIMD Extensions"].get("found", ())
-    wide = [name for name in found if name.startswith(_BEYOND_AVX2)]
-    return {"OPENBLAS_CORETYPE": _BLAS_KERNELS} | ({"NPY_DISABLE_CPU_FEATURES": " ".join(wide)} if wide else {})
-
-
-def kernel_environment(figures_dir: str | os.PathLike[str]) -> dict[str, str]:
-    """Environment variables of a kernel that draws into ``figures_dir``.
-
-    Parameters
-    ----------
-    figures_dir : path
-        Becomes ``STEREOLIB_FIGURES``.
-
-    Returns
-    -------
-    dict
-        This process's variables with one thread per kernel, a fixed hash seed and no back end of the user's, and on
-        x86-64 the arithmetic of a processor with AVX2, unless the user chose another (``OPENBLAS_CORETYPE``,
-        ``NPY_DISABLE_CPU_FEATURES``).
-    """
-    environ = _one_processor() | {name: value for name, value in os.environ.items() if name != "MPLBACKEND"}
-    environ |= _ONE_THREAD
-    environ |= {
-        "STEREOLIB_FIGURES": str(Path(figures_dir).resolve()),
-        "PYTHONHASHSEED": "0",
-        "OPENCV_FOR_THREADS_NUM": "1",  # its calibration adds up in the order in which threads come
-        "PYDEVD_DISABLE_FILE_VALIDATION": "1",
-    }
-    return environ
+    return nbformat
 
 
 def normalise(notebook: Any) -> Any:
@@ -123,9 +72,7 @@ def normalise(notebook: Any) -> Any:
         The same notebook: fixed kernel and language metadata, no widget views (the picture and the text that
         stand beside them stay for readers without a kernel), no times, and an id in every cell.
     """
-    from nbformat import from_dict
-
-    notebook.metadata = from_dict(_METADATA)
+    notebook.metadata = _nbformat().from_dict(_METADATA)
     notebook.nbformat_minor = max(notebook.nbformat_minor, 5)
     for number, cell in enumerate(notebook.cells):
         cell.setdefault("id", f"cell-{number:02d}")
@@ -139,17 +86,27 @@ def normalise(notebook: Any) -> Any:
 
 
 def failures(notebook: Any) -> list[str]:
-    """Say which executed cells raised or wrote to stderr: one text each, with the end of the traceback."""
-    found = []
+    """Say which executed cells raised or wrote to stderr.
+
+    Parameters
+    ----------
+    notebook : nbformat.NotebookNode
+
+    Returns
+    -------
+    list of str
+        One text for each of these cells, with the end of the traceback.
+    """
+    wrong = []
     for number, cell in enumerate(notebook.cells, start=1):
         place = f"cell {number} (In [{cell.get('execution_count')}])"
         for output in cell.get("outputs", []):
             if output.output_type == "error":
                 lines = _ANSI.sub("", "\n".join(output.traceback)).splitlines()
-                found.append("\n    ".join([f"{place}: {output.ename}: {output.evalue}", *lines[-15:]]))
+                wrong.append("\n    ".join([f"{place}: {output.ename}: {output.evalue}", *lines[-_TRACEBACK_LINES:]]))
             elif output.output_type == "stream" and output.name == "stderr":
-                found.append(f"{place} wrote to stderr: {output.text.strip()[:500]}")
-    return found
+                wrong.append(f"{place} wrote to stderr: {output.text.strip()[:_STDERR_CHARACTERS]}")
+    return wrong
 
 
 def _make_client(notebook: Any, cwd: Path, limits: Limits, advance: Callable[[], None]) -> Any:
@@ -193,10 +150,9 @@ def _make_client(notebook: Any, cwd: Path, limits: Limits, advance: Callable[[],
 
 async def _execute_once(source: Path, env: dict[str, str], limits: Limits, bar: Any) -> Any:
     """Execute one notebook in a new kernel; return it executed, with its errors as outputs."""
-    import nbformat
     from nbclient.exceptions import CellExecutionError, DeadKernelError
 
-    notebook = nbformat.read(source, as_version=4)
+    notebook = _nbformat().reads(read_text(source), as_version=4)
     for cell in notebook.cells:
         if cell.cell_type == "code":
             cell.outputs, cell.execution_count = [], None
@@ -235,16 +191,14 @@ async def _execute(source: Path, env: dict[str, str], limits: Limits, bar: Any) 
                     f"cell and {limits.notebook_s:g} s a notebook"
                 ) from error
             bar.write(f"{source.stem}: {what}; trying once more", file=sys.stderr)
-    found = failures(notebook)
-    if found:
-        raise NotebookError("\n".join(f"{source.name}, {line}" for line in found))
+    if wrong := failures(notebook):
+        raise NotebookError("\n".join(f"{source.name}, {line}" for line in wrong))
     return normalise(notebook)
 
 
 async def _execute_all(
     sources: Sequence[Path], target_dir: Path, env: dict[str, str], jobs: int, limits: Limits
 ) -> list[NotebookError]:
-    import nbformat
     from tqdm import tqdm
 
     slots = list(range(jobs))  # lines of the terminal that a progress bar may take
@@ -262,7 +216,7 @@ async def _execute_all(
                 errors.append(error)
                 bar.write(f"{source.stem:<24} FAILED", file=sys.stderr)
             else:
-                write_atomic(target_dir / source.name, nbformat.writes(notebook, indent=1) + "\n")
+                write_atomic(target_dir / source.name, _nbformat().writes(notebook, indent=1) + "\n")
                 seconds = time.perf_counter() - began
                 bar.write(f"{source.stem:<24} {seconds:6.1f} s", file=sys.stderr)
             finally:
@@ -279,7 +233,7 @@ async def _execute_all(
     return errors
 
 
-def execute(
+def execute_notebooks(
     sources: Sequence[Path],
     target_dir: Path,
     figures_dir: Path,

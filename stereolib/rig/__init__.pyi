@@ -1,8 +1,9 @@
 from .camera import Camera, distort
-from .formats import load, load_kalibr, load_opencv, load_ros, save_kalibr, save_opencv, save_ros
+from .formats import load_kalibr, load_opencv, load_rig, load_ros, save_kalibr, save_opencv, save_ros
 from .images import check_pair, read_image, read_pair, to_grey, to_light
-from .matlab_format import from_struct, to_struct
-from .stereo_rig import RectifiedRig, StereoRig, pose_left_world, rigid, skew
+from .matlab_format import from_matlab_struct, to_matlab_struct
+from .stereo_rig import RectifiedRig, StereoRig
+from .transforms import pose_left_world, rigid, skew
 
 __all__ = [
     "Camera",
@@ -10,10 +11,10 @@ __all__ = [
     "StereoRig",
     "check_pair",
     "distort",
-    "from_struct",
-    "load",
+    "from_matlab_struct",
     "load_kalibr",
     "load_opencv",
+    "load_rig",
     "load_ros",
     "pose_left_world",
     "read_image",
@@ -25,5 +26,5 @@ __all__ = [
     "skew",
     "to_grey",
     "to_light",
-    "to_struct",
+    "to_matlab_struct",
 ]

@@ -6,18 +6,25 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from stereolib.base import finite_array, set_frozen
+from stereolib.base import Float64, finite_array, set_frozen
 
-Array = np.ndarray
 _DIST_LENGTHS = (0, 4, 5, 8, 12, 14)
+_NEWTON_STEPS = 20  # four or five do far from the fold
+_START_INSIDE = 0.9  # of the fold radius: on it the Jacobian is singular
+_SETTLED = 1e-12  # step of ideal coordinates: a thousandth of a millionth of a pixel
+_MISS = 1e-7  # what a solution may miss its target by, ideal coordinates: 1e-4 px
+_LEAST_DETERMINANT = 1e-6  # a step at the fold stays finite
+_DESCENT_STEPS, _DESCENT = 40, 0.5  # along the fold circle, to the point nearest to a target beyond it
+_FOLD_RADII = np.linspace(0.0, 4.0, 8001)  # where a fold is searched for: up to 76 degrees off the axis
 
 
 @dataclass(frozen=True, eq=False)
 class Camera:
     """A pinhole with OpenCV's lens model.
 
-    Parameters
+    Attributes
     ----------
     K : (3, 3) array_like, px
         Camera matrix; pixel centres have integer coordinates.
@@ -31,8 +38,8 @@ class Camera:
         If a shape is wrong or a value is not finite.
     """
 
-    K: Array
-    dist: Array
+    K: Float64
+    dist: Float64
     size: tuple[int, int]
 
     def __post_init__(self) -> None:
@@ -47,25 +54,33 @@ class Camera:
         if self.K[0, 0] <= 0 or self.K[1, 1] <= 0:
             raise ValueError(f"focal lengths must be positive, got fx={self.K[0, 0]:g}, fy={self.K[1, 1]:g}")
 
-    def project(self, points_mm: Array) -> Array:
+    def project(self, points_mm: ArrayLike) -> Float64:
         """Pixels of points in the camera's own frame.
 
         Parameters
         ----------
-        points_mm : (N, 3) array, mm
+        points_mm : (N, 3) array_like, mm
             x right, y down, z forward. Points with z <= 0 come back as NaN.
 
         Returns
         -------
         (N, 2) float64, px
+
+        Examples
+        --------
+        >>> camera = Camera([[700, 0, 320], [0, 700, 240], [0, 0, 1]], [], (640, 480))
+        >>> camera.project([[100.0, 0.0, 1000.0], [0.0, 0.0, -1.0]])
+        array([[390., 240.],
+               [ nan,  nan]])
         """
         points = np.asarray(points_mm, float).reshape(-1, 3)
         with np.errstate(divide="ignore", invalid="ignore"):
             xy = np.where(points[:, 2:] > 0, points[:, :2] / points[:, 2:], np.nan)
         distorted, _ = distort(xy, self.dist)
-        return _tilted(distorted, self.dist) @ self.K[:2, :2].T + self.K[:2, 2]
+        pixels: Float64 = _tilted(distorted, self.dist) @ self.K[:2, :2].T + self.K[:2, 2]
+        return pixels
 
-    def rays(self, pixels: Array, *, clamp: bool = False) -> Array:
+    def rays(self, pixels: ArrayLike, *, clamp: bool = False) -> Float64:
         """Directions (x/z, y/z, 1) that the lens maps to these pixels, by Newton's method.
 
         A strong lens folds over: past some radius its image runs backwards, and pixels beyond the fold have no
@@ -73,7 +88,7 @@ class Camera:
 
         Parameters
         ----------
-        pixels : (N, 2) array, px
+        pixels : (N, 2) array_like, px
         clamp : bool
             Give pixels without a direction the one at the fold instead of NaN: what a renderer wants.
 
@@ -86,24 +101,30 @@ class Camera:
         -----
         Solves ``distort(x) = K^-1 u`` with ``x <- x - J^-1 (distort(x) - K^-1 u)``, the iterate kept inside the
         fold radius, where ``d(r g(r^2))/dr`` first vanishes.
+
+        Examples
+        --------
+        >>> camera = Camera([[700, 0, 320], [0, 700, 240], [0, 0, 1]], [0.1, 0.0, 0.0, 0.0], (640, 480))
+        >>> camera.project(camera.rays([[100.0, 50.0]])).round(6)
+        array([[100.,  50.]])
         """
-        pixels = np.asarray(pixels, float).reshape(-1, 2)
-        target = (pixels - self.K[:2, 2]) @ np.linalg.inv(self.K[:2, :2]).T
+        uv = np.asarray(pixels, float).reshape(-1, 2)
+        target = (uv - self.K[:2, 2]) @ np.linalg.inv(self.K[:2, :2]).T
         target = _tilted(target, self.dist, inverse=True)
         limit = self.fold_radius
-        xy = target * np.minimum(1.0, 0.9 * limit / np.maximum(np.hypot(*target.T), 1e-12))[:, None]
-        for _ in range(20):
+        xy = target * np.minimum(1.0, _START_INSIDE * limit / np.maximum(np.hypot(*target.T), 1e-12))[:, None]
+        for _ in range(_NEWTON_STEPS):
             value, jacobian = distort(xy, self.dist)
             determinant = jacobian[0] * jacobian[3] - jacobian[1] * jacobian[2]
-            determinant = np.where(np.abs(determinant) < 1e-6, 1e-6, determinant)
+            determinant = np.where(np.abs(determinant) < _LEAST_DETERMINANT, _LEAST_DETERMINANT, determinant)
             ex, ey = (value - target).T
             step = np.stack([jacobian[3] * ex - jacobian[1] * ey, jacobian[0] * ey - jacobian[2] * ex], 1)
             step /= determinant[:, None]
             xy = xy - step
             xy *= np.minimum(1.0, limit / np.maximum(np.hypot(*xy.T), 1e-12))[:, None]
-            if np.abs(step).max(initial=0.0) < 1e-12:
+            if np.abs(step).max(initial=0.0) < _SETTLED:
                 break
-        lost = ~(np.abs(distort(xy, self.dist)[0] - target).max(axis=1, initial=0.0) < 1e-7)
+        lost = ~(np.abs(distort(xy, self.dist)[0] - target).max(axis=1, initial=0.0) < _MISS)
         if lost.any():
             xy[lost] = _at_fold(target[lost], self.dist, limit) if clamp and np.isfinite(limit) else np.nan
         return np.column_stack([xy, np.ones(len(xy))])
@@ -113,20 +134,21 @@ class Camera:
         """Radius ``sqrt(x^2 + y^2)`` of ideal coordinates at which the radial model folds over; inf if it does not."""
         if not self.dist.any():
             return np.inf
-        r = np.linspace(0.0, 4.0, 8001)
-        x, _ = distort(np.column_stack([r, np.zeros_like(r)]), _radial_only(self.dist))
+        radial = np.pad(self.dist, (0, 14 - self.dist.size))
+        radial[[2, 3]] = radial[8:] = 0
+        x, _ = distort(np.column_stack([_FOLD_RADII, np.zeros_like(_FOLD_RADII)]), radial)
         falling = np.flatnonzero(np.diff(x[:, 0]) <= 0)
-        return float(r[falling[0]]) if falling.size else np.inf
+        return float(_FOLD_RADII[falling[0]]) if falling.size else np.inf
 
 
-def distort(xy: Array, dist: Array) -> tuple[Array, Array]:
+def distort(xy: ArrayLike, dist: ArrayLike) -> tuple[Float64, Float64]:
     """Ideal coordinates through the lens, and the Jacobian.
 
     Parameters
     ----------
-    xy : (N, 2) array
+    xy : (N, 2) array_like
         ``x/z, y/z``, no unit.
-    dist : (n,) array
+    dist : (n,) array_like
         OpenCV's order; the tilt of the 14-coefficient model is not applied here.
 
     Returns
@@ -141,6 +163,12 @@ def distort(xy: Array, dist: Array) -> tuple[Array, Array]:
     ``y' = y g + p1 (r2 + 2 y^2) + 2 p2 x y + s3 r2 + s4 r2^2`` with
     ``g = (1 + k1 r2 + k2 r2^2 + k3 r2^3) / (1 + k4 r2 + k5 r2^2 + k6 r2^3)``. The paper prints the tangential
     terms (section II.A) with ``2 x`` for ``2 x^2``: a misprint, the units would not agree.
+
+    Examples
+    --------
+    >>> distorted, _ = distort([[0.5, 0.0]], [0.1, 0.0, 0.0, 0.0])
+    >>> distorted
+    array([[0.5125, 0.    ]])
     """
     k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4 = np.pad(np.asarray(dist, float), (0, 14))[:12]
     x, y = np.asarray(xy, float).T
@@ -153,35 +181,24 @@ def distort(xy: Array, dist: Array) -> tuple[Array, Array]:
     yd = y * g + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y + r2 * (s3 + s4 * r2)
     prism_x, prism_y = 2 * (s1 + 2 * s2 * r2), 2 * (s3 + 2 * s4 * r2)
     cross = 2 * x * y * dg + 2 * p1 * x + 2 * p2 * y
-    jacobian = np.stack(
-        [
-            g + 2 * x * x * dg + 2 * p1 * y + 6 * p2 * x + x * prism_x,
-            cross + y * prism_x,
-            cross + x * prism_y,
-            g + 2 * y * y * dg + 6 * p1 * y + 2 * p2 * x + y * prism_y,
-        ]
-    )
+    along_x = g + 2 * x * x * dg + 2 * p1 * y + 6 * p2 * x + x * prism_x
+    along_y = g + 2 * y * y * dg + 6 * p1 * y + 2 * p2 * x + y * prism_y
+    jacobian = np.stack([along_x, cross + y * prism_x, cross + x * prism_y, along_y])
     return np.column_stack([xd, yd]), jacobian
 
 
-def _at_fold(target: Array, dist: Array, limit: float) -> Array:
+def _at_fold(target: Float64, dist: Float64, limit: float) -> Float64:
     """Ideal coordinates on the fold circle whose image is nearest to targets beyond it; steepest descent. (N, 2)."""
-    xy = target * (limit / np.hypot(*target.T))[:, None]
-    for _ in range(40):
+    xy: Float64 = target * (limit / np.hypot(*target.T))[:, None]
+    for _ in range(_DESCENT_STEPS):
         value, jacobian = distort(xy, dist)
         ex, ey = (value - target).T
-        xy = xy - 0.5 * np.stack([jacobian[0] * ex + jacobian[2] * ey, jacobian[1] * ex + jacobian[3] * ey], 1)
+        xy = xy - _DESCENT * np.stack([jacobian[0] * ex + jacobian[2] * ey, jacobian[1] * ex + jacobian[3] * ey], 1)
         xy *= (limit / np.hypot(*xy.T))[:, None]
     return xy
 
 
-def _radial_only(dist: Array) -> Array:
-    radial = np.pad(dist, (0, 14 - dist.size))
-    radial[[2, 3]] = radial[8:] = 0
-    return radial
-
-
-def _tilted(xy: Array, dist: Array, *, inverse: bool = False) -> Array:
+def _tilted(xy: Float64, dist: Float64, *, inverse: bool = False) -> Float64:
     """The tilted-sensor homography of the 14-coefficient model (OpenCV's ``computeTiltProjectionMatrix``)."""
     if dist.size < 14 or not dist[12:].any():
         return xy
@@ -190,4 +207,5 @@ def _tilted(xy: Array, dist: Array, *, inverse: bool = False) -> Array:
     turn = np.array([[cy, 0, -sy], [0, 1, 0], [sy, 0, cy]]) @ np.array([[1, 0, 0], [0, cx, sx], [0, -sx, cx]])
     H = np.array([[turn[2, 2], 0, -turn[0, 2]], [0, turn[2, 2], -turn[1, 2]], [0, 0, 1]]) @ turn
     xyw = np.column_stack([xy, np.ones(len(xy))]) @ (np.linalg.inv(H) if inverse else H).T
-    return xyw[:, :2] / xyw[:, 2:]
+    tilted: Float64 = xyw[:, :2] / xyw[:, 2:]
+    return tilted

@@ -1,12 +1,12 @@
 """Calibrations in the files of other tools: OpenCV, ROS and Kalibr, each in its own convention and unit.
 
-Our own file is `StereoRig.save`'s JSON; MATLAB's structures are in `formats_matlab`. Every reader gives millimetres,
+Our own file is `StereoRig.save`'s JSON; MATLAB's structures are in `matlab_format`. Every reader gives millimetres,
 radians and ``x_right = R x_left + T``, whatever the file holds, and refuses lenses that are not OpenCV's.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from os import PathLike
 from pathlib import Path
@@ -16,21 +16,18 @@ import cv2
 import numpy as np
 import yaml
 
-from stereolib.base import write_atomic
+from stereolib.base import Float64, check_nesting, read_text, read_yaml, write_atomic
 from stereolib.rig.camera import Camera
-from stereolib.rig.stereo_rig import StereoRig, rigid
+from stereolib.rig.stereo_rig import StereoRig
+from stereolib.rig.transforms import rigid
 
-Array = np.ndarray
 AnyPath = str | PathLike[str]
 _MM_PER_M = 1000.0
-#: OpenCV files call the left and right camera's matrix and lens one of these.
-_OPENCV_NAMES = (
-    ("M1", "D1", "M2", "D2"),
-    ("K1", "D1", "K2", "D2"),
-    ("cameraMatrix1", "distCoeffs1", "cameraMatrix2", "distCoeffs2"),
-)
+#: What OpenCV files call the left and right camera's matrix and lens, before the number of the camera.
+_OPENCV_NAMES = (("M", "D"), ("K", "D"), ("cameraMatrix", "distCoeffs"))
 #: ROS' name of a lens -> how many of OpenCV's coefficients it holds.
 _ROS_MODELS = {"plumb_bob": 5, "rational_polynomial": 8}
+_ROS_MATRICES = ("camera_matrix", "distortion_coefficients", "rectification_matrix", "projection_matrix")
 
 
 def save_opencv(path: AnyPath, rig: StereoRig, *, alpha: float = 0.0) -> Path:
@@ -40,8 +37,14 @@ def save_opencv(path: AnyPath, rig: StereoRig, *, alpha: float = 0.0) -> Path:
     ----------
     path : path
         Ends in ``.yml``, ``.yaml`` or ``.xml``: `cv2.FileStorage` chooses by it when the file is read.
+    rig : StereoRig
     alpha : float
         Of the rectification that is kept beside the rig (`StereoRig.rectify`).
+
+    Returns
+    -------
+    Path
+        Where it was written.
 
     Notes
     -----
@@ -68,31 +71,34 @@ def load_opencv(*paths: AnyPath, size: tuple[int, int] | None = None, unit_mm: f
 
     Parameters
     ----------
-    paths : path
+    *paths : path
         Hold ``M1 D1 M2 D2 R T`` (or ``K1`` ..., ``cameraMatrix1 distCoeffs1`` ...).
     size : (width, height), px, optional
         Of the images, if the files do not say (OpenCV's own samples leave it out).
     unit_mm : float
         Length of one unit of the file's T, mm: 1000 if the board was measured in metres.
 
+    Returns
+    -------
+    StereoRig
+
     Raises
     ------
     ValueError
         The files lack something or hold something else; they are named.
     """
-    found: dict[str, Any] = {}
+    texts, entries = [read_text(path) for path in paths], dict[str, Any]()
     with naming(*paths):
-        for path in paths:
-            found |= _file_storage(Path(path).read_text(encoding="utf-8"))
-        for names in _OPENCV_NAMES:
-            if set(names) <= set(found):
-                break
-        else:
-            raise ValueError(f"no M1, D1, M2, D2 in it, only {', '.join(found) or 'nothing'}")
-        if size is None and not {"image_width", "image_height"} <= set(found):
+        for text in texts:
+            entries |= _file_storage(text)
+        choices = ((f"{K}1", f"{dist}1", f"{K}2", f"{dist}2") for K, dist in _OPENCV_NAMES)
+        names = next((names for names in choices if entries.keys() >= set(names)), None)
+        if names is None:
+            raise ValueError(f"no M1, D1, M2, D2 in it, only {', '.join(entries) or 'nothing'}")
+        if size is None and not entries.keys() >= {"image_width", "image_height"}:
             raise ValueError("it does not say how large the images are: pass size=(width, height)")
-        size = size or (found["image_width"], found["image_height"])
-        K1, d1, K2, d2, R, T = (need(found, name) for name in (*names, "R", "T"))
+        size = size or (entries["image_width"], entries["image_height"])
+        K1, d1, K2, d2, R, T = (need(entries, name) for name in (*names, "R", "T"))
         return StereoRig(Camera(K1, d1, size), Camera(K2, d2, size), R, np.ravel(T) * unit_mm)
 
 
@@ -103,8 +109,14 @@ def save_ros(left: AnyPath, right: AnyPath, rig: StereoRig, *, alpha: float = 0.
     ----------
     left, right : path
         Of the two YAML files; their stems become the cameras' names.
+    rig : StereoRig
     alpha : float
         Of the rectification, which these files are made of (`StereoRig.rectify`).
+
+    Returns
+    -------
+    left, right : Path
+        Where they were written.
 
     Raises
     ------
@@ -118,40 +130,36 @@ def save_ros(left: AnyPath, right: AnyPath, rig: StereoRig, *, alpha: float = 0.
     """
     rectified = rig.rectify(alpha)
     R2 = _aligned(rectified.R2, rig.T)
-    written = []
-    for path, camera, R, P in (
-        (Path(left), rig.left, R2 @ rig.R, rectified.P1),
-        (Path(right), rig.right, R2, rectified.P2),
-    ):
+    texts = []
+    for path, camera, R, P in ((left, rig.left, R2 @ rig.R, rectified.P1), (right, rig.right, R2, rectified.P2)):
         if camera.dist.size > 8:
             raise ValueError(
                 f"ROS' camera_info has no lens model of {camera.dist.size} coefficients: calibrate with brown3 (5) or "
                 f"rational8 (8) for it"
             )
-        model = "rational_polynomial" if camera.dist.size == 8 else "plumb_bob"
-        metric = P.copy()
-        metric[:, 3] /= _MM_PER_M
-        matrices = {
-            "camera_matrix": camera.K,
-            "distortion_coefficients": at_least(camera.dist, 5)[None],
-            "rectification_matrix": R,
-            "projection_matrix": metric,
-        }
         info: dict[str, Any] = {
             "image_width": camera.size[0],
             "image_height": camera.size[1],
-            "camera_name": path.stem,
-            "distortion_model": model,
+            "camera_name": Path(path).stem,
+            "distortion_model": "rational_polynomial" if camera.dist.size == 8 else "plumb_bob",
         }
-        for name, matrix in matrices.items():
+        dist, in_metres = at_least(camera.dist, 5)[None], np.column_stack([P[:, :3], P[:, 3] / _MM_PER_M])
+        for name, matrix in zip(_ROS_MATRICES, (camera.K, dist, R, in_metres), strict=True):
             info[name] = {"rows": matrix.shape[0], "cols": matrix.shape[1], "data": matrix.ravel().tolist()}
-        written.append((path, _dump(info)))
-    (first, text), (second, other) = written
-    return write_atomic(first, text), write_atomic(second, other)
+        texts.append(_dump(info))
+    return write_atomic(left, texts[0]), write_atomic(right, texts[1])
 
 
 def load_ros(left: AnyPath, right: AnyPath) -> StereoRig:
     """Read a rig from a pair of ``camera_info`` files.
+
+    Parameters
+    ----------
+    left, right : path
+
+    Returns
+    -------
+    StereoRig
 
     Raises
     ------
@@ -164,13 +172,12 @@ def load_ros(left: AnyPath, right: AnyPath) -> StereoRig:
     """
     cameras, turns, shifts = [], [], []
     for path in (left, right):
+        info = read_yaml(path)
         with naming(path):
-            info = _mapping(path)
+            K, dist, R, P = (_ros_matrix(info, name) for name in _ROS_MATRICES)
             model = info.get("distortion_model", "plumb_bob")
             if model not in _ROS_MODELS:
                 raise ValueError(f"its lens {model!r} is none of {', '.join(_ROS_MODELS)}")
-            names = ("camera_matrix", "distortion_coefficients", "rectification_matrix", "projection_matrix")
-            K, dist, R, P = (_ros_matrix(info, name) for name in names)
             if dist.size > _ROS_MODELS[model]:
                 raise ValueError(f"{model} has {_ROS_MODELS[model]} coefficients, it lists {dist.size}")
             cameras.append(Camera(K, dist, (need(info, "image_width"), need(info, "image_height"))))
@@ -185,6 +192,16 @@ def load_ros(left: AnyPath, right: AnyPath) -> StereoRig:
 
 def save_kalibr(path: AnyPath, rig: StereoRig) -> Path:
     """Write a Kalibr ``camchain.yaml``, the left camera being ``cam0``.
+
+    Parameters
+    ----------
+    path : path
+    rig : StereoRig
+
+    Returns
+    -------
+    Path
+        Where it was written.
 
     Raises
     ------
@@ -217,10 +234,23 @@ def save_kalibr(path: AnyPath, rig: StereoRig) -> Path:
 
 
 def load_kalibr(path: AnyPath) -> StereoRig:
-    """Read a rig from the first two cameras of a Kalibr ``camchain.yaml``; ValueError names what is wrong."""
+    """Read a rig from the first two cameras of a Kalibr ``camchain.yaml``.
+
+    Parameters
+    ----------
+    path : path
+
+    Returns
+    -------
+    StereoRig
+
+    Raises
+    ------
+    ValueError
+        The file lacks something, or a lens is not OpenCV's; the file is named.
+    """
+    chain, cameras = read_yaml(path), []
     with naming(path):
-        chain = _mapping(path)
-        cameras = []
         for name in ("cam0", "cam1"):
             entry = need(chain, name)
             models = (need(entry, "camera_model"), need(entry, "distortion_model"))
@@ -234,24 +264,34 @@ def load_kalibr(path: AnyPath) -> StereoRig:
         return StereoRig(cameras[0], cameras[1], T[:3, :3], T[:3, 3] * _MM_PER_M)
 
 
-def load(*paths: AnyPath) -> StereoRig:
+def load_rig(*paths: AnyPath) -> StereoRig:
     """Read a rig from any of the files above, told apart by what they hold.
 
     Parameters
     ----------
-    paths : path
+    *paths : path
         One file (JSON of `StereoRig.save`, OpenCV, Kalibr), or two (ROS left and right, OpenCV intrinsics and
         extrinsics).
+
+    Returns
+    -------
+    StereoRig
 
     Raises
     ------
     ValueError
         If a file is of no kind that we read, or is damaged.
+
+    Examples
+    --------
+    >>> load_rig("README.md")  # doctest: +ELLIPSIS
+    Traceback (most recent call last):
+    ...
+    ValueError: README.md...
     """
     if not 1 <= len(paths) <= 2:
         raise ValueError(f"a rig is kept in one file or two, got {len(paths)}")
-    with naming(paths[0]):
-        text = Path(paths[0]).read_text(encoding="utf-8")
+    text = read_text(paths[0])
     if "stereolib.rig/" in text:
         return StereoRig.load(paths[0])
     if "opencv" in text:
@@ -268,31 +308,83 @@ def load(*paths: AnyPath) -> StereoRig:
 
 @contextmanager
 def naming(*paths: object) -> Iterator[None]:
-    """Make errors of whatever a file may hold into a ValueError that names it."""
-    where = " and ".join(map(str, paths))
+    """Make errors of whatever a file may hold into a ValueError that names it.
+
+    Parameters
+    ----------
+    *paths : path or str
+        What the message names.
+    """
     try:
         yield
-    except (ValueError, TypeError, LookupError, AttributeError, OverflowError, np.linalg.LinAlgError) as error:
-        raise ValueError(f"{where}: {error}") from error
-    except yaml.YAMLError as error:
-        raise ValueError(f"{where}: not YAML ({' '.join(str(error).split())})") from error
-    except RecursionError as error:
-        raise ValueError(f"{where}: nested too deeply") from error
+    except (ValueError, TypeError, LookupError, AttributeError, OverflowError) as error:
+        raise ValueError(f"{' and '.join(map(str, paths))}: {error}") from error
 
 
-def need(entries: Mapping[str, Any], name: str) -> Any:
-    """An entry that must be there."""
+def need(entries: Any, name: str) -> Any:
+    """Take an entry that must be there.
+
+    Parameters
+    ----------
+    entries : mapping
+        As it was read: it may be anything.
+    name : str
+
+    Returns
+    -------
+    object
+
+    Raises
+    ------
+    ValueError
+        If there is none of that name.
+    """
     if not isinstance(entries, Mapping) or name not in entries:
         raise ValueError(f"it has no {name}")
     return entries[name]
 
 
-def numbers(values: Any) -> Array:
-    """Floats; also of ``1e-05``, which YAML 1.1 takes for a text."""
+def numbers(values: Any) -> Float64:
+    """Make numbers as they were read into floats; also ``1e-05``, which YAML 1.1 takes for a text.
+
+    Parameters
+    ----------
+    values : array_like
+
+    Returns
+    -------
+    float64, shaped like `values`
+
+    Examples
+    --------
+    >>> numbers(["1e-05", 2])
+    array([1.e-05, 2.e+00])
+    """
     return np.array(values, float)
 
 
-def _aligned(R2: Array, T: Array) -> Array:
+def at_least(dist: Float64, count: int) -> Float64:
+    """Fill up a lens's coefficients with zeros.
+
+    Parameters
+    ----------
+    dist : (n,) array
+    count : int
+        How many there must be.
+
+    Returns
+    -------
+    (max(n, count),) float64
+
+    Examples
+    --------
+    >>> at_least(np.array([0.1, -0.2]), 4)
+    array([ 0.1, -0.2,  0. ,  0. ])
+    """
+    return np.pad(dist, (0, max(0, count - dist.size)))
+
+
+def _aligned(R2: Float64, T: Float64) -> Float64:
     """The right camera's rectification with its x axis exactly along the baseline, z as near as can be.
 
     The angles of `cv2.stereoRectify` hold 5 to 8 digits for nearly parallel cameras, so that R and T made from them
@@ -304,23 +396,11 @@ def _aligned(R2: Array, T: Array) -> Array:
     return np.stack([x, y, np.cross(x, y)])
 
 
-def at_least(dist: Array, count: int) -> Array:
-    """Coefficients filled up with zeros to `count`."""
-    return np.pad(dist, (0, max(0, count - dist.size)))
-
-
 def _dump(entries: Mapping[str, Any]) -> str:
     return yaml.safe_dump(entries, sort_keys=False, default_flow_style=None, width=120)
 
 
-def _mapping(path: AnyPath) -> Mapping[str, Any]:
-    entries = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
-    if not isinstance(entries, Mapping):
-        raise ValueError("it holds no named entries")
-    return entries
-
-
-def _ros_matrix(info: Mapping[str, Any], name: str) -> Array:
+def _ros_matrix(info: Any, name: str) -> Float64:
     entry = need(info, name)
     matrix = numbers(need(entry, "data")).reshape(int(need(entry, "rows")), int(need(entry, "cols")))
     return matrix.ravel() if name == "distortion_coefficients" else matrix
@@ -328,17 +408,16 @@ def _ros_matrix(info: Mapping[str, Any], name: str) -> Array:
 
 def _file_storage(text: str) -> dict[str, Any]:
     """Matrices and numbers at the top of OpenCV's own format."""
+    check_nesting(text)
+    entries: dict[str, Any] = {}
     try:
         storage = cv2.FileStorage(text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
-        root = storage.root()
-        found: dict[str, Any] = {}
-        names: Sequence[str] = root.keys()
-        for name in names:
-            node = root.getNode(name)
+        for name in storage.root().keys():  # noqa: SIM118 (OpenCV's node is no dictionary)
+            node = storage.getNode(name)
             if node.isMap():
-                found[name] = node.mat()
+                entries[name] = node.mat()
             elif node.isInt() or node.isReal():
-                found[name] = node.real()
+                entries[name] = node.real()
     except (cv2.error, SystemError) as error:  # SystemError: from the constructor, on a text of another format
         raise ValueError("not a file of OpenCV's FileStorage, or damaged") from error
-    return found
+    return entries

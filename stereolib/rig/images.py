@@ -1,21 +1,27 @@
-"""Reading pictures, and refusing bad ones by name."""
+"""Pictures: read, refused by name where they are bad, and turned into grey levels or light."""
 
 from __future__ import annotations
 
+import re
+import warnings
+from io import BytesIO
 from os import PathLike
-from pathlib import Path
+from threading import Lock
 
 import cv2
 import numpy as np
 
-Array = np.ndarray
+from stereolib.base import Float32, UInt8, read_bytes
+
 #: Kind, first bytes, end marker: decoders may fill the rest of a cut picture with grey and say nothing.
 _ENDS = (("JPEG", b"\xff\xd8\xff", b"\xff\xd9"), ("PNG", b"\x89PNG", b"IEND"))
+MAX_MEGAPIXELS = 100.0  # no webcam comes near; a few kB can claim a thousand times as much
+_GAMMA = 2.2  # of cameras' and screens' grey levels (sRGB, nearly)
+_LIGHT = ((np.arange(256) / 255) ** _GAMMA).astype(np.float32)
+_FILTERING = Lock()  # warnings' filters belong to the whole process, pictures are read by several threads
 
-_LIGHT = ((np.arange(256) / 255) ** 2.2).astype(np.float32)
 
-
-def read_image(path: str | PathLike[str], *, grey: bool = False) -> Array:
+def read_image(path: str | PathLike[str], *, grey: bool = False) -> UInt8:
     """Read one picture.
 
     Parameters
@@ -31,42 +37,72 @@ def read_image(path: str | PathLike[str], *, grey: bool = False) -> Array:
     Raises
     ------
     ValueError
-        If the file is missing, no picture, cut short, or has more than 8 bits a sample.
+        If the file is missing, no picture, cut short, larger than `MAX_MEGAPIXELS`, or has more than 8 bits a sample.
     """
-    path = Path(path)
-    if not path.is_file():
-        what = "is a folder; name one image in it" if path.is_dir() else "no such image file"
-        raise ValueError(f"{path}: {what}")
-    data = path.read_bytes()
+    data = read_bytes(path)
     for kind, start, end in _ENDS:
         if data.startswith(start) and end not in data[-64:]:
             raise ValueError(
                 f"{path}: the {kind} is cut short ({len(data)} bytes, no end marker): copy or record it again"
             )
-    image = None
-    if data:
-        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH)
+    if (megapixels := _megapixels_of_header(data)) > MAX_MEGAPIXELS:
+        raise ValueError(
+            f"{path}: the picture has {megapixels:.0f} megapixels, at most {MAX_MEGAPIXELS:.0f} are read: scale it down"
+        )
+    flags = cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH
+    image = cv2.imdecode(np.frombuffer(data, np.uint8), flags) if data else None
     if image is None:
         raise ValueError(f"{path}: not a readable image ({len(data)} bytes): save it as JPEG or PNG")
     if image.dtype != np.uint8:  # cutting off the low bits would lose a dark picture
-        raise ValueError(f"{path}: the picture has {image.dtype} samples, 8 bits are needed: scale it to 0..255 and "
-                         f"save it again")  # fmt: skip
+        raise ValueError(
+            f"{path}: the picture has {image.dtype} samples, 8 bits are needed: scale it to 0..255 and save it again"
+        )
     return to_grey(image) if grey else image  # by one formula, whatever the file's decoder would do
 
 
-def read_pair(left: str | PathLike[str], right: str | PathLike[str], *, grey: bool = False) -> tuple[Array, Array]:
-    """Read a stereo pair; ValueError if the sizes differ. See `read_image`."""
+def read_pair(left: str | PathLike[str], right: str | PathLike[str], *, grey: bool = False) -> tuple[UInt8, UInt8]:
+    """Read a stereo pair.
+
+    Parameters
+    ----------
+    left, right : path
+    grey : bool
+        Convert to grey.
+
+    Returns
+    -------
+    left, right : (H, W, 3) or (H, W) uint8
+
+    Raises
+    ------
+    ValueError
+        As `read_image`; or the two differ in size.
+    """
     pair = read_image(left, grey=grey), read_image(right, grey=grey)
     check_pair(*pair, names=(str(left), str(right)))
     return pair
 
 
-def check_pair(left: Array, right: Array, names: tuple[str, str] = ("left", "right")) -> None:
+def check_pair(left: UInt8, right: UInt8, names: tuple[str, str] = ("left", "right")) -> None:
     """Refuse a pair of different sizes, channels or types, or one that is not 8-bit.
+
+    Parameters
+    ----------
+    left, right : (H, W) or (H, W, 3) uint8
+    names : pair of str
+        What the message calls them, for example their files.
 
     Raises
     ------
     ValueError
+        If they are no pair; the text names the one that is wrong.
+
+    Examples
+    --------
+    >>> check_pair(np.zeros((4, 6), np.uint8), np.zeros((4, 5), np.uint8))
+    Traceback (most recent call last):
+    ...
+    ValueError: left is 6x4, right is 5x4: a stereo pair must have one size
     """
     for name, image in zip(names, (left, right), strict=True):
         if not isinstance(image, np.ndarray) or image.dtype != np.uint8:
@@ -82,14 +118,57 @@ def check_pair(left: Array, right: Array, names: tuple[str, str] = ("left", "rig
         raise ValueError(f"{names[0]} is {kinds[0]}, {names[1]} is {kinds[1]}: read both the same way")
 
 
-def to_light(image: Array) -> Array:
-    """The light that made a picture, float32, 0..1: cameras send it to the power 1 / 2.2.
+def to_light(image: UInt8) -> Float32:
+    """Turn grey levels into the light that made them: cameras send it to the power 1 / 2.2.
 
     A blurred edge between light and dark stands right in light, not in grey levels.
+
+    Parameters
+    ----------
+    image : (H, W) or (H, W, 3) uint8
+
+    Returns
+    -------
+    float32, 0..1, shaped like `image`
+
+    Examples
+    --------
+    >>> (100 * to_light(np.array([[0, 128, 255]], np.uint8))).round().tolist()
+    [[0.0, 22.0, 100.0]]
     """
     return np.asarray(cv2.LUT(image, _LIGHT))
 
 
-def to_grey(image: Array) -> Array:
-    """(H, W) uint8 of a grey or blue-green-red image."""
-    return image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
+def to_grey(image: UInt8) -> UInt8:
+    """Turn a picture into grey levels.
+
+    Parameters
+    ----------
+    image : (H, W) or (H, W, 3) uint8
+        Grey, which comes back as it is, or blue-green-red.
+
+    Returns
+    -------
+    (H, W) uint8
+
+    Examples
+    --------
+    >>> to_grey(np.full((1, 1, 3), (0, 0, 255), np.uint8)).tolist()
+    [[76]]
+    """
+    return image if image.ndim == 2 else np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY))
+
+
+def _megapixels_of_header(data: bytes) -> float:
+    """Size that a picture's header claims, before anything is decoded; 0 of formats that Pillow does not know."""
+    from PIL import Image
+
+    with _FILTERING, warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        try:
+            width, height = Image.open(BytesIO(data)).size
+            return width * height / 1e6
+        except Image.DecompressionBombError as error:  # beyond Pillow's own limit it says the number of pixels only
+            return int(re.findall(r"\d+", str(error))[0]) / 1e6
+        except (OSError, ValueError):
+            return 0.0

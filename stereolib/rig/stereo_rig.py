@@ -4,33 +4,51 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from os import PathLike
 from pathlib import Path
 
 import cv2
 import numpy as np
-from numpy.typing import ArrayLike
+import numpy.typing as npt
 
-from stereolib.base import finite_array, set_frozen, write_atomic
+from stereolib.base import Float64, UInt8, finite_array, read_json, set_frozen, write_atomic
 from stereolib.rig.camera import Camera
+from stereolib.rig.transforms import skew
 
-Array = np.ndarray
+_FORMAT = "stereolib.rig/1"
+_ROTATION_ATOL = 1e-6  # of R R' - 1: a float32 rotation passes, one printed with four digits does not
+RemapTables = tuple[npt.NDArray[np.int16], npt.NDArray[np.uint16]]
 
 
 @dataclass(frozen=True, eq=False)
 class StereoRig:
-    """Two cameras; ``x_right = R x_left + T`` in millimetres (OpenCV's convention, CONVENTIONS.md)."""
+    """Two cameras; ``x_right = R x_left + T`` in millimetres (OpenCV's convention, CONVENTIONS.md).
+
+    Attributes
+    ----------
+    left, right : Camera
+        Of one size.
+    R : (3, 3) array_like
+        Rotation from the left camera's frame into the right one's.
+    T : (3,) array_like, mm
+        Left optical centre in the right camera's frame.
+
+    Raises
+    ------
+    ValueError
+        If R is no rotation, T not three finite numbers, or the cameras' sizes differ.
+    """
 
     left: Camera
     right: Camera
-    R: Array
-    T: Array
+    R: Float64
+    T: Float64
 
     def __post_init__(self) -> None:
         set_frozen(self, R=finite_array(self.R, (3, 3), "R"), T=finite_array(np.ravel(self.T), (3,), "T"))
-        if np.abs(self.R @ self.R.T - np.eye(3)).max() > 1e-6 or np.linalg.det(self.R) < 0:
+        if np.abs(self.R @ self.R.T - np.eye(3)).max() > _ROTATION_ATOL or np.linalg.det(self.R) < 0:
             raise ValueError("R is not a rotation: R R^T differs from 1. Printed matrices must be re-orthonormalised")
         if self.left.size != self.right.size:
             raise ValueError(f"the cameras' images differ in size: {self.left.size} and {self.right.size}")
@@ -41,14 +59,16 @@ class StereoRig:
         return float(np.linalg.norm(self.T))
 
     @property
-    def E(self) -> Array:
+    def E(self) -> Float64:
         """Essential matrix ``skew(T) R``: ``x_right^T E x_left = 0`` for ideal coordinates. (3, 3), mm."""
-        return skew(self.T) @ self.R
+        E: Float64 = skew(self.T) @ self.R
+        return E
 
     @property
-    def F(self) -> Array:
+    def F(self) -> Float64:
         """Fundamental matrix ``K_R^-T E K_L^-1``, not normalised: ``u_right^T F u_left = 0``. (3, 3)."""
-        return np.linalg.inv(self.right.K).T @ self.E @ np.linalg.inv(self.left.K)
+        F: Float64 = np.linalg.inv(self.right.K).T @ self.E @ np.linalg.inv(self.left.K)
+        return F
 
     def rectify(self, alpha: float = 0.0) -> RectifiedRig:
         """Turn both cameras so that rows agree (Bouguet's method, `cv2.stereoRectify`).
@@ -58,10 +78,21 @@ class StereoRig:
         alpha : float
             0 keeps only pixels that exist in both (the image is magnified), 1 keeps all.
 
+        Returns
+        -------
+        RectifiedRig
+
         Raises
         ------
         ValueError
             If alpha is out of range, or the right camera does not stand to the right of the left one.
+
+        Examples
+        --------
+        >>> camera = Camera([[700, 0, 320], [0, 700, 240], [0, 0, 1]], [], (640, 480))
+        >>> rectified = StereoRig(camera, camera, np.eye(3), np.array([-90.0, 0.0, 0.0])).rectify()
+        >>> round(rectified.f_px), round(rectified.baseline_mm)
+        (700, 90)
         """
         if not 0 <= alpha <= 1:
             raise ValueError(f"alpha must lie between 0 (only valid pixels) and 1 (all pixels), got {alpha}")
@@ -71,10 +102,10 @@ class StereoRig:
                 f"the right camera must stand to the right of the left one (T along -x), got T = ({x:.1f}, {y:.1f}, "
                 f"{z:.1f}) mm: swap the cameras, or, if one stands above the other, turn all pictures by a quarter"
             )
+        lenses = self.left.K, self.left.dist, self.right.K, self.right.dist
         R1, R2, P1, P2, Q, *_ = cv2.stereoRectify(
-            self.left.K, self.left.dist, self.right.K, self.right.dist, self.left.size, self.R, self.T[:, None],
-            flags=cv2.CALIB_ZERO_DISPARITY, alpha=alpha,
-        )  # fmt: skip
+            *lenses, self.left.size, self.R, self.T[:, None], flags=cv2.CALIB_ZERO_DISPARITY, alpha=alpha
+        )
         return RectifiedRig(self, R1, R2, P1, P2, Q)
 
     def save(self, path: str | PathLike[str], *, calibration: Mapping[str, object] | None = None) -> Path:
@@ -84,35 +115,49 @@ class StereoRig:
         ----------
         path : path
         calibration : mapping, optional
-            How the rig was found, kept under this name for people and other programs; `load` does not need it.
+            How the rig was calibrated, kept under this name for people and other programs; `load` does not need it.
+
+        Returns
+        -------
+        Path
+            Where it was written.
 
         Raises
         ------
         ValueError
             If `calibration` holds what JSON does not, such as NaN.
         """
-        cameras = {
-            side: {"K": c.K.tolist(), "dist": c.dist.tolist(), "size": list(c.size)}
-            for side, c in (("left", self.left), ("right", self.right))
-        }
-        rig = {
-            "format": "stereolib.rig/1",
-            **cameras,
-            "R": self.R.tolist(),
-            "T_mm": self.T.tolist(),
-            **({} if calibration is None else {"calibration": dict(calibration)}),
-        }
+        rig: dict[str, object] = {"format": _FORMAT}
+        for side, camera in (("left", self.left), ("right", self.right)):
+            rig[side] = {"K": camera.K.tolist(), "dist": camera.dist.tolist(), "size": list(camera.size)}
+        rig |= {"R": self.R.tolist(), "T_mm": self.T.tolist()}
+        if calibration is not None:
+            rig["calibration"] = dict(calibration)
         return write_atomic(path, json.dumps(rig, indent=1, allow_nan=False) + "\n")
 
     @classmethod
     def load(cls, path: str | PathLike[str]) -> StereoRig:
-        """Read what `save` wrote; ValueError names the file and what is wrong with it."""
+        """Read what `save` wrote.
+
+        Parameters
+        ----------
+        path : path
+
+        Returns
+        -------
+        StereoRig
+
+        Raises
+        ------
+        ValueError
+            If there is no such file, or it is no rig; the text names the file and what is wrong with it.
+        """
+        entries = read_json(path)
         try:
-            rig = json.loads(Path(path).read_text(encoding="utf-8"))
-            if rig["format"] != "stereolib.rig/1":
-                raise ValueError(f"its format is {rig['format']!r}, expected 'stereolib.rig/1'")
-            left, right = (Camera(c["K"], c["dist"], tuple(c["size"])) for c in (rig["left"], rig["right"]))
-            return cls(left, right, rig["R"], rig["T_mm"])
+            if entries["format"] != _FORMAT:
+                raise ValueError(f"its format is {entries['format']!r}, expected {_FORMAT!r}")
+            left, right = (Camera(c["K"], c["dist"], tuple(c["size"])) for c in (entries["left"], entries["right"]))
+            return cls(left, right, entries["R"], entries["T_mm"])
         except (ValueError, LookupError, TypeError, OverflowError) as error:
             why = f"it has no {error}" if isinstance(error, KeyError) else error
             raise ValueError(f"{path} is not a rig file of stereolib: {why}") from error
@@ -122,28 +167,38 @@ class StereoRig:
 class RectifiedRig:
     """A rig after rectification: rows agree, and ``depth = f B / disparity``.
 
-    ``R1, R2`` turn points of each camera's frame into its rectified frame, ``P1, P2`` project them, ``Q`` maps
-    ``(u, v, disparity, 1)`` to homogeneous millimetres.
+    Attributes
+    ----------
+    rig : StereoRig
+        The cameras as they are.
+    R1, R2 : (3, 3) array_like
+        Turn points of each camera's frame into its rectified frame.
+    P1, P2 : (3, 4) array_like, px
+        Project points of the rectified left frame, mm, into both rectified images.
+    Q : (4, 4) array_like
+        Maps ``(u, v, disparity, 1)`` to homogeneous millimetres.
+
+    Raises
+    ------
+    ValueError
+        If a matrix has another shape or is not finite.
     """
 
     rig: StereoRig
-    R1: Array
-    R2: Array
-    P1: Array
-    P2: Array
-    Q: Array
-    size: tuple[int, int] = field(init=False)
+    R1: Float64
+    R2: Float64
+    P1: Float64
+    P2: Float64
+    Q: Float64
 
     def __post_init__(self) -> None:
-        for name, shape in (
-            ("R1", (3, 3)),
-            ("R2", (3, 3)),
-            ("P1", (3, 4)),
-            ("P2", (3, 4)),
-            ("Q", (4, 4)),
-        ):
-            set_frozen(self, **{name: finite_array(getattr(self, name), shape, name)})
-        set_frozen(self, size=self.rig.left.size)
+        shapes = {"R1": (3, 3), "R2": (3, 3), "P1": (3, 4), "P2": (3, 4), "Q": (4, 4)}
+        set_frozen(self, **{name: finite_array(getattr(self, name), shape, name) for name, shape in shapes.items()})
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """(width, height) of the images, rectified or not, px."""
+        return self.rig.left.size
 
     @property
     def f_px(self) -> float:
@@ -161,19 +216,25 @@ class RectifiedRig:
         return Camera(self.P1[:, :3], np.zeros(0), self.size)
 
     @cached_property
-    def maps(self) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+    def maps(self) -> tuple[RemapTables, RemapTables]:
         """Fixed-point lookup maps of `cv2.remap` for the left and the right image, computed once."""
-        return tuple(  # type: ignore[return-value]
+        left, right = (
             cv2.initUndistortRectifyMap(c.K, c.dist, R, P, self.size, cv2.CV_16SC2)
             for c, R, P in ((self.rig.left, self.R1, self.P1), (self.rig.right, self.R2, self.P2))
         )
+        return left, right
 
-    def rectify(self, left: Array, right: Array) -> tuple[Array, Array]:
+    def rectify(self, left: UInt8, right: UInt8) -> tuple[UInt8, UInt8]:
         """Undistort and rectify a pair of images.
 
         Parameters
         ----------
         left, right : (H, W) or (H, W, 3) uint8
+
+        Returns
+        -------
+        left, right : uint8, shaped as they came
+            Black where a camera saw nothing.
 
         Raises
         ------
@@ -191,21 +252,48 @@ class RectifiedRig:
         pair = [cv2.remap(i, *m, cv2.INTER_LINEAR) for i, m in zip((left, right), self.maps, strict=True)]
         return pair[0], pair[1]
 
-    def rectify_points(self, pixels: Array, side: str) -> Array:
-        """Rectified pixels of raw pixels (N, 2) of the ``"left"`` or ``"right"`` image; NaN where the lens folds."""
+    def rectify_points(self, pixels: npt.ArrayLike, side: str) -> Float64:
+        """Rectified pixels of raw pixels.
+
+        Parameters
+        ----------
+        pixels : (N, 2) array_like, px
+        side : "left" | "right"
+            The camera that took the image.
+
+        Returns
+        -------
+        (N, 2) float64, px
+            NaN where the lens folds over.
+
+        Raises
+        ------
+        ValueError
+            If `side` is another word.
+
+        Examples
+        --------
+        Pinholes side by side see the same rows already: nothing moves.
+
+        >>> camera = Camera([[700, 0, 320], [0, 700, 240], [0, 0, 1]], [], (640, 480))
+        >>> rectified = StereoRig(camera, camera, np.eye(3), np.array([-90.0, 0.0, 0.0])).rectify()
+        >>> rectified.rectify_points([[320.0, 240.0]], "left").round(6)
+        array([[320., 240.]])
+        """
         if side not in ("left", "right"):
             raise ValueError(f'side must be "left" or "right", got {side!r}')
         camera, R, P = (self.rig.left, self.R1, self.P1) if side == "left" else (self.rig.right, self.R2, self.P2)
         xyz = camera.rays(pixels) @ R.T
-        return xyz[:, :2] / xyz[:, 2:] @ P[:2, :2].T + P[:2, 2]
+        rectified: Float64 = xyz[:, :2] / xyz[:, 2:] @ P[:2, :2].T + P[:2, 2]
+        return rectified
 
-    def triangulate(self, pixels: Array, disparity_px: Array) -> Array:
+    def triangulate(self, pixels: npt.ArrayLike, disparity_px: npt.ArrayLike) -> Float64:
         """Points of rectified left pixels by their disparity.
 
         Parameters
         ----------
-        pixels : (N, 2) array, px
-        disparity_px : (N,) array
+        pixels : (N, 2) array_like, px
+        disparity_px : (N,) array_like, px
             NaN or <= 0 gives NaN.
 
         Returns
@@ -216,40 +304,7 @@ class RectifiedRig:
         -----
         ``Z = f B / d``, ``X = (u - cx) B / d``, ``Y = (v - cy) B / d`` (section II.C, with B for the paper's T).
         """
-        pixels, disparity = np.asarray(pixels, float).reshape(-1, 2), np.asarray(disparity_px, float).ravel()
+        uv, disparity = np.asarray(pixels, float).reshape(-1, 2), np.asarray(disparity_px, float).ravel()
         per_px = self.baseline_mm / np.where(disparity > 0, disparity, np.nan)
-        xy = (pixels - self.P1[:2, 2]) * per_px[:, None]
+        xy = (uv - self.P1[:2, 2]) * per_px[:, None]
         return np.column_stack([xy, self.f_px * per_px])
-
-
-def pose_left_world(pitch_rad: float, height_mm: float) -> Array:
-    """Pose ``T_left_world`` of a left camera above the world's origin, looking along +x.
-
-    Parameters
-    ----------
-    pitch_rad : float
-        Angle of the optical axis above the horizontal.
-    height_mm : float
-        Height of the optical centre above the floor.
-
-    Returns
-    -------
-    (4, 4) float64
-        Maps homogeneous world points (x forward, y left, z up, mm) into the left camera (x right, y down, z forward).
-    """
-    c, s = np.cos(pitch_rad), np.sin(pitch_rad)
-    R = np.array([[0.0, -1.0, 0.0], [s, 0.0, -c], [c, 0.0, s]])
-    return rigid(R, -R @ [0.0, 0.0, height_mm])
-
-
-def rigid(R: Array, t: ArrayLike) -> Array:
-    """Homogeneous (4, 4) transform of a rotation (3, 3) and a translation (3,)."""
-    T = np.eye(4)
-    T[:3, :3], T[:3, 3] = R, np.ravel(t)
-    return T
-
-
-def skew(t: Array) -> Array:
-    """Matrix of the cross product: ``skew(t) @ x == np.cross(t, x)``. (3, 3)."""
-    x, y, z = np.ravel(t)
-    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])

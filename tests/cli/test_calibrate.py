@@ -229,7 +229,7 @@ def kept(done: tuple[int, Path, list[str]]) -> dict[str, Any]:
 
 def test_truth_lies_within_four_standard_deviations(done: tuple[int, Path, list[str]], kept: dict[str, Any]) -> None:
     assert done[0] == 0
-    truth, found, std = paper_rig(), formats.load(done[1] / "calibration.json"), kept["calibration"]["std"]
+    truth, found, std = paper_rig(), formats.load_rig(done[1] / "calibration.json"), kept["calibration"]["std"]
     for side in ("left", "right"):
         ours, true = getattr(found, side), getattr(truth, side)
         off = np.append((ours.K - true.K)[[0, 1, 0, 1], [0, 1, 2, 2]], ours.dist - true.dist)
@@ -269,9 +269,9 @@ def test_files_of_other_tools_hold_the_same_rig(done: tuple[int, Path, list[str]
         *["--format", "opencv", "--format", "ros", "--format", "kalibr"],
     ]
     assert commands.main(words) == 0
-    kept = formats.load(tmp_path / "calibration.json")
+    kept = formats.load_rig(tmp_path / "calibration.json")
     for names in (["opencv.yml"], ["left.yaml", "right.yaml"], ["camchain.yaml"]):
-        read = formats.load(*(tmp_path / name for name in names))
+        read = formats.load_rig(*(tmp_path / name for name in names))
         np.testing.assert_allclose(read.T, kept.T, atol=1e-6)
         np.testing.assert_allclose(read.right.dist[:4], kept.right.dist, atol=1e-12)
 

@@ -68,7 +68,7 @@ def test_best_writes_its_standard_deviation(pair, tmp_path):
         (["--max-disparity", "100"], "needs a --max-disparity that is a multiple of 16, got 100; near are 96, 112"),
         (["--pipeline", "fast", "--max-disparity", "48"], "multiple of 32, got 48; near are 32, 64"),
         (["--out", "d.tif"], "written as .npy"),
-        (["--calibration", "none.json"], "none.json: "),
+        (["--calibration", "none.json"], "none.json: no such file"),
     ],
 )
 def test_refuses(pair, tmp_path, monkeypatch, capsys, words, text):
@@ -124,7 +124,7 @@ def test_refuses_exchanged_and_missing_pictures(pair, tmp_path, capsys):
     assert run(*pair[::-1], "--out", out) == 2
     assert "left and right are exchanged" in capsys.readouterr().err
     assert run(pair[0], tmp_path / "none.png", "--out", out) == 2
-    assert "none.png: no such image file" in capsys.readouterr().err
+    assert "none.png: no such file" in capsys.readouterr().err
     assert not out.exists()
 
 

@@ -83,9 +83,9 @@ def test_pitched_camera_needs_a_tolerance_of_6_2(rectified, tolerance, whole):
 def test_cure_gives_the_true_height(case, rectified):
     _, view, disparity = case
     result = height_by_maximum(disparity, SCALE, CONSTANT, tolerance_px=6.3)
-    seen = disparity[result.top_row, result.column]
-    assert result.disparity_px == seen
-    height = height_from_depth(rectified, view.T_left_world, result.column, result.top_row - 0.5, seen)
+    at_top = disparity[result.top_row, result.column]
+    assert result.disparity_px == at_top
+    height = height_from_depth(rectified, view.T_left_world, result.column, result.top_row - 0.5, at_top)
     assert height == pytest.approx(300, abs=1.5)
     assert height_of_top(rectified, view.T_left_world, result) == height
 

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import struct
+import zlib
+
 import cv2
 import numpy as np
 import pytest
 
-from stereolib.rig import check_pair, read_image, read_pair, to_grey
+from stereolib.rig import check_pair, read_image, read_pair, to_grey, to_light
 
 
 @pytest.fixture
@@ -31,6 +34,37 @@ def test_deep_pictures_are_refused_not_crushed(tmp_path, picture):
     cv2.imwrite(str(tmp_path / "deep.png"), picture.astype(np.uint16) << 2)
     with pytest.raises(ValueError, match=r"deep\.png: the picture has uint16 samples, 8 bits are needed"):
         read_image(tmp_path / "deep.png")
+
+
+def png(width: int, height: int) -> bytes:
+    """A few bytes of PNG that claim any size."""
+    header = b"IHDR" + struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
+    chunks = [header, b"IDAT" + zlib.compress(bytes(100)), b"IEND"]
+    packed = (struct.pack(">I", len(c) - 4) + c + struct.pack(">I", zlib.crc32(c)) for c in chunks)
+    return b"\x89PNG\r\n\x1a\n" + b"".join(packed)
+
+
+@pytest.mark.parametrize(
+    ("size", "megapixels"), [((10_100, 10_000), 101), ((15_000, 10_000), 150), ((10**5,) * 2, 10**4)]
+)
+def test_a_header_that_claims_a_giant_is_refused_before_it_is_decoded(tmp_path, monkeypatch, size, megapixels):
+    """Below Pillow's limits, between its warning and its error, and beyond."""
+    monkeypatch.setattr(cv2, "imdecode", None)
+    (tmp_path / "giant.png").write_bytes(png(*size))
+    with pytest.raises(ValueError, match=rf"giant\.png: the picture has {megapixels} megapixels, at most 100 are read"):
+        read_image(tmp_path / "giant.png")
+
+
+def test_a_format_that_pillow_does_not_know_goes_to_opencv(tmp_path, picture):
+    """Radiance's HDR: decoded, and refused for its samples only."""
+    path = written(tmp_path / "a.hdr", picture)
+    with pytest.raises(ValueError, match="float32 samples"):
+        read_image(path)
+
+
+def test_light_is_a_power_of_the_grey_level(picture):
+    np.testing.assert_allclose(to_light(picture), (picture / 255) ** 2.2, atol=1e-6)
+    assert to_light(picture).dtype == np.float32
 
 
 def test_grey_is_the_luminance(picture):
@@ -67,7 +101,7 @@ def test_a_jpeg_without_its_last_bytes_is_refused_though_opencv_reads_it(tmp_pat
         read_image(path)
 
 
-@pytest.mark.parametrize(("content", "text"), [(None, "no such image file"), (b"", "0 bytes"), (b"hello", "5 bytes")])
+@pytest.mark.parametrize(("content", "text"), [(None, "no such file"), (b"", "0 bytes"), (b"hello", "5 bytes")])
 def test_no_picture_at_all_is_named(tmp_path, content, text):
     path = tmp_path / "board 01.jpg"
     if content is not None:

@@ -1,0 +1,223 @@
+"""Where the paper's camera stood: what its printed set-up would show, and the pitch or height that fits its picture."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stereolib.base import Float64
+from stereolib.paper.printed_values import assumed, printed_item, printed_value
+from stereolib.rig import RectifiedRig, pose_left_world, rigid
+
+_MM = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
+_MOST_PITCH_DEG = 45.0  # either way: beyond it a camera shows floor or ceiling
+_MOST_HEIGHT = 2.0  # of the camera, in distances to the cube: beyond it a level camera sees it at its lower border
+_LEAST_HEIGHT_MM = 1.0
+_SETTLED = 1e-12  # where the search ends: rad or mm
+
+
+@dataclass(frozen=True)
+class CubeSetup:
+    """A cube edge-on before the camera: its near vertical edge straight ahead, on the floor."""
+
+    side_mm: float
+    distance_mm: float
+    camera_height_mm: float
+    constant_rows: float
+
+
+@dataclass(frozen=True)
+class CubeView:
+    """What a camera sees of the cube, in pixels of the rectified left image.
+
+    ``width_px`` is that of the bounding rectangle, corner to corner; ``constant_rows`` the rows
+    from the foot of the near edge to the bottom of the image; rows may lie outside the image.
+    ``depth_side_mm`` is the depth of the two corners between which the width is counted.
+    """
+
+    pitch_rad: float
+    camera_height_mm: float
+    foot_row: float
+    top_row: float
+    column: float
+    constant_rows: float
+    width_px: float
+    depth_side_mm: float
+    disparity_foot_px: float
+    disparity_top_px: float
+    T_left_world: Float64
+
+
+def paper_setup() -> CubeSetup:
+    """The printed set-up in millimetres (II.C, II.F); the camera height's unit is assumed.
+
+    Returns
+    -------
+    CubeSetup
+
+    Examples
+    --------
+    >>> paper_setup()
+    CubeSetup(side_mm=300.0, distance_mm=700.0, camera_height_mm=85.0, constant_rows=53)
+    """
+    side, distance = printed_item("setup.cube"), printed_item("setup.distance")
+    return CubeSetup(
+        side_mm=side.value[0] * _MM[side.unit],
+        distance_mm=distance.value * _MM[distance.unit],
+        camera_height_mm=printed_value("setup.camera_height") * _MM[assumed()["camera_height_unit"]],
+        constant_rows=printed_value("height.constant_rows"),
+    )
+
+
+def rig_pose(rectified: RectifiedRig, pitch_rad: float, camera_height_mm: float) -> Float64:
+    """Pose ``T_left_world`` of a rig that looks along the world's x axis.
+
+    The rig's baseline (the rectified camera) is held level across and then pitched; the left camera itself is turned
+    against it by about a degree.
+
+    Parameters
+    ----------
+    rectified : RectifiedRig
+    pitch_rad : float, rad
+        Upwards.
+    camera_height_mm : float, mm
+        Of the left optical centre.
+
+    Returns
+    -------
+    (4, 4) float64
+
+    Examples
+    --------
+    >>> from stereolib.paper import paper_rig
+    >>> pose = rig_pose(paper_rig().rectify(), pitch_rad=0.0, camera_height_mm=85.0)
+    >>> (np.linalg.inv(pose)[:3, 3].round(6) + 0.0).tolist()
+    [0.0, 0.0, 85.0]
+    """
+    pose: Float64 = rigid(rectified.R1.T, np.zeros(3)) @ pose_left_world(pitch_rad, camera_height_mm)
+    return pose
+
+
+def cube_view(
+    rectified: RectifiedRig,
+    setup: CubeSetup,
+    *,
+    pitch_rad: float = 0.0,
+    camera_height_mm: float | None = None,
+) -> CubeView:
+    """Project the cube of a set-up into the rectified left image.
+
+    Parameters
+    ----------
+    rectified : RectifiedRig
+    setup : CubeSetup
+    pitch_rad : float, rad
+        Upwards.
+    camera_height_mm : float, mm, optional
+        Default: the set-up's.
+
+    Returns
+    -------
+    CubeView
+
+    Raises
+    ------
+    ValueError
+        If part of the cube lies behind the camera.
+    """
+    height = setup.camera_height_mm if camera_height_mm is None else camera_height_mm
+    pose = rig_pose(rectified, pitch_rad, height)
+    half = setup.side_mm / np.sqrt(2)  # of the diagonal
+    ground = [[0, 0], [half, half], [half, -half], [2 * half, 0]]
+    corners = np.array([[setup.distance_mm + x, y, z] for z in (0, setup.side_mm) for x, y in ground])
+    points = (corners @ pose[:3, :3].T + pose[:3, 3]) @ rectified.R1.T
+    if not (points[:, 2] > 0).all():
+        raise ValueError(f"part of the cube is behind a camera pitched {np.degrees(pitch_rad):.1f} deg")
+    u, v = (points @ rectified.P1[:, :3].T)[:, :2].T / points[:, 2]
+    disparity = rectified.f_px * rectified.baseline_mm / points[:, 2]
+    return CubeView(
+        pitch_rad=pitch_rad,
+        camera_height_mm=height,
+        foot_row=float(v[0]),
+        top_row=float(v[4]),
+        column=float(u[0]),
+        constant_rows=float(rectified.size[1] - v[0]),
+        width_px=float(np.ptp(u)),
+        depth_side_mm=float(points[u.argmax(), 2]),
+        disparity_foot_px=float(disparity[0]),
+        disparity_top_px=float(disparity[4]),
+        T_left_world=pose,
+    )
+
+
+def solve_pitch(rectified: RectifiedRig, setup: CubeSetup) -> CubeView:
+    """The upward pitch at which the cube's foot stands ``setup.constant_rows`` above the bottom.
+
+    Parameters
+    ----------
+    rectified : RectifiedRig
+    setup : CubeSetup
+
+    Returns
+    -------
+    CubeView
+        With that pitch.
+
+    Raises
+    ------
+    ValueError
+        If no pitch within 45 degrees does.
+
+    Examples
+    --------
+    >>> from stereolib.paper import paper_rig
+    >>> round(float(np.degrees(solve_pitch(paper_rig().rectify(), paper_setup()).pitch_rad)), 2)
+    8.27
+    """
+    most = np.radians(_MOST_PITCH_DEG)
+    return _solve(rectified, setup, "pitch_rad", (-most, most))
+
+
+def solve_camera_height(rectified: RectifiedRig, setup: CubeSetup) -> CubeView:
+    """The height at which a level camera sees the foot ``setup.constant_rows`` above the bottom.
+
+    Parameters
+    ----------
+    rectified : RectifiedRig
+    setup : CubeSetup
+
+    Returns
+    -------
+    CubeView
+        With that height.
+
+    Raises
+    ------
+    ValueError
+        If no height up to twice the distance does.
+
+    Examples
+    --------
+    >>> from stereolib.paper import paper_rig
+    >>> round(solve_camera_height(paper_rig().rectify(), paper_setup()).camera_height_mm)
+    190
+    """
+    return _solve(rectified, setup, "camera_height_mm", (_LEAST_HEIGHT_MM, _MOST_HEIGHT * setup.distance_mm))
+
+
+def _solve(rectified: RectifiedRig, setup: CubeSetup, name: str, span: tuple[float, float]) -> CubeView:
+    """The view whose argument `name`, within `span`, puts the foot where it was printed."""
+    from scipy.optimize import brentq
+
+    def view(x: float) -> CubeView:
+        return cube_view(rectified, setup, **{name: x})
+
+    def miss(x: float) -> float:
+        return view(x).constant_rows - setup.constant_rows
+
+    if miss(span[0]) * miss(span[1]) > 0:
+        raise ValueError(
+            f"no {name} from {span[0]:.3g} to {span[1]:.3g} puts the foot {setup.constant_rows:g} rows above the bottom"
+        )
+    return view(brentq(miss, *span, xtol=_SETTLED))

@@ -19,7 +19,7 @@ def _lrf_info_arguments(parser: argparse.ArgumentParser) -> None:
 def _lrf_info(arguments: argparse.Namespace) -> int:
     from stereolib import laser
 
-    facts = laser.info(arguments.file)
+    facts = laser.recording_info(arguments.file)
     if arguments.json:
         print(json.dumps(facts, indent=1))
     else:
@@ -39,7 +39,6 @@ def _lrf_show_arguments(parser: argparse.ArgumentParser) -> None:
 def _lrf_show(arguments: argparse.Namespace) -> int:
     from stereolib import laser, plotting
     from stereolib.base import write_atomic
-    from stereolib.laser import serial_port
 
     output = arguments.output or Path(f"{Path(arguments.source).stem}.png")
     if output.suffix != ".png":
@@ -48,7 +47,7 @@ def _lrf_show(arguments: argparse.Namespace) -> int:
         raise FileExistsError(f"{output} exists and is not overwritten: name another with --output, or pass --force")
     if arguments.turns < 1:
         raise ValueError(f"--turns must be 1 or more, got {arguments.turns}")
-    scan = laser.average(serial_port.take(arguments.source, arguments.turns))
+    scan = laser.average(laser.take_scans(arguments.source, arguments.turns))
     figure, ax = plotting.panels(1, width_in=7, aspect=1.0, subplot_kw={"projection": "polar"})
     title = f"{Path(arguments.source).name}: median of {scan.n_turns} turns, mm"
     plotting.plot_scan_polar(scan.angles_rad, scan.ranges_mm, ax[0], title)
@@ -65,7 +64,7 @@ def _lrf_record_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _lrf_record(arguments: argparse.Namespace) -> int:
-    from stereolib.laser import serial_port
+    from stereolib import laser
 
     def live(state: dict[str, Any]) -> None:
         speed = (
@@ -74,7 +73,7 @@ def _lrf_record(arguments: argparse.Namespace) -> int:
         line = f"{state['seconds']:6.1f} s  {state['turns']} turns  {state['bytes']} bytes  {speed}"
         print(f"\r{line:70}", end="", file=sys.stderr, flush=True)
 
-    notes = serial_port.record(
+    notes = laser.record_port(
         arguments.port, arguments.file, force=arguments.force, seconds=arguments.seconds, progress=live
     )
     print(file=sys.stderr)
@@ -89,10 +88,12 @@ def _lrf_replay_arguments(parser: argparse.ArgumentParser) -> None:
 
 def _lrf_replay(arguments: argparse.Namespace) -> int:
     from stereolib import laser
+    from stereolib.base import read_bytes
     from stereolib.virtual import emulator
 
-    laser.load(arguments.file)  # says what is wrong with a file that is no recording
-    return _serve(emulator.replay(arguments.file.read_bytes()), arguments.link)
+    data = read_bytes(arguments.file)
+    laser.decode_recording(data, str(arguments.file))  # says what is wrong with a file that is no recording
+    return _serve(emulator.replay(data), arguments.link)
 
 
 def _lrf_emulate_arguments(parser: argparse.ArgumentParser) -> None:

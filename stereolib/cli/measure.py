@@ -48,7 +48,7 @@ def _measure(arguments: argparse.Namespace) -> int:
         raise FileExistsError(f"{picture} exists and is not overwritten: name another with --picture, or pass --force")
     instrument = Instrument.load(arguments.calibration)
     pair = read_pair(arguments.left, arguments.right)
-    scan = None if arguments.scan is None else laser.average(laser.turns(laser.load(arguments.scan)))
+    scan = None if arguments.scan is None else laser.average(laser.turns(laser.read_recording(arguments.scan)))
     measured = measure_objects(
         *pair, scan, instrument.rectified, instrument.lidar, rng=np.random.default_rng(0),
         uncertainty=instrument.uncertainty,

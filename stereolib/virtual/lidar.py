@@ -2,7 +2,7 @@
 
 What is measured and what is chosen:
 
-* Noise ``sigma = a + b r^2``: fitted with `stereolib.lrf.fit_sigma` to the repeatability of one real
+* Noise ``sigma = a + b r^2``: fitted with `stereolib.laser.fit_sigma` to the repeatability of one real
   unit in a static scene: 1.5 mm below 1 m, 4.1 mm at 1-1.5 m, 7.4 mm at 2.5-3 m, 14.8 mm at 3-3.3 m
   (taken at 0.6, 1.25, 2.75 and 3.15 m). The law misses those four by 22 % rms.
 * Strength ``s = k reflectance / r^2``, k from the same sensor's public recording of a cardboard box:
@@ -54,7 +54,7 @@ class VirtualLidar:
         Motor speed; it wanders by a fraction of an rpm.
     emitter_offset_mm : float
         25 for light that leaves the sensor beside its axis as in the real one (see
-        `stereolib.lrf.points_mm`); 0, the default, needs no geometry correction.
+        `stereolib.laser.points_mm`); 0, the default, needs no geometry correction.
 
     Notes
     -----

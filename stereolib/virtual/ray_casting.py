@@ -238,12 +238,7 @@ def _pattern(box: Box, face: int, points: Array, directions: Array, footprint_mm
 
 
 def _radiance(
-    scene: Scene,
-    origins: Array,
-    directions: Array,
-    pixel_rad: float,
-    light_samples: int,
-    bounce: bool,
+    scene: Scene, origins: Array, directions: Array, pixel_rad: float, light_samples: int, bounce: bool
 ) -> Array:
     """Light along each ray, (N, 3) float64: diffuse with soft shadows, GGX glare, one mirror bounce."""
     distance, surface = _nearest(scene, origins, directions)
@@ -272,13 +267,7 @@ def _radiance(
 
 
 def _lit(
-    scene: Scene,
-    lamp: Light,
-    points: Array,
-    normal: Array,
-    toward: Array,
-    material: Material,
-    n: int,
+    scene: Scene, lamp: Light, points: Array, normal: Array, toward: Array, material: Material, n: int
 ) -> tuple[Array, Array]:
     """Diffuse irradiance and glare from one area light at points (N, 3), each (N,) float64."""
     grid = ((np.arange(n) + 0.5) / n - 0.5) * lamp.size_mm if n > 1 else np.zeros(1)

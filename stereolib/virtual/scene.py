@@ -107,11 +107,7 @@ WALL: Triple = (0.62, 0.64, 0.64)
 
 
 def box_on_floor(
-    size_mm: Triple,
-    x_mm: float,
-    y_mm: float,
-    yaw_rad: float,
-    material: Material = Material(WOOD, 0.45),
+    size_mm: Triple, x_mm: float, y_mm: float, yaw_rad: float, material: Material = Material(WOOD, 0.45)
 ) -> Box:
     """A box standing on the floor: the centre of its foot at (x, y), turned about the vertical."""
     c, s = np.cos(yaw_rad), np.sin(yaw_rad)

@@ -50,9 +50,9 @@ def _data_build_arguments(parser: argparse.ArgumentParser) -> None:
 
 def _data_build(arguments: argparse.Namespace) -> int:
     from stereolib.base import datasets
-    from stereolib.virtual import recordings
+    from stereolib.virtual import build_recordings
 
-    recordings.build(arguments.output or datasets.ROOT / "data" / "virtual")
+    build_recordings(arguments.output or datasets.ROOT / "data" / "virtual")
     return 0
 
 

@@ -76,9 +76,8 @@ def instrument() -> tuple[RectifiedRig, LidarCamera, Uncertainty]:
     found = calibrate_stereo(find_in_pairs(boards, recordings.BOARD, names=names))
     rectified = found.rig.rectify()
     views = laser_boards.laser_board_views(
-        SENSOR, recordings.LASER_POSE, recordings.setup(), paper.paper_rig().left, np.random.default_rng(604),
-        believed_left=found.rig.left, height_mm=150.0,
-    )  # fmt: skip
+        SENSOR, paper.paper_rig().left, np.random.default_rng(604), believed_left=found.rig.left, height_mm=150.0
+    )
     how_well = rectified_std(rectified, rig_covariance(found.fit))
     return rectified, calibrate_lidar_to_camera(views), Uncertainty(**how_well)
 

@@ -17,8 +17,8 @@ from stereolib.virtual import VirtualLidar, cube_scene, emulator, recordings
 LIVE = """
 import sys, time
 from itertools import islice
-from stereolib.laser import serial_port
-scans = serial_port.open_lidar(sys.argv[1])
+from stereolib.laser import open_lidar
+scans = open_lidar(sys.argv[1])
 next(scans)
 busy, wall = time.process_time(), time.monotonic()
 list(islice(scans, 40))

@@ -6,6 +6,7 @@ import json
 import os
 import platform
 import statistics
+import sys
 import time
 from collections.abc import Callable
 from importlib.metadata import version
@@ -16,6 +17,7 @@ from stereolib.base import ROOT, figures_dir, write_atomic
 from stereolib.reproduction import update_readme_tables
 
 RESULTS = Path(__file__).parent / "results"
+sys.path.append(str(ROOT / "tests"))  # after this module, a benchmark imports `support` as the tests do
 
 
 def ratio(ours: Callable[[], object], bare: Callable[[], object], rounds: int = 25) -> dict[str, float]:

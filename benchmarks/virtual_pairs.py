@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from stereolib import paper
-from stereolib.virtual import Webcam, clutter_scene, recordings, render_pair, truth
+from stereolib.virtual import Webcam, clutter_scene, recordings, render_pair, render_truth
 
 Array = np.ndarray
 #: Seeds of cluttered scenes, and recordings of the cube. No scene is in both sets.
@@ -42,7 +42,7 @@ class Pair:
 def cluttered(seed: int, lights: tuple[float, ...] = LIGHTS) -> list[Pair]:
     """A cluttered scene in several lights, rectified about as well as rigs are: the right camera is turned a little."""
     scene, where, rng = clutter_scene(seed), recordings.setup("bench"), np.random.default_rng([seed, 5])
-    true = truth(scene, recordings.rectified(), where).disparity_px
+    true = render_truth(scene, recordings.rectified(), where).disparity_px
     sides = render_pair(scene, paper.paper_rig(), where, samples=2, light_samples=1)
     found = []
     for light in lights:

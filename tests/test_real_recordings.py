@@ -24,13 +24,13 @@ def xv11_file() -> Path:
 
 
 def test_xv11_recording_holds_its_known_packets_and_turns(xv11_file: Path) -> None:
-    facts = laser.info(xv11_file)
+    facts = laser.recording_info(xv11_file)
     assert facts["packets"] == 11451
     assert facts["turns"] == 120
 
 
 def test_xv11_walls_get_straighter_by_the_geometry_correction(xv11_file: Path) -> None:
-    scans = [scan for scan in laser.turns(laser.load(xv11_file)) if scan.complete]
+    scans = [scan for scan in laser.turns(laser.read_recording(xv11_file)) if scan.complete]
     still, rms = laser.average(scans), {}
     for corrected in (False, True):
         points = laser.points_mm(still, geometry_correction=corrected)

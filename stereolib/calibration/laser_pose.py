@@ -16,7 +16,7 @@ from stereolib import laser
 from stereolib.base import finite_array, set_frozen
 from stereolib.calibration import bundle_adjustment
 from stereolib.calibration.boards import Board, find_board
-from stereolib.laser import XV11_SIGMA, LaserScan, fit_line, segments
+from stereolib.laser import XV11_SIGMA, LaserScan, find_segments, fit_line
 from stereolib.rig import Camera, pose_left_world, read_image, rigid, skew
 
 Array = np.ndarray
@@ -104,7 +104,7 @@ def board_view(
     diagonal_mm : float
         Of the board.
     sigma : callable
-        Noise of a reading (see `stereolib.scan_segments.segments`).
+        Noise of a reading (see `stereolib.laser.find_segments`).
     expected : (4, 4) array, optional
         Rough ``T_left_lidar``: decides if several things could be the board.
 
@@ -113,7 +113,7 @@ def board_view(
     ValueError
         If nothing in the scan, or more than one thing, could be the board.
     """
-    things = [part for part in segments(scan, sigma=sigma) if part.kind == "object"]
+    things = [part for part in find_segments(scan, sigma=sigma) if part.kind == "object"]
     found = [
         part for part in things if part.extent_mm < 1.1 * diagonal_mm and fit_line(part.points_mm).rms_mm < _FLAT_MM
     ]
@@ -158,7 +158,7 @@ def views_from_files(
         seen = np.isfinite(corners).all(axis=1)
         turn, t = bundle_adjustment.pose(board.points_mm[seen], corners[seen], left)
         try:
-            turns = laser.average(laser.turns(laser.load(scan)))
+            turns = laser.average(laser.turns(laser.read_recording(scan)))
             found.append(board_view(turns, rigid(cv2.Rodrigues(turn)[0], t), diagonal_mm=diagonal))
         except ValueError as error:
             raise ValueError(f"{scan}: {error}") from error

@@ -16,11 +16,11 @@ def _configure_build(parser: argparse.ArgumentParser) -> None:
 
 def _build(arguments: argparse.Namespace) -> int:
     from stereolib.base import check_target, datasets
-    from stereolib.virtual import recordings
+    from stereolib.virtual import build_recordings
 
     output = arguments.output or datasets.repository() / "data" / "virtual"
     check_target(output / "SHA256SUMS")
-    recordings.build(output)
+    build_recordings(output)
     return DONE
 
 

@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from stereolib.base import read_bytes
 from stereolib.cli.command import Command
 from stereolib.cli.errors import DONE, INTERRUPTED
 from stereolib.cli.outputs import check_ending, check_outputs
@@ -21,7 +22,7 @@ def _configure_info(parser: argparse.ArgumentParser) -> None:
 def _info(arguments: argparse.Namespace) -> int:
     from stereolib import laser
 
-    facts = laser.info(arguments.file)
+    facts = laser.recording_info(arguments.file)
     if arguments.json:
         print(json.dumps(facts, indent=1))
     else:
@@ -41,14 +42,13 @@ def _configure_show(parser: argparse.ArgumentParser) -> None:
 def _show(arguments: argparse.Namespace) -> int:
     from stereolib import laser, plotting
     from stereolib.base import write_atomic
-    from stereolib.laser import serial_port
 
     output = arguments.output or Path(f"{Path(arguments.source).stem}.png")
     check_ending(output, ".png", "the picture")
     check_outputs([output], force=arguments.force, option="--output")
     if arguments.turns < 1:
         raise ValueError(f"--turns must be 1 or more, got {arguments.turns}")
-    scan = laser.average(serial_port.take(arguments.source, arguments.turns))
+    scan = laser.average(laser.take_scans(arguments.source, arguments.turns))
     figure, ax = plotting.panels(1, width_in=7, aspect=1.0, subplot_kw={"projection": "polar"})
     title = f"{Path(arguments.source).name}: median of {scan.n_turns} turns, mm"
     plotting.plot_scan_polar(scan.angles_rad, scan.ranges_mm, ax[0], title)
@@ -65,7 +65,7 @@ def _configure_record(parser: argparse.ArgumentParser) -> None:
 
 
 def _record(arguments: argparse.Namespace) -> int:
-    from stereolib.laser import serial_port
+    from stereolib import laser
 
     def live(state: dict[str, Any]) -> None:
         speed = (
@@ -74,7 +74,7 @@ def _record(arguments: argparse.Namespace) -> int:
         line = f"{state['seconds']:6.1f} s  {state['turns']} turns  {state['bytes']} bytes  {speed}"
         print(f"\r{line:70}", end="", file=sys.stderr, flush=True)
 
-    notes = serial_port.record(
+    notes = laser.record_port(
         arguments.port, arguments.file, force=arguments.force, seconds=arguments.seconds, progress=live
     )
     print(file=sys.stderr)
@@ -91,8 +91,9 @@ def _replay(arguments: argparse.Namespace) -> int:
     from stereolib import laser
     from stereolib.virtual import emulator
 
-    laser.load(arguments.file)  # says what is wrong with a file that is no recording
-    return _serve(emulator.replay(arguments.file.read_bytes()), arguments.link)
+    data = read_bytes(arguments.file)
+    laser.decode_recording(data, str(arguments.file))  # says what is wrong with a file that is no recording
+    return _serve(emulator.replay(data), arguments.link)
 
 
 def _configure_emulate(parser: argparse.ArgumentParser) -> None:

@@ -48,7 +48,7 @@ def _run(arguments: argparse.Namespace) -> int:
     check_outputs([picture], force=arguments.force, option="--picture")
     instrument = Instrument.load(arguments.calibration)
     pair = read_pair(arguments.left, arguments.right)
-    scan = None if arguments.scan is None else laser.average(laser.turns(laser.load(arguments.scan)))
+    scan = None if arguments.scan is None else laser.average(laser.turns(laser.read_recording(arguments.scan)))
     rng = np.random.default_rng(0)  # of the search for the floor: the same pair gives the same sizes
     measured = measure_objects(
         *pair, scan, instrument.rectified, instrument.lidar, rng=rng, uncertainty=instrument.uncertainty

@@ -1,4 +1,3 @@
-from ._framing import PacketError
 from .error_model import (
     BiasCorrection,
     ErrorAgainstN,
@@ -11,86 +10,80 @@ from .error_model import (
     fit_sigma,
     learn_bias,
 )
-from .footprint import Footprint, fit_footprint, footprints
-from .scans import (
-    BEAMS,
-    EMITTER_ANGLE_RAD,
-    AveragedScan,
-    LaserScan,
-    Scan,
-    average,
-    gate,
-    info,
-    load,
-    moving,
-    points_mm,
-    stack_mm,
-    turns,
-)
-from .segmentation import XV11_SIGMA, Segment, segments
-from .serial_port import LidarError, open_lidar, open_port, read_chunks, record, take
+from .footprint import FaceLine, Footprint, find_footprints, fit_footprint
+from .framing import PacketError
+from .points import EMITTER_ANGLE_RAD, EMITTER_OFFSET_MM, points_mm
+from .recordings import decode_recording, read_recording, recording_info
+from .scans import AveragedScan, LaserScan, average, gate, moving_readings, turns
+from .segmentation import XV11_SIGMA, Segment, find_segments
+from .serial_port import LidarError, open_lidar, read_chunks, record_port, take_scans
 from .walls import Wall, fit_line, fit_walls
 from .xv11 import (
+    BAUD,
+    BEAMS,
     ERROR_NO_SIGNAL,
     MAX_DISTANCE_MM,
+    NOMINAL_RPM,
     PACKETS_PER_TURN,
     READINGS_PER_PACKET,
+    RPM_LIMITS,
     Decoder,
     Readings,
-    checksum,
-    concatenate,
     decode,
     encode,
+    join_readings,
 )
 
 __all__ = [
+    "BAUD",
     "BEAMS",
     "EMITTER_ANGLE_RAD",
+    "EMITTER_OFFSET_MM",
     "ERROR_NO_SIGNAL",
     "MAX_DISTANCE_MM",
+    "NOMINAL_RPM",
     "PACKETS_PER_TURN",
     "READINGS_PER_PACKET",
+    "RPM_LIMITS",
     "XV11_SIGMA",
     "AveragedScan",
     "BiasCorrection",
     "Decoder",
     "ErrorAgainstN",
     "ErrorCurve",
+    "FaceLine",
     "Footprint",
     "LaserScan",
     "LidarError",
     "PacketError",
     "Readings",
-    "Scan",
     "Segment",
     "SigmaFit",
     "Wall",
     "average",
     "bias_correction_test",
-    "checksum",
     "compare_sigma_laws",
-    "concatenate",
     "decode",
+    "decode_recording",
     "encode",
     "error_against_n",
     "error_curve",
+    "find_footprints",
+    "find_segments",
     "fit_footprint",
     "fit_line",
     "fit_sigma",
     "fit_walls",
-    "footprints",
     "gate",
-    "info",
+    "join_readings",
     "learn_bias",
-    "load",
-    "moving",
+    "moving_readings",
     "open_lidar",
-    "open_port",
     "points_mm",
     "read_chunks",
-    "record",
-    "segments",
-    "stack_mm",
-    "take",
+    "read_recording",
+    "record_port",
+    "recording_info",
+    "take_scans",
     "turns",
 ]

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-Array = np.ndarray
+from stereolib.base import Float64, direction
+
 _STEPS = 4  # of Gauss-Newton: an angle right to 0.1 rad is right to 1e-8 after three
 _CIRCLE_STEPS = 8  # from the algebraic fit a round outline needs four
 _TURN = np.array([[0.0, -1.0], [1.0, 0.0]])
@@ -15,20 +16,55 @@ _CANDIDATES = 2  # splits of a corner that are fitted in full
 
 @dataclass(frozen=True, eq=False)
 class Lines:
-    """One line, or two at right angles: angle of the first normal, offsets, covariance, chi square, split."""
+    """One line, or two at right angles.
 
-    parameters: Array
-    covariance: Array
+    Attributes
+    ----------
+    parameters : (2,) or (3,) float64
+        Angle of the first normal, rad, and the offset of each line, mm.
+    covariance : (2, 2) or (3, 3) float64
+    chi2 : float
+        Sum of the squared residuals in standard deviations.
+    split : int
+        The points before it belong to the first line.
+    """
+
+    parameters: Float64
+    covariance: Float64
     chi2: float
     split: int
 
-    def normal(self, face: int) -> Array:
-        angle = self.parameters[0] + face * np.pi / 2
-        return np.array([np.cos(angle), np.sin(angle)])
+    def normal(self, face: int) -> Float64:
+        """Unit normal of the first (0) or second (1) line.
+
+        Parameters
+        ----------
+        face : int
+
+        Returns
+        -------
+        (2,) float64
+        """
+        return direction(self.parameters[0] + face * np.pi / 2)
 
 
-def fit_lines(p: Array, sigma: Array, split: int, start: float | None = None) -> Lines:
-    """Gauss-Newton on the angle and the offsets; points before the split belong to the first line."""
+def fit_lines(p: Float64, sigma: Float64, split: int, start: float | None = None) -> Lines:
+    """Fit one line, or two at right angles, by Gauss-Newton on the angle and the offsets.
+
+    Parameters
+    ----------
+    p : (N, 2) float64, mm
+    sigma : (N,) float64
+        Standard deviation of each reading along its beam, mm.
+    split : int
+        Points before it belong to the first line, the others to the second.
+    start : float, optional
+        Angle of the first normal to start from, rad; by default that of a line through all points.
+
+    Returns
+    -------
+    Lines
+    """
     two = bool(split < len(p))
     if start is None:
         centred = p - p.mean(axis=0)
@@ -55,22 +91,32 @@ def fit_lines(p: Array, sigma: Array, split: int, start: float | None = None) ->
     return Lines(x, np.linalg.inv(A), float(e @ e), split)
 
 
-def fit_corner(p: Array, sigma: Array) -> Lines | None:
-    """Best corner that stands out towards the sensor, or None."""
+def fit_corner(p: Float64, sigma: Float64) -> Lines | None:
+    """Fit the best corner that stands out towards the sensor.
+
+    Parameters
+    ----------
+    p : (N, 2) float64, mm
+    sigma : (N,) float64, mm
+
+    Returns
+    -------
+    Lines or None
+        None if no split makes such a corner.
+    """
     n = len(p)
     weight = 1 / sigma**2
     moments = np.stack([weight, *(weight * p.T), *(weight * (p[:, i] * p[:, j]) for i, j in ((0, 0), (0, 1), (1, 1)))])
     sums = np.concatenate([np.zeros((6, 1)), moments.cumsum(axis=1)], axis=1)
 
-    def scatter(part: Array) -> Array:
+    def scatter(part: Float64) -> Float64:
         w, x, y, xx, xy, yy = part
         off = xy - x * y / w
         return np.array([[xx - x * x / w, off], [off, yy - y * y / w]]).transpose(2, 0, 1)
 
     splits = np.arange(1, n)
-    values, vectors = np.linalg.eigh(
-        scatter(sums[:, splits]) + _TURN.T @ scatter(sums[:, -1:] - sums[:, splits]) @ _TURN
-    )
+    second = scatter(sums[:, -1:] - sums[:, splits])
+    values, vectors = np.linalg.eigh(scatter(sums[:, splits]) + _TURN.T @ second @ _TURN)
     best: Lines | None = None
     for at in np.argsort(values[:, 0], kind="stable")[:_CANDIDATES]:
         k = int(splits[at])
@@ -86,9 +132,24 @@ def fit_corner(p: Array, sigma: Array) -> Lines | None:
     return best
 
 
-def fit_circle(p: Array, sigma: Array) -> tuple[Array, float, Array]:
-    """Centre and radius (3,), chi square, and covariance of a circle seen from outside.
+def fit_circle(p: Float64, sigma: Float64) -> tuple[Float64, float, Float64]:
+    """Fit a circle that is seen from outside.
 
+    Parameters
+    ----------
+    p : (N, 2) float64, mm
+    sigma : (N,) float64, mm
+
+    Returns
+    -------
+    circle : (3,) float64
+        Centre and radius, mm.
+    chi2 : float
+        Infinite if the points are seen from inside.
+    covariance : (3, 3) float64
+
+    Notes
+    -----
     Gauss-Newton on the ranges, ``r = b . m - sqrt(R^2 - m^2 + (b . m)^2)`` along the beam b.
     """
     r = np.hypot(*p.T)
@@ -113,4 +174,5 @@ def fit_circle(p: Array, sigma: Array) -> tuple[Array, float, Array]:
         else:
             damping *= 10
         q = kept - np.linalg.solve(A * (1 + damping * np.eye(3)), g)
-    return kept, best, np.linalg.pinv(A)
+    covariance: Float64 = np.asarray(np.linalg.pinv(A), np.float64)
+    return kept, best, covariance

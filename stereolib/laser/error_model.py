@@ -9,14 +9,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Law = Literal["constant", "linear", "quadratic"]
+from stereolib.base import Float64, Ints
+from stereolib.laser.xv11 import RANGE_STEP_MM
+
+Law: TypeAlias = Literal["constant", "linear", "quadratic"]
 LAWS: tuple[Law, ...] = ("constant", "linear", "quadratic")
-QUANTUM_MM = 1.0  # the packet holds whole millimetres
+QUANTISATION_MM = float(RANGE_STEP_MM / np.sqrt(12))  # standard deviation that rounding to whole steps leaves
+_LEAST_SPREADS = 4  # two coefficients, and something left to judge them by
+_LEAST_IN_MEAN = 10  # readings at a distance before their mean error is called a bias
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,16 +42,16 @@ class ErrorCurve:
         Share of the readings that were invalid.
     """
 
-    true_mm: NDArray[np.float64]
-    n: NDArray[np.int64]
-    bias_mm: NDArray[np.float64]
-    spread_mm: NDArray[np.float64]
-    percent: NDArray[np.float64]
-    dropout: NDArray[np.float64]
+    true_mm: Float64
+    n: Ints
+    bias_mm: Float64
+    spread_mm: Float64
+    percent: Float64
+    dropout: Float64
 
 
 def error_curve(true_mm: ArrayLike, readings_mm: Sequence[ArrayLike]) -> ErrorCurve:
-    """Bias, spread and percentage error at known distances.
+    """Compute bias, spread and percentage error at known distances.
 
     Parameters
     ----------
@@ -55,32 +60,43 @@ def error_curve(true_mm: ArrayLike, readings_mm: Sequence[ArrayLike]) -> ErrorCu
     readings_mm : sequence of k arrays
         Readings taken at each, mm; NaN is a dropout. Without any valid reading the errors are NaN.
 
-    Raises ValueError if the lengths differ or a distance is not positive.
+    Returns
+    -------
+    ErrorCurve
+
+    Raises
+    ------
+    ValueError
+        If the lengths differ or a distance is not positive.
+
+    Examples
+    --------
+    >>> curve = error_curve([500, 1000], [[503, 505], [990, np.nan]])
+    >>> curve.bias_mm, curve.percent, curve.dropout
+    (array([  4., -10.]), array([0.8, 1. ]), array([0. , 0.5]))
     """
     true = np.asarray(true_mm, np.float64)
     if true.ndim != 1 or len(true) != len(readings_mm):
         raise ValueError(
-            f"one array of readings per known distance is needed: got {true.size} "
-            f"distances and {len(readings_mm)} arrays"
+            f"one array of readings per known distance is needed: got {true.size} distances and "
+            f"{len(readings_mm)} arrays"
         )
     if not (true > 0).all():
         raise ValueError("known distances must be positive, in mm")
-    rows = []
-    for distance, values in zip(true, readings_mm, strict=True):
-        every = np.asarray(values, np.float64).ravel()
-        error = every[np.isfinite(every)] - distance
-        n = len(error)
-        rows.append(
-            (
-                n,
-                error.mean() if n else np.nan,
-                error.std(ddof=1) if n > 1 else np.nan,
-                100 * np.abs(error).mean() / distance if n else np.nan,
-                1 - n / max(len(every), 1),
-            )
-        )
+    rows = [_errors_at(distance, np.asarray(r, float).ravel()) for distance, r in zip(true, readings_mm, strict=True)]
     counts, bias, spread, percent, dropout = np.array(rows, np.float64).reshape(-1, 5).T
     return ErrorCurve(true, counts.astype(int), bias, spread, percent, dropout)
+
+
+def _errors_at(distance_mm: float, readings_mm: Float64) -> tuple[float, ...]:
+    """Valid readings, mean error, spread, percentage error and dropout at one distance."""
+    error = readings_mm[np.isfinite(readings_mm)] - distance_mm
+    n = len(error)
+    dropout = 1 - n / max(len(readings_mm), 1)
+    if not n:
+        return n, np.nan, np.nan, np.nan, dropout
+    spread = error.std(ddof=1) if n > 1 else np.nan
+    return n, error.mean(), spread, 100 * np.abs(error).mean() / distance_mm, dropout
 
 
 @dataclass(frozen=True)
@@ -108,8 +124,18 @@ class SigmaFit:
     rms_percent: float
     aic: float
 
-    def __call__(self, distance_mm: ArrayLike) -> NDArray[np.float64]:
-        """Spread at these distances, mm."""
+    def __call__(self, distance_mm: ArrayLike) -> Float64:
+        """Evaluate the law.
+
+        Parameters
+        ----------
+        distance_mm : array_like, mm
+
+        Returns
+        -------
+        array like `distance_mm`, mm
+            The spread expected there.
+        """
         return self.a_mm + self.b * np.asarray(distance_mm, np.float64) ** LAWS.index(self.law)
 
 
@@ -128,7 +154,21 @@ def fit_sigma(distance_mm: ArrayLike, sigma_mm: ArrayLike, law: Law = "quadratic
     n : (k,) array_like, optional
         Readings behind each spread; by default all alike.
 
-    Raises ValueError for fewer than four usable spreads, or for an unknown law.
+    Returns
+    -------
+    SigmaFit
+
+    Raises
+    ------
+    ValueError
+        For fewer than four usable spreads, or for an unknown law.
+
+    Examples
+    --------
+    >>> r = np.array([500.0, 1000, 2000, 4000])
+    >>> fit = fit_sigma(r, 1.5 + 1e-6 * r**2)
+    >>> round(fit.a_mm, 6), round(fit.b, 9)
+    (1.5, 1e-06)
     """
     from scipy.optimize import nnls
 
@@ -140,10 +180,10 @@ def fit_sigma(distance_mm: ArrayLike, sigma_mm: ArrayLike, law: Law = "quadratic
     weight = np.broadcast_to(np.asarray(n, np.float64) - 1, r.shape)
     usable = np.isfinite(r) & np.isfinite(sigma) & (sigma > 0) & (weight > 0)
     r, sigma, weight = r[usable], sigma[usable], weight[usable] / weight[usable].mean()
-    if len(r) < 4:
+    if len(r) < _LEAST_SPREADS:
         raise ValueError(
-            f"at least four distances with a spread are needed, got {len(r)}; record "
-            "more distances, each with at least two readings"
+            f"at least four distances with a spread are needed, got {len(r)}; record more distances, each with at "
+            "least two readings"
         )
     scale = r.max()
     power = LAWS.index(law)
@@ -162,45 +202,90 @@ def fit_sigma(distance_mm: ArrayLike, sigma_mm: ArrayLike, law: Law = "quadratic
     mean_square = float(np.mean(weight * relative**2))
     deviance = k * np.log(mean_square) + 2 * np.log(model).sum()
     return SigmaFit(
-        law,
-        float(a),
-        float(b / scale**power),
-        float(np.sqrt(np.mean((sigma - model) ** 2))),
-        float(100 * np.sqrt(mean_square)),
-        float(deviance + 2 * m),
+        law=law,
+        a_mm=float(a),
+        b=float(b / scale**power),
+        rms_mm=float(np.sqrt(np.mean((sigma - model) ** 2))),
+        rms_percent=float(100 * np.sqrt(mean_square)),
+        aic=float(deviance + 2 * m),
     )
 
 
 def compare_sigma_laws(distance_mm: ArrayLike, sigma_mm: ArrayLike, n: ArrayLike = 2) -> list[SigmaFit]:
-    """The three laws fitted to the same spreads, the best (lowest AIC) first."""
-    fits = [fit_sigma(distance_mm, sigma_mm, law, n) for law in LAWS]
-    return sorted(fits, key=lambda fit: fit.aic)
+    """Fit the three laws to the same spreads.
+
+    Parameters
+    ----------
+    distance_mm, sigma_mm, n
+        As for `fit_sigma`.
+
+    Returns
+    -------
+    list of SigmaFit
+        The best (lowest AIC) first.
+
+    Examples
+    --------
+    >>> r = np.array([500.0, 1000, 2000, 3000, 4000])
+    >>> compare_sigma_laws(r, [1.7, 2.5, 6.0, 11.5, 20.5], n=100)[0].law
+    'quadratic'
+    """
+    return sorted((fit_sigma(distance_mm, sigma_mm, law, n) for law in LAWS), key=lambda fit: fit.aic)
 
 
 @dataclass(frozen=True)
 class BiasCorrection:
     """Bias as a polynomial of the measured range: ``sum_i c_i (r / 1000)^i``, r in mm.
 
-    Call it with readings to get them without their bias. `range_mm` is where it was learnt; readings
-    more than a tenth outside raise ValueError.
+    Call it with readings to get them without their bias.
+
+    Attributes
+    ----------
+    coefficients_mm : tuple of float
+    range_mm : (low, high)
+        Where it was learnt, mm; readings more than a tenth outside raise ValueError.
     """
 
     coefficients_mm: tuple[float, ...]
     range_mm: tuple[float, float] = (0.0, np.inf)
 
-    def bias_mm(self, measured_mm: ArrayLike) -> NDArray[np.float64]:
-        """Bias expected of these readings, mm."""
+    def bias_mm(self, measured_mm: ArrayLike) -> Float64:
+        """Evaluate the polynomial.
+
+        Parameters
+        ----------
+        measured_mm : array_like, mm
+
+        Returns
+        -------
+        array like `measured_mm`, mm
+            The bias expected of these readings.
+
+        Raises
+        ------
+        ValueError
+            If a reading lies where the bias is not known.
+        """
         r = np.asarray(measured_mm, np.float64)
         outside = r[(r < 0.9 * self.range_mm[0]) | (r > 1.1 * self.range_mm[1])]
         if outside.size:
             raise ValueError(
-                f"the bias was learnt from {self.range_mm[0]:g} to {self.range_mm[1]:g} mm and is "
-                f"not known at {outside.flat[0]:g} mm; gate the scan, or learn it from that far"
+                f"the bias was learnt from {self.range_mm[0]:g} to {self.range_mm[1]:g} mm and is not known at "
+                f"{outside.flat[0]:g} mm; gate the scan, or learn it from that far"
             )
         return np.asarray(np.polynomial.polynomial.polyval(r / 1000, self.coefficients_mm))
 
-    def __call__(self, measured_mm: ArrayLike) -> NDArray[np.float64]:
-        """The readings without their bias, mm."""
+    def __call__(self, measured_mm: ArrayLike) -> Float64:
+        """Take the bias out of readings.
+
+        Parameters
+        ----------
+        measured_mm : array_like, mm
+
+        Returns
+        -------
+        array like `measured_mm`, mm
+        """
         return np.asarray(measured_mm, np.float64) - self.bias_mm(measured_mm)
 
 
@@ -214,26 +299,46 @@ def learn_bias(true_mm: ArrayLike, measured_mm: ArrayLike, degree: int = 2) -> B
     degree : int
         Degree of the polynomial in range.
 
-    Raises ValueError if there are fewer distances than coefficients.
+    Returns
+    -------
+    BiasCorrection
+
+    Raises
+    ------
+    ValueError
+        If there are fewer distances than coefficients.
+
+    Examples
+    --------
+    >>> correct = learn_bias([500, 1000, 2000], [505, 1006, 2008], degree=1)
+    >>> correct([505, 2008]).round(6)
+    array([ 500., 2000.])
     """
     true, r = (np.asarray(v, np.float64).ravel() for v in (true_mm, measured_mm))
     valid = np.isfinite(r) & np.isfinite(true)
     true, r = true[valid], r[valid]
     if len(np.unique(true)) <= degree:
         raise ValueError(
-            f"{degree + 1} coefficients cannot be learnt from {len(np.unique(true))} distances "
-            "with a valid reading; record more distances or lower the degree"
+            f"{degree + 1} coefficients cannot be learnt from {len(np.unique(true))} distances with a valid reading; "
+            "record more distances or lower the degree"
         )
     weight = 1 / (1 + (r / 1000) ** 2)
     matrix = np.vander(r / 1000, degree + 1, increasing=True) * weight[:, None]
-    found = np.linalg.lstsq(matrix, (r - true) * weight, rcond=None)[0]
-    return BiasCorrection(tuple(found.tolist()), (float(r.min()), float(r.max())))
+    coefficients = np.linalg.lstsq(matrix, (r - true) * weight, rcond=None)[0]
+    return BiasCorrection(tuple(coefficients.tolist()), (float(r.min()), float(r.max())))
 
 
 def bias_correction_test(
     true_mm: ArrayLike, measured_mm: ArrayLike, *, degree: int = 2, rng: np.random.Generator
 ) -> dict[str, float]:
     """Learn the bias on one random half of the readings, test it on the other half.
+
+    Parameters
+    ----------
+    true_mm, measured_mm, degree
+        As for `learn_bias`.
+    rng : numpy.random.Generator
+        Draws the halves.
 
     Returns
     -------
@@ -250,7 +355,7 @@ def bias_correction_test(
     for name, values in (("before", r[test]), ("after", corrected)):
         error = values - true[test]
         places = [error[true[test] == d] for d in np.unique(true[test])]
-        means = [p.mean() for p in places if len(p) >= 10] or [np.nan]
+        means = [p.mean() for p in places if len(p) >= _LEAST_IN_MEAN] or [np.nan]
         result[f"rms_{name}_mm"] = float(np.sqrt(np.mean(error**2)))
         result[f"bias_{name}_mm"] = float(np.sqrt(np.mean(np.square(means))))
     return result
@@ -276,12 +381,12 @@ class ErrorAgainstN:
         Floor of a single reading in steps of 1 mm: ``1 / sqrt(12)``.
     """
 
-    n: NDArray[np.int64]
-    rms_mm: NDArray[np.float64]
-    spread_mm: NDArray[np.float64]
-    expected_mm: NDArray[np.float64]
+    n: Ints
+    rms_mm: Float64
+    spread_mm: Float64
+    expected_mm: Float64
     bias_mm: float
-    quantisation_mm: float = QUANTUM_MM / np.sqrt(12)
+    quantisation_mm: float = QUANTISATION_MM
 
 
 def error_against_n(
@@ -293,7 +398,7 @@ def error_against_n(
     draws: int = 2000,
     method: Literal["median", "mean"] = "median",
 ) -> ErrorAgainstN:
-    """How the error falls with the number of realizations combined.
+    """Find out how the error falls with the number of realizations combined.
 
     Parameters
     ----------
@@ -310,7 +415,21 @@ def error_against_n(
     method : {"median", "mean"}
         How they are combined.
 
-    Raises ValueError if no reading is valid, or for an unknown method.
+    Returns
+    -------
+    ErrorAgainstN
+
+    Raises
+    ------
+    ValueError
+        If no reading is valid, or for an unknown method.
+
+    Examples
+    --------
+    >>> rng = np.random.default_rng(0)
+    >>> curve = error_against_n(rng.normal(1000, 8, 500), 1000, rng=rng, n=(1, 5, 20), method="mean")
+    >>> curve.rms_mm.round(0)
+    array([8., 4., 2.])
     """
     if method not in ("median", "mean"):
         raise ValueError(f'method must be "median" or "mean", got {method!r}')
@@ -325,9 +444,5 @@ def error_against_n(
     errors = np.stack([combine(values[order[:, :k]], axis=1) - true_mm for k in numbers])
     bias, sigma = float(values.mean() - true_mm), float(values.std(ddof=min(1, len(values) - 1)))
     return ErrorAgainstN(
-        numbers,
-        np.sqrt((errors**2).mean(axis=1)),
-        errors.std(axis=1),
-        np.sqrt(bias**2 + sigma**2 / numbers),
-        bias,
+        numbers, np.sqrt((errors**2).mean(axis=1)), errors.std(axis=1), np.sqrt(bias**2 + sigma**2 / numbers), bias
     )

@@ -9,25 +9,29 @@ from __future__ import annotations
 import errno
 import hashlib
 import json
-import os
 import time
 import warnings
-from collections.abc import Callable, Generator, Iterator
-from contextlib import closing, contextmanager
+from collections.abc import Callable, Generator
+from contextlib import closing
 from dataclasses import replace
 from datetime import UTC, datetime
 from itertools import islice
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from stereolib.base import write_atomic
-from stereolib.laser import scans, xv11
+from stereolib.base import check_target, write_atomic
+from stereolib.laser.framing import PACKET_BYTES
+from stereolib.laser.recordings import read_recording
+from stereolib.laser.scans import LaserScan, turns
+from stereolib.laser.xv11 import BAUD, PACKETS_PER_TURN, RPM_LIMITS, Decoder, Readings, decode, join_readings
 
-BAUD = 115200
-RPM_LIMITS = (180.0, 349.0)  # outside, the firmware is silent or leaves packets out
+_SILENCE_S = 2.0  # a turning sensor sends every 2 ms; adapters hold bytes back for some 20
 _POLL_S = 0.05  # how often a port is emptied and a recording written
+_CHUNK_BYTES = 4096  # what a port delivers in 0.36 s: more than it holds at a poll
+_REPORT_S = 0.5  # between two reports of a recording's progress
 _GIVE_UP_BYTES = 8000  # without one packet in so many bytes (0.8 s) it is no XV-11
 
 
@@ -35,8 +39,8 @@ class LidarError(OSError):
     """The port cannot be opened, or gives nothing of use; the text names the fix."""
 
 
-def open_lidar(port: str, timeout_s: float = 2.0, partial: bool = False) -> Generator[scans.LaserScan, None, None]:
-    """Scans from a sensor, one a turn, for ever; ``stamp_s`` counts from the opening of the port.
+def open_lidar(port: str, timeout_s: float = _SILENCE_S, partial: bool = False) -> Generator[LaserScan, None, None]:
+    """Read scans from a sensor, one a turn, for ever; ``stamp_s`` counts from the opening of the port.
 
     Parameters
     ----------
@@ -46,6 +50,10 @@ def open_lidar(port: str, timeout_s: float = 2.0, partial: bool = False) -> Gene
         Longest silence, s.
     partial : bool
         Give turns with lost packets, too.
+
+    Yields
+    ------
+    LaserScan
 
     Raises
     ------
@@ -57,76 +65,83 @@ def open_lidar(port: str, timeout_s: float = 2.0, partial: bool = False) -> Gene
     RuntimeWarning
         Whenever the motor leaves 180..349 rpm.
     """
-    decoder, pending, inside = xv11.Decoder(), xv11.decode(b""), True
-    start_s = time.monotonic()
+    decoder, pending, inside = Decoder(), decode(b""), True
+    start_s, (low, high) = time.monotonic(), RPM_LIMITS
     with closing(read_chunks(port, timeout_s)) as chunks:
         for chunk in chunks:
-            pending = xv11.concatenate([pending[:], decoder.feed(chunk)])
+            pending = join_readings([pending[:], decoder.feed(chunk)])
             _check_packets(port, decoder.totals)
             ends = np.flatnonzero(np.diff(pending.index.astype(int)) <= 0) + 1
             if not len(ends):
                 continue
             turned, pending = pending[: ends[-1]], pending[ends[-1] :]
-            for scan in scans.turns(turned):
-                was_inside, inside = inside, not _outside(scan.speed_rpm)
+            for scan in turns(turned):
+                was_inside, inside = inside, not (scan.speed_rpm < low or scan.speed_rpm > high)  # NaN is inside
                 if was_inside and not inside:
-                    warnings.warn(_speed_advice(scan.speed_rpm), RuntimeWarning, stacklevel=2)
+                    advice = "change the motor's supply so that it makes about 300"
+                    speed = f"the motor turns at {scan.speed_rpm:.0f} rpm; the sensor needs {low:.0f} to {high:.0f}"
+                    warnings.warn(f"{speed}: {advice}", RuntimeWarning, stacklevel=2)
                 if scan.complete or partial:
                     yield replace(scan, stamp_s=time.monotonic() - start_s - scan.scan_time_s)
 
 
-def take(source: str | os.PathLike[str], count: int = 5, timeout_s: float = 2.0) -> list[scans.LaserScan]:
-    """The first complete turns of a recording (if there is such a file) or of a port."""
-    if Path(source).is_file():
-        found = [s for s in scans.turns(scans.load(source)) if s.complete][:count]
-        if not found:
+def take_scans(source: str | PathLike[str], count: int = 5) -> list[LaserScan]:
+    """Take the first complete turns of a recording (if there is such a file) or of a port.
+
+    Parameters
+    ----------
+    source : path or str
+        A file, a pipe, a device name or a pyserial address.
+    count : int
+        Turns wanted; a recording or a replay that ends before gives fewer.
+
+    Returns
+    -------
+    list of LaserScan
+        At least one.
+
+    Raises
+    ------
+    ValueError
+        If the recording holds no complete turn, or as `read_recording`.
+    LidarError
+        As `open_lidar`, if not even one turn came.
+    """
+    path, scans = Path(source), list[LaserScan]()
+    if path.is_file() or path.is_fifo():
+        scans = [scan for scan in turns(read_recording(path)) if scan.complete][:count]
+        if not scans:
             raise ValueError(f"{source} holds no complete turn, only parts; record for at least one second")
-        return found
-    found = []
-    with closing(open_lidar(str(source), timeout_s)) as live:
+        return scans
+    with closing(open_lidar(str(source))) as live:
         try:
             for scan in islice(live, count):
-                found.append(scan)
+                scans.append(scan)
         except LidarError:  # the end of a replay, or unplugged: what came before is good
-            if not found:
+            if not scans:
                 raise
-    return found
+    return scans
 
 
-def read_chunks(port: str, timeout_s: float = 2.0) -> Generator[bytes, None, None]:
-    """Raw bytes from a port, handed on at least every 50 ms.
+def read_chunks(port: str, timeout_s: float = _SILENCE_S) -> Generator[bytes, None, None]:
+    """Open a port for this process alone, and hand on its raw bytes at least every 50 ms.
+
+    Parameters
+    ----------
+    port : str
+        Device name or pyserial address.
+    timeout_s : float
+        Longest silence, s.
+
+    Yields
+    ------
+    bytes
 
     Raises
     ------
     LidarError
         As `open_lidar`, but for what the bytes mean.
     """
-    from serial import SerialException
-
-    with open_port(port) as device:
-        last_s = time.monotonic()
-        while True:
-            try:
-                chunk = device.read(4096)
-            except (SerialException, OSError, TypeError) as error:  # TypeError: closed under it
-                raise LidarError(
-                    f"{port} went away ({error}): the adapter was unplugged or the other end "
-                    "closed. What came before is kept; plug it in and start again"
-                ) from error
-            if chunk:
-                last_s = time.monotonic()
-                yield chunk
-            elif time.monotonic() - last_s > timeout_s:
-                raise LidarError(
-                    f"{port} sent nothing for {timeout_s:g} s: see that the sensor has power, that "
-                    "its TX goes to the adapter's RX, and that its motor turns at about 300 rpm "
-                    "(it is silent below 180)"
-                )
-
-
-@contextmanager
-def open_port(port: str) -> Iterator[Any]:
-    """Open a port at 115200 baud for this process alone; raises `LidarError` with the fix."""
     import serial
 
     own = {} if "://" in port else {"exclusive": True}  # a second reader would steal bytes
@@ -135,67 +150,79 @@ def open_port(port: str) -> Iterator[Any]:
     except (serial.SerialException, OSError, ValueError) as error:
         raise LidarError(_why_not_open(port, error)) from error
     with device:
-        yield device
+        last_s = time.monotonic()
+        while True:
+            try:
+                chunk = device.read(_CHUNK_BYTES)
+            except (serial.SerialException, OSError, TypeError) as error:  # TypeError: closed under it
+                raise LidarError(
+                    f"{port} went away ({error}): the adapter was unplugged or the other end closed. "
+                    "What came before is kept; plug it in and start again"
+                ) from error
+            if chunk:
+                last_s = time.monotonic()
+                yield chunk
+            elif time.monotonic() - last_s > timeout_s:
+                raise LidarError(
+                    f"{port} sent nothing for {timeout_s:g} s: see that the sensor has power, that its TX goes to the "
+                    "adapter's RX, and that its motor turns at about 300 rpm (it is silent below 180)"
+                )
 
 
 def _why_not_open(port: str, error: Exception) -> str:
     number, text = getattr(error, "errno", None), str(error)
     if number in (errno.EACCES, errno.EPERM) or "PermissionError" in text:
         return (
-            f"no permission to open {port}: join the group dialout (sudo usermod -a -G dialout "
-            "$USER) and log in again; on Windows, close the program that holds the port"
+            f"no permission to open {port}: join the group dialout (sudo usermod -a -G dialout $USER) and log in "
+            "again; on Windows, close the program that holds the port"
         )
     if number in (errno.EBUSY, errno.EAGAIN) or "exclusively lock" in text:
         return f"{port} is busy: close the other program that reads it (fuser {port} names it)"
     if "://" in port:
         return f"cannot reach {port} ({text}): start the emulator or server first, check the number"
-    return f"{port} cannot be opened ({text}). Ports found: {ports_found()}"
+    return f"{port} cannot be opened ({text}). Ports found: {_ports_found()}"
 
 
-def ports_found() -> str:
+def _ports_found() -> str:
     """Serial ports of this machine, for a message."""
     from serial.tools import list_ports
 
-    found = [f"{p.device} ({p.description})" for p in list_ports.comports()]
-    return ", ".join(found) or "none; plug the USB adapter in and see that its driver is loaded"
+    ports = [f"{port.device} ({port.description})" for port in list_ports.comports()]
+    return ", ".join(ports) or "none; plug the USB adapter in and see that its driver is loaded"
 
 
 def _check_packets(port: str, totals: dict[str, int]) -> None:
     if totals["good"] and totals["old_turns"]:
         raise LidarError(f"{port} mixes packets of two firmwares: connect one sensor at a time")
-    if totals["good"] + totals["old_turns"]:
-        return
-    wrong = totals["skipped_bytes"] + xv11.PACKET_BYTES * totals["bad_checksum"]
-    if wrong > _GIVE_UP_BYTES:
+    wrong = totals["skipped_bytes"] + PACKET_BYTES * totals["bad_checksum"]
+    if wrong > _GIVE_UP_BYTES and not totals["good"] + totals["old_turns"]:
         raise LidarError(
-            f"{port} sends bytes but no XV-11 packet in {wrong} of them: another device, or a "
-            f"wrong baud rate (the sensor needs {BAUD} baud, 8N1, 3.3 V). {ports_found()}"
+            f"{port} sends bytes but no XV-11 packet in {wrong} of them: another device, or a wrong baud rate (the "
+            f"sensor needs {BAUD} baud, 8N1, 3.3 V). {_ports_found()}"
         )
 
 
-def _outside(speed_rpm: float) -> bool:
-    return bool(speed_rpm < RPM_LIMITS[0] or speed_rpm > RPM_LIMITS[1])  # NaN is not outside
+def sidecar(path: str | PathLike[str]) -> Path:
+    """Tell where the notes of a recording stand: its name with ``.json`` after it.
+
+    Parameters
+    ----------
+    path : path
+        The recording.
+
+    Returns
+    -------
+    Path
+    """
+    return Path(f"{path}.json")
 
 
-def _speed_advice(speed_rpm: float) -> str:
-    return (
-        f"the motor turns at {speed_rpm:.0f} rpm; the sensor needs {RPM_LIMITS[0]:.0f} to "
-        f"{RPM_LIMITS[1]:.0f}: change the motor's supply so that it makes about 300"
-    )
-
-
-def sidecar(path: str | os.PathLike[str]) -> Path:
-    """Where the notes of a recording stand: its name with ``.json`` after it."""
-    return Path(f"{os.fspath(path)}.json")
-
-
-def record(
+def record_port(
     port: str,
-    path: str | os.PathLike[str],
+    path: str | PathLike[str],
     *,
     force: bool = False,
     seconds: float = np.inf,
-    timeout_s: float = 2.0,
     progress: Callable[[dict[str, Any]], None] | None = None,
 ) -> dict[str, Any]:
     """Write the raw bytes of a port to a file as they come, until Ctrl-C, a failure or the time.
@@ -213,9 +240,7 @@ def record(
     force : bool
         Overwrite a recording that is there.
     seconds : float
-        Stop after this time.
-    timeout_s : float
-        Longest silence, s.
+        Stop after this time, s.
     progress : callable, optional
         Called twice a second with ``seconds, bytes, turns, rpm, valid_share`` (of the time since
         the last call; None before the first packet).
@@ -229,6 +254,8 @@ def record(
     ------
     FileExistsError
         If the file or its sidecar is there, and not `force`.
+    ValueError
+        If the file cannot be written.
     LidarError
         If nothing at all could be recorded. A later failure ends the recording, and ``ended``
         tells it.
@@ -239,15 +266,16 @@ def record(
             raise FileExistsError(
                 f"{there} exists and is not overwritten: choose another name, or pass force (--force) to replace it"
             )
-    with closing(read_chunks(port, timeout_s)) as chunks:
-        first = next(chunks)
+        check_target(there)
+    with closing(read_chunks(port)) as chunks:
+        chunk = next(chunks)
         digest, live = hashlib.sha256(), _Live(progress)
         about: dict[str, Any] = {"start": datetime.now(UTC).isoformat(), "port": port, "baud": BAUD}
         about |= {"bytes": None, "sha256": None, "ended": None}
-        with open(path, "wb" if force else "xb", buffering=0) as file:
+        with open(path, "wb" if force else "xb", buffering=0) as file:  # grows as the bytes come: no write_atomic
             write_atomic(notes, json.dumps(about, indent=2) + "\n")
             try:
-                chunk, about["ended"] = first, f"after {seconds:g} s"
+                about["ended"] = f"after {seconds:g} s"
                 while True:
                     file.write(chunk)
                     digest.update(chunk)
@@ -268,7 +296,7 @@ class _Live:
     """Counts what a recording gets, and reports it twice a second."""
 
     def __init__(self, progress: Callable[[dict[str, Any]], None] | None) -> None:
-        self.progress, self.decoder, self.recent = progress, xv11.Decoder(), list[xv11.Readings]()
+        self.progress, self.decoder, self.recent = progress, Decoder(), list[Readings]()
         self.bytes, self.packets, self.start_s = 0, 0, time.monotonic()
         self.reported_s = self.start_s
 
@@ -279,14 +307,15 @@ class _Live:
         if self.progress is not None:
             self.recent.append(self.decoder.feed(chunk))
             self.packets += len(self.recent[-1])
-            if now_s - self.reported_s >= 0.5:
-                new = xv11.concatenate(self.recent)
-                self.progress({
-                    "seconds": now_s - self.start_s,
-                    "bytes": self.bytes,
-                    "turns": self.packets // xv11.PACKETS_PER_TURN,
-                    "rpm": float(np.median(new.speed_rpm)) if len(new) else None,
-                    "valid_share": float(np.isfinite(new.distance_mm).mean()) if len(new) else None,
-                })  # fmt: skip
+            if now_s - self.reported_s >= _REPORT_S:
+                self.progress({"seconds": now_s - self.start_s, "bytes": self.bytes} | self._report())
                 self.recent, self.reported_s = [], now_s
         return now_s - self.start_s
+
+    def _report(self) -> dict[str, Any]:
+        new = join_readings(self.recent)
+        facts: dict[str, Any] = {"turns": self.packets // PACKETS_PER_TURN, "rpm": None, "valid_share": None}
+        if len(new):
+            facts["rpm"] = float(np.median(new.speed_rpm))
+            facts["valid_share"] = float(np.isfinite(new.distance_mm).mean())
+        return facts

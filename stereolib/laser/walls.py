@@ -5,7 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+
+from stereolib.base import Bools, Float64
+
+_REFITS = 50  # a line settles within a few; this stops one that swings between two sets of points
+_TRIALS = 500  # random pairs per wall: a wall with a fifth of the points is missed once in 1e9 times
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,10 +29,10 @@ class Wall:
         Signed distance of every point to the line, mm.
     """
 
-    normal: NDArray[np.float64]
+    normal: Float64
     offset_mm: float
-    inliers: NDArray[np.bool_]
-    residuals_mm: NDArray[np.float64]
+    inliers: Bools
+    residuals_mm: Float64
 
     @property
     def rms_mm(self) -> float:
@@ -39,38 +44,31 @@ class Wall:
         """Direction of the normal, rad, -pi..pi."""
         return float(np.arctan2(self.normal[1], self.normal[0]))
 
-    def ends_mm(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Ends of the stretch its inliers cover, (2, 2) mm: for drawing."""
-        along = np.array([-self.normal[1], self.normal[0]])
-        t = points[self.inliers] @ along
-        return self.offset_mm * self.normal + np.array([[t.min()], [t.max()]]) * along
 
-
-def _checked(points: ArrayLike, least: int) -> NDArray[np.float64]:
+def _checked(points: ArrayLike, least: int) -> Float64:
     p = np.asarray(points, np.float64)
     if p.ndim != 2 or p.shape[1] != 2 or np.isfinite(p).all(axis=1).sum() < least:
         raise ValueError(
-            f"a line fit needs at least {least} finite points of shape (N, 2), got "
-            f"shape {p.shape} with {np.isfinite(p).sum() // 2} finite; average more "
-            "turns or widen the gate"
+            f"a line fit needs at least {least} finite points of shape (N, 2), got shape {p.shape} with "
+            f"{np.isfinite(p).sum() // 2} finite; average more turns or widen the gate"
         )
     return p
 
 
-def _total_least_squares(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+def _total_least_squares(points: Float64) -> tuple[Float64, float]:
     centre = points.mean(axis=0)
     normal = np.linalg.svd(points - centre, full_matrices=False)[2][1]
     offset = float(normal @ centre)
     return (normal, offset) if offset >= 0 else (-normal, -offset)
 
 
-def _wall(p: NDArray[np.float64], inliers: NDArray[np.bool_]) -> Wall:
+def _wall(p: Float64, inliers: Bools) -> Wall:
     normal, offset = _total_least_squares(p[inliers])
     return Wall(normal, offset, inliers, p @ normal - offset)
 
 
 def fit_line(points: ArrayLike, threshold_mm: float = np.inf, start: Wall | None = None) -> Wall:
-    """Straight line by total least squares, leaving out points that lie off it.
+    """Fit a straight line by total least squares, leaving out points that lie off it.
 
     Minimises the squared distances at right angles to the line, then drops points farther than
     the threshold and repeats until nothing changes (at most 50 times).
@@ -84,15 +82,25 @@ def fit_line(points: ArrayLike, threshold_mm: float = np.inf, start: Wall | None
     start : Wall, optional
         Line to start from, instead of the one through all points.
 
+    Returns
+    -------
+    Wall
+
     Raises
     ------
     ValueError
         If there are fewer than two finite points, or fewer than two near the line.
+
+    Examples
+    --------
+    >>> line = fit_line([[500, -100], [500, 0], [500, 200], [700, 50]], threshold_mm=100)
+    >>> round(line.offset_mm, 6), line.inliers
+    (500.0, array([ True,  True,  True, False]))
     """
     p = _checked(points, 2)
     finite = np.asarray(np.isfinite(p).all(axis=1))
     wall = start if start is not None else _wall(p, finite)
-    for _ in range(50):
+    for _ in range(_REFITS):
         near = finite & (np.abs(p @ wall.normal - wall.offset_mm) <= threshold_mm)
         if near.sum() < 2:
             raise ValueError(f"fewer than two points lie within {threshold_mm:g} mm of the line; raise threshold_mm")
@@ -108,35 +116,45 @@ def fit_walls(
     count: int = 4,
     *,
     threshold_mm: float = 4.0,
-    trials: int = 500,
     min_length_mm: float = 60.0,
     rng: np.random.Generator,
 ) -> list[Wall]:
-    """The walls of a room, the one with the most points first.
-
-    One after the other: lines through random pairs of the points left (RANSAC), the best one
-    refined with `fit_line`, its points taken away. At last each point goes to its nearest wall,
-    so that corners are shared out fairly, and every wall is fitted again.
+    """Fit the walls of a room, the one with the most points first.
 
     Parameters
     ----------
     points : (N, 2) array_like, mm
-        From `stereolib.lrf.points_mm`.
+        From `points_mm`; NaN rows are ignored.
     count : int
         Number of walls.
     threshold_mm : float
         Largest distance of a wall's point to it, mm.
-    trials : int
-        Random pairs tried per wall.
     min_length_mm : float
-        Pairs nearer to each other than this are not tried.
+        Pairs of points nearer to each other than this are not tried: they point anywhere.
     rng : numpy.random.Generator
-        Source of the pairs.
+        Draws the pairs of points.
+
+    Returns
+    -------
+    list of Wall
 
     Raises
     ------
     ValueError
         If the points run out before `count` walls are found.
+
+    Notes
+    -----
+    One wall after the other: lines through random pairs of the points left (RANSAC), the best one
+    refined with `fit_line`, its points taken away. At last each point goes to its nearest wall,
+    so that corners are shared out fairly, and every wall is fitted again.
+
+    Examples
+    --------
+    >>> t = np.linspace(-500, 500, 50)
+    >>> points = np.concatenate([np.stack([0 * t + 800, t], 1), np.stack([t, 0 * t - 600], 1)])
+    >>> [round(wall.offset_mm) for wall in fit_walls(points, 2, rng=np.random.default_rng(0))]
+    [800, 600]
     """
     p = _checked(points, 2 * count)
     free = np.asarray(np.isfinite(p).all(axis=1))
@@ -145,14 +163,14 @@ def fit_walls(
         left = p[free]
         if len(left) < 2:
             raise ValueError(f"only {k} of {count} walls found: no points left; ask for fewer")
-        a, b = left[rng.integers(len(left), size=(2, trials))]
+        a, b = left[rng.integers(len(left), size=(2, _TRIALS))]
         along = b - a
         length = np.hypot(*along.T)
         a, along, length = (v[length > min_length_mm] for v in (a, along, length))
         if not len(a):
             raise ValueError(
-                f"only {k} of {count} walls found: the points left are closer "
-                f"together than min_length_mm = {min_length_mm:g}; ask for fewer"
+                f"only {k} of {count} walls found: the points left are closer together than "
+                f"min_length_mm = {min_length_mm:g}; ask for fewer"
             )
         normals = np.stack([-along[:, 1], along[:, 0]], axis=1) / length[:, None]
         distances = np.abs(left @ normals.T - np.sum(a * normals, axis=1))

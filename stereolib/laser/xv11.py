@@ -26,29 +26,24 @@ the few that such a chance packet shares with a real one.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, fields
-from typing import Literal
+from dataclasses import dataclass, fields, replace
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from stereolib.laser._framing import (
-    BLOCK,
-    PACKET_BYTES,
-    TURN_BYTES,
-    TURN_HEAD,
-    Framer,
-    PacketError,
-    checksums,
-    words_at,
-)
-
-__all__ = ["Decoder", "PacketError", "Readings", "checksum", "concatenate", "decode", "encode"]
+from stereolib.base import Bools, Float64, UInt8
+from stereolib.laser.framing import PACKET_BYTES, TURN_BYTES, Framer, Words, checksums, words_at
 
 PACKETS_PER_TURN, READINGS_PER_PACKET = 90, 4
+BEAMS = PACKETS_PER_TURN * READINGS_PER_PACKET
+BAUD = 115200  # 8N1: ten bits a byte
+NOMINAL_RPM = 300.0  # five turns a second
+RPM_LIMITS = (180.0, 349.0)  # outside, the firmware is silent or leaves packets out
+RANGE_STEP_MM = 1.0  # the packet holds whole millimetres
 MAX_DISTANCE_MM, MAX_RPM = 0x3FFF, 0xFFFF / 64
 ERROR_NO_SIGNAL = 0x35  # the commonest code of the older firmware; used when none is given
-Errors = Literal["skip", "raise"]
+Errors: TypeAlias = Literal["skip", "raise"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,12 +71,12 @@ class Readings:
         on from the index before; 1446-byte turns (each adds 90 rows, not counted in `good`).
     """
 
-    index: NDArray[np.uint8]
-    speed_rpm: NDArray[np.float64]
-    distance_mm: NDArray[np.float64]
-    strength: NDArray[np.uint16]
-    error_code: NDArray[np.uint8]
-    warning: NDArray[np.bool_]
+    index: UInt8
+    speed_rpm: Float64
+    distance_mm: Float64
+    strength: Words
+    error_code: UInt8
+    warning: Bools
     offset: NDArray[np.int64]
     good: int = 0
     bad_checksum: int = 0
@@ -98,7 +93,7 @@ class Readings:
 
     def __getitem__(self, rows: slice) -> Readings:
         """Some of the packets; the counters, which belong to the whole stream, become 0."""
-        return Readings(*(getattr(self, name)[rows] for name in _ARRAYS))
+        return Readings(**{name: getattr(self, name)[rows] for name in _ARRAYS})
 
     @classmethod
     def build(
@@ -107,11 +102,38 @@ class Readings:
         distance_mm: ArrayLike,
         strength: ArrayLike = 0,
         *,
-        speed_rpm: ArrayLike = 300.0,
+        speed_rpm: ArrayLike = NOMINAL_RPM,
         error_code: ArrayLike = ERROR_NO_SIGNAL,
         warning: ArrayLike = False,
     ) -> Readings:
-        """Readings made by hand, broadcast to the shape of `distance_mm` (n, 4); NaN is invalid."""
+        """Make readings by hand, every field broadcast to the shape of the distances.
+
+        Parameters
+        ----------
+        index : (n,) array_like of int
+            Packet index, 0..89.
+        distance_mm : (n, 4) array_like, mm
+            NaN is an invalid reading.
+        strength : (n, 4) array_like of int, counts
+        speed_rpm : (n,) array_like, rpm
+        error_code : (n, 4) array_like of int
+            Used where the distance is invalid.
+        warning : (n, 4) array_like of bool
+
+        Returns
+        -------
+        Readings
+
+        Raises
+        ------
+        ValueError
+            If a value does not fit into a packet.
+
+        Examples
+        --------
+        >>> Readings.build(0, [[500, 501, np.nan, 503]]).error_code
+        array([[ 0,  0, 53,  0]], dtype=uint8)
+        """
         distance = np.array(distance_mm, np.float64).reshape(-1, READINGS_PER_PACKET)
         n, shape = len(distance), distance.shape
         code = np.where(np.isnan(distance), np.broadcast_to(error_code, shape), 0)
@@ -121,13 +143,13 @@ class Readings:
         _check_range("strength", strength, 0xFFFF)
         _check_range("error_code", code, 0xFF)
         return cls(
-            np.broadcast_to(index, n).astype(np.uint8),
-            np.broadcast_to(speed_rpm, n).astype(np.float64),
-            distance,
-            np.broadcast_to(strength, shape).astype(np.uint16),
-            code.astype(np.uint8),
-            np.broadcast_to(warning, shape).astype(bool),
-            np.arange(n, dtype=np.int64) * PACKET_BYTES,
+            index=np.broadcast_to(index, n).astype(np.uint8),
+            speed_rpm=np.broadcast_to(speed_rpm, n).astype(np.float64),
+            distance_mm=distance,
+            strength=np.broadcast_to(strength, shape).astype(np.uint16),
+            error_code=code.astype(np.uint8),
+            warning=np.broadcast_to(warning, shape).astype(bool),
+            offset=np.arange(n, dtype=np.int64) * PACKET_BYTES,
             good=n,
         )
 
@@ -136,19 +158,8 @@ _ARRAYS = tuple(f.name for f in fields(Readings))[:7]
 _COUNTERS = tuple(f.name for f in fields(Readings))[7:]
 
 
-def checksum(body: bytes) -> int:
-    """Checksum of a packet's first 20 bytes: ``c = 2 c + w`` over its ten words, folded to 15 bits.
-
-    >>> hex(checksum(bytes.fromhex("fab1e349e400e105e2003406e0002506df008406")))
-    '0x6bf6'
-    """
-    if len(body) != PACKET_BYTES - 2:
-        raise ValueError(f"the checksum is over 20 bytes, got {len(body)}; pass packet[:20]")
-    return int(checksums(np.frombuffer(body, "<u2")[None])[0])
-
-
 def decode(data: bytes, errors: Errors = "skip") -> Readings:
-    """Decode a whole recording; see the module's text for the rules.
+    """Decode the bytes of a whole stream; the module's text states the rules.
 
     Parameters
     ----------
@@ -157,19 +168,40 @@ def decode(data: bytes, errors: Errors = "skip") -> Readings:
     errors : {"skip", "raise"}
         Step over damage and count it, or raise at the first byte in no intact packet.
 
+    Returns
+    -------
+    Readings
+
     Raises
     ------
     PacketError
         With ``errors="raise"``; a ValueError that carries the offset and the bytes.
+
+    Examples
+    --------
+    >>> readings = decode(bytes.fromhex("fab1e349e400e105e2003406e0002506df008406f66b"))
+    >>> readings.index, readings.distance_mm
+    (array([17], dtype=uint8), array([[228., 226., 224., 223.]]))
     """
     return Decoder(errors)._run(bytes(data), final=True)
 
 
 class Decoder:
-    """Incremental decoder: `feed` chunks of any size, then `close`.
+    """Decode a live stream: `feed` chunks of any size, then `close`.
 
     Each call returns the readings settled by then, with counters for that call alone; `totals` adds
     them up. Within a row of good packets each comes out as soon as its last byte is in.
+
+    Parameters
+    ----------
+    errors : {"skip", "raise"}
+        As for `decode`.
+
+    Examples
+    --------
+    >>> decoder, packet = Decoder(), encode(Readings.build(7, [[500, 501, 502, 503]]))
+    >>> [len(decoder.feed(part)) for part in (packet[:10], packet[10:])], len(decoder.close())
+    ([0, 0], 1)
     """
 
     def __init__(self, errors: Errors = "skip") -> None:
@@ -180,18 +212,35 @@ class Decoder:
         self.totals = dict.fromkeys(_COUNTERS, 0)
 
     def feed(self, chunk: bytes) -> Readings:
-        """Readings settled by these bytes."""
+        """Take some bytes.
+
+        Parameters
+        ----------
+        chunk : bytes
+
+        Returns
+        -------
+        Readings
+            What these bytes settled.
+        """
         return self._run(bytes(chunk), final=False)
 
     def close(self) -> Readings:
-        """Readings of what was held back; the stream ends here."""
+        """End the stream.
+
+        Returns
+        -------
+        Readings
+            What was held back.
+        """
         return self._run(b"", final=True)
 
     def _run(self, chunk: bytes, final: bool) -> Readings:
         packets, turns, bad, skipped = self._framer.take(chunk, final)
         out = _EMPTY
         if len(packets) or turns or bad or skipped:
-            out = _readings(self._framer, packets, turns, self._last_index, bad, skipped)
+            out = _readings(self._framer, packets, turns, self._last_index)
+            out = replace(out, bad_checksum=bad, skipped_bytes=skipped)
         self._framer.forget()
         if len(out):
             self._last_index = int(out.index[-1])
@@ -200,53 +249,50 @@ class Decoder:
         return out
 
 
-def _readings(
-    framer: Framer,
-    packets: NDArray[np.int64],
-    turns: list[int],
-    last_index: int,
-    bad: int,
-    skipped: int,
-) -> Readings:
-    data, n = np.frombuffer(framer.raw, np.uint8), len(packets)
-    shape = (n + PACKETS_PER_TURN * len(turns), READINGS_PER_PACKET)
-    offset = np.empty(shape[0], np.int64)
-    index, speed_rpm = np.empty(shape[0], np.uint8), np.empty(shape[0])
-    low, strength = np.empty(shape, np.uint16), np.empty(shape, np.uint16)
-    distance_mm, code, warning = np.empty(shape), np.empty(shape, np.uint8), np.empty(shape, bool)
-
-    offset[:n] = packets
-    for part in range(0, n, BLOCK):
-        rows = slice(part, min(part + BLOCK, n))
-        words = words_at(data, packets[rows])
-        index[rows] = (words[:, 0] >> 8) - 0xA0
-        np.divide(words[:, 1], 64, out=speed_rpm[rows])
-        low[rows], strength[rows] = words[:, 2:10:2], words[:, 3:10:2]
-    for k, turn in enumerate(turns):
-        rows = slice(n + k * PACKETS_PER_TURN, n + (k + 1) * PACKETS_PER_TURN)
-        words = data[turn + 6 : turn + TURN_BYTES].view("<u2").reshape(PACKETS_PER_TURN, 8)
-        offset[rows] = turn + 6 + 16 * np.arange(PACKETS_PER_TURN)
-        index[rows], speed_rpm[rows] = np.arange(PACKETS_PER_TURN), np.nan
-        low[rows], strength[rows] = words[:, 0::2], words[:, 1::2]
-    for part in range(0, shape[0], BLOCK):
-        rows = slice(part, part + BLOCK)
-        word, invalid = low[rows], low[rows] >= 0x8000
-        np.bitwise_and(word, MAX_DISTANCE_MM, out=distance_mm[rows], casting="unsafe")
-        distance_mm[rows][invalid] = np.nan
-        code[rows] = np.where(invalid, word & 0xFF, 0)
-        np.not_equal(word & 0x4000, 0, out=warning[rows])
-
-    arrays = (index, speed_rpm, distance_mm, strength, code, warning, offset + framer.base)
+def _readings(framer: Framer, packets: NDArray[np.int64], turns: list[int], last_index: int) -> Readings:
+    """Readings of the packets and turns at these positions in the framer's bytes, in their order."""
+    data = np.frombuffer(framer.raw, np.uint8)
+    words = words_at(data, packets)
+    bodies = [data[turn + 6 : turn + TURN_BYTES].view("<u2").reshape(PACKETS_PER_TURN, 8) for turn in turns]
+    body = np.concatenate([words[:, 2:10], *bodies])
+    low, every = body[:, 0::2], np.arange(PACKETS_PER_TURN)
+    invalid = low >= 0x8000
+    arrays: dict[str, Any] = {
+        "index": np.concatenate([(words[:, 0] >> 8) - 0xA0, *(every for _ in turns)]).astype(np.uint8),
+        "speed_rpm": np.concatenate([words[:, 1] / 64, np.full(PACKETS_PER_TURN * len(turns), np.nan)]),
+        "distance_mm": np.where(invalid, np.nan, low & MAX_DISTANCE_MM),
+        "strength": body[:, 1::2].copy(),
+        "error_code": np.where(invalid, low, 0).astype(np.uint8),
+        "warning": low & 0x4000 != 0,
+        "offset": np.concatenate([packets, *(turn + 6 + 16 * every for turn in turns)]) + framer.base,
+    }
     if turns:
-        order = np.argsort(offset, kind="stable")
-        arrays = tuple(a[order] for a in arrays)  # type: ignore[assignment]
-    before = np.append(last_index, arrays[0][:-1].astype(int)) if shape[0] else np.empty(0, int)
-    jumps = np.count_nonzero((before >= 0) & ((before + 1) % PACKETS_PER_TURN != arrays[0]))
-    return Readings(*arrays, n, bad, skipped, int(jumps), len(turns))
+        order = np.argsort(arrays["offset"], kind="stable")
+        arrays = {name: array[order] for name, array in arrays.items()}
+    index = arrays["index"].astype(int)
+    before = np.append(last_index, index[:-1])[: len(index)]
+    jumps = np.count_nonzero((before >= 0) & ((before + 1) % PACKETS_PER_TURN != index))
+    return Readings(**arrays, good=len(packets), index_jumps=int(jumps), old_turns=len(turns))
 
 
-def concatenate(parts: Iterable[Readings]) -> Readings:
-    """Join successive readings (of one decoder, say); counters are added up."""
+def join_readings(parts: Iterable[Readings]) -> Readings:
+    """Join successive readings, for example of one decoder.
+
+    Parameters
+    ----------
+    parts : iterable of Readings
+
+    Returns
+    -------
+    Readings
+        Their counters are added up.
+
+    Examples
+    --------
+    >>> readings = Readings.build([0, 1, 2], np.full((3, 4), 500))
+    >>> join_readings([readings[:1], readings[2:]]).index
+    array([0, 2], dtype=uint8)
+    """
     parts = list(parts)
     full = [p for p in parts if len(p)] or [_EMPTY]
     values = {name: sum(getattr(p, name) for p in parts) for name in _COUNTERS}
@@ -256,46 +302,33 @@ def concatenate(parts: Iterable[Readings]) -> Readings:
     return Readings(**values)
 
 
-def encode(readings: Readings, firmware: Literal["packets", "turns"] = "packets", speed_byte: int = 0x9E) -> bytes:
-    """Bytes the sensor would send for these readings; `decode` gives the same readings back.
+def encode(readings: Readings) -> bytes:
+    """Write the packets that the sensor would send for these readings; `decode` gives the same readings back.
 
     Parameters
     ----------
     readings : Readings
         From `decode` or `Readings.build`; distances are rounded to whole mm.
-    firmware : {"packets", "turns"}
-        22-byte packets, or the older 1446-byte turns (then n must be a multiple of 90, in order).
-    speed_byte : int
-        The byte ``xx`` of an older turn.
+
+    Returns
+    -------
+    bytes
+
+    Examples
+    --------
+    >>> len(encode(Readings.build(np.arange(90), np.full((90, 4), 500))))
+    1980
     """
     invalid = np.isnan(readings.distance_mm)
-    low = np.where(
-        invalid,
-        0x8000 | readings.error_code.astype(np.uint16),
-        np.nan_to_num(np.rint(readings.distance_mm)).astype(np.uint16),
-    )
+    distance = np.nan_to_num(np.rint(readings.distance_mm)).astype(np.uint16)
+    low = np.where(invalid, 0x8000 | readings.error_code.astype(np.uint16), distance)
     low |= readings.warning.astype(np.uint16) << 14
     words = np.empty((len(readings), 11), "<u2")
     words[:, 0] = 0xFA | (readings.index.astype(np.uint16) + 0xA0) << 8
     words[:, 1] = np.rint(np.nan_to_num(readings.speed_rpm) * 64)
     words[:, 2:10:2], words[:, 3:10:2] = low, readings.strength
     words[:, 10] = checksums(words)
-    if firmware == "packets":
-        return words.tobytes()
-    if firmware != "turns":
-        raise ValueError(f'firmware must be "packets" or "turns", got {firmware!r}')
-    if len(readings) % PACKETS_PER_TURN or (readings.index != _order(len(readings))).any():
-        raise ValueError(
-            "the older firmware sends whole turns: give rows with index 0..89, in "
-            f"order, any number of times; got {len(readings)} rows"
-        )
-    head = TURN_HEAD + bytes([speed_byte, 0xD1])
-    bodies = words[:, 2:10].reshape(-1, 8 * PACKETS_PER_TURN)
-    return b"".join(head + body.tobytes() for body in bodies)
-
-
-def _order(n: int) -> NDArray[np.int64]:
-    return np.arange(n) % PACKETS_PER_TURN
+    return words.tobytes()
 
 
 def _check_range(name: str, values: ArrayLike, high: float) -> None:
@@ -303,17 +336,9 @@ def _check_range(name: str, values: ArrayLike, high: float) -> None:
     wrong = values[(values < 0) | (values > high)]
     if wrong.size:
         raise ValueError(
-            f"{name} {wrong.flat[0]:g} cannot be sent: a packet holds 0 to {high:g}. "
-            "Give NaN for a distance that the sensor cannot measure"
+            f"{name} {wrong.flat[0]:g} cannot be sent: a packet holds 0 to {high:g}. Give NaN for a distance that the "
+            "sensor cannot measure"
         )
 
 
-_EMPTY = Readings(
-    np.empty(0, np.uint8),
-    np.empty(0),
-    np.empty((0, 4)),
-    np.empty((0, 4), np.uint16),
-    np.empty((0, 4), np.uint8),
-    np.empty((0, 4), bool),
-    np.empty(0, np.int64),
-)
+_EMPTY = Readings.build([], np.empty((0, READINGS_PER_PACKET)))

@@ -67,11 +67,11 @@ def refine_poses(
         Standard deviations of what averaging does not remove, mm and 1/mm: `a` is what all readings of one station on
         one straight bit share (brightness and angle), ``b r^2`` what all readings share, as a laser that triangulates
         errs with the square of the range. The second is 0 if it was learnt and taken off
-        (`stereolib.lrf.learn_bias`).
+        (`stereolib.laser.learn_bias`).
     least_share : float
         How firmly every direction must be held, as a share of what the best-held one is; less is refused.
     sigma : callable
-        Noise of a reading (see `stereolib.scan_segments.segments`).
+        Noise of a reading (see `stereolib.laser.find_segments`).
 
     Raises
     ------

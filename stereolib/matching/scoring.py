@@ -54,7 +54,7 @@ def score(disparity_px: Array, truth_px: Array, where: Array | None = None) -> S
     disparity_px : (H, W) float, NaN where not returned
     truth_px : (H, W) float, NaN where unknown (not looked at)
     where : (H, W) bool, optional
-        Pixels to look at, for example `virtual.render.Truth.visible`.
+        Pixels to look at, for example `virtual.Truth.visible`.
 
     Raises
     ------

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from stereolib.calibration import LidarCamera
-from stereolib.laser import Footprint, LaserScan, fit_footprint, points_mm, segments
+from stereolib.laser import Footprint, LaserScan, find_segments, fit_footprint, points_mm
 from stereolib.matching import SGBMParams, compute_disparity
 from stereolib.measurement.face_lines import LaserOnFloor
 from stereolib.measurement.faces import Face, find_faces
@@ -122,7 +122,7 @@ def measure_objects(
     laser = _BELOW if lidar is None else LaserOnFloor.of(lidar, ground)
     prints: list[Footprint] = []
     if scan is not None:
-        prints = [fit_footprint(part, bias_mm=bias_mm) for part in segments(scan) if part.kind == "object"]
+        prints = [fit_footprint(part, bias_mm=bias_mm) for part in find_segments(scan) if part.kind == "object"]
         if not prints:
             warnings.append("the scan shows no object within 3 m: sizes come from the pair alone")
     together, apart = _same_things(regions, prints, ground, laser)

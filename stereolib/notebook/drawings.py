@@ -304,7 +304,7 @@ def _surface(distance_mm: float, contrast: float, scale_mm: float) -> tuple[tupl
     from stereolib import virtual
     from stereolib.virtual import recordings
 
-    cube = virtual.cube_scene(distance_mm, texture=contrast, texture_scale_mm=scale_mm)
+    cube = virtual.cube_scene(distance_mm, cube=replace(virtual.CUBE_SURFACE, contrast=contrast, scale_mm=scale_mm))
     lights = virtual.render_pair(cube, paper.paper_rig(), recordings.setup(), samples=1, light_samples=1)
-    truth = virtual.truth(cube, recordings.rectified(), recordings.setup())
+    truth = virtual.render_truth(cube, recordings.rectified(), recordings.setup())
     return lights, truth.disparity_px, truth.visible & (truth.box == 1)

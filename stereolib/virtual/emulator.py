@@ -15,37 +15,54 @@ import time
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING, Literal
+from typing import Literal, TypeAlias
 
 import numpy as np
 
-from stereolib import laser
+from stereolib.laser import BAUD, NOMINAL_RPM, PACKETS_PER_TURN, RPM_LIMITS, decode, encode
+from stereolib.virtual.lidar import VirtualLidar
+from stereolib.virtual.scene import Scene
 
-if TYPE_CHECKING:
-    from stereolib.virtual.lidar import VirtualLidar
-    from stereolib.virtual.scene import Scene
-
-Schedule = Iterator[tuple[float, bytes]]
-LINE_BYTES_PER_S = 11520.0  # 115200 baud, 8N1
-_NOMINAL_RPM, _SILENT_BELOW_RPM = 300.0, 180.0
-_BATCH_S = 0.01
+Schedule: TypeAlias = Iterator[tuple[float, bytes]]
+_LINE_BYTES_PER_S = BAUD / 10  # 8N1: a start bit, eight bits, a stop bit
+_BATCH_S = 0.01  # what is due within this time is written at once
+_BACKLOG_S = 0.1  # of the line: a longer batch is written though nothing waits
 _GRACE_S, _LINGER_S = 0.2, 0.2  # pyserial empties the buffer just after opening; and at the end
+_RUN_OUT_S = 2.0  # in which a motor without current falls to 1/e of its speed
+_TURNS_AT_ONCE = 25  # cast together
 
 
 def replay(data: bytes) -> Schedule:
-    """A recording, each packet at the time its motor speed tells; bytes in no packet as they fit.
+    """Schedule a recording: each packet at the time its motor speed tells, bytes in no packet as they fit.
 
     Packets take ``60 / (90 rpm)`` s, but not less than the line needs for the bytes.
+
+    Parameters
+    ----------
+    data : bytes
+        A recording.
+
+    Yields
+    ------
+    due_s : float
+    data : bytes
+
+    Examples
+    --------
+    >>> from stereolib.laser import Readings
+    >>> packets = encode(Readings.build([0, 1, 2], np.full((3, 4), 500)))
+    >>> [(float(due_s.__round__(4)), len(data)) for due_s, data in replay(packets)]
+    [(0.0, 22), (0.0022, 22), (0.0044, 22)]
     """
-    readings = laser.decode(data)
-    rpm = np.where(readings.speed_rpm > 0, readings.speed_rpm, _NOMINAL_RPM)
-    packet_s = np.append(0.0, 60.0 / rpm / laser.PACKETS_PER_TURN)
+    readings = decode(data)
+    rpm = np.where(readings.speed_rpm > 0, readings.speed_rpm, NOMINAL_RPM)
+    packet_s = np.append(0.0, 60.0 / rpm / PACKETS_PER_TURN)
     begins = np.append(0, readings.offset)
     due_s = 0.0
     for begin, end, least_s in zip(begins, np.append(begins[1:], len(data)), packet_s, strict=True):
         if end > begin:
             yield due_s, data[begin:end]
-            due_s += max((end - begin) / LINE_BYTES_PER_S, least_s)
+            due_s += max((end - begin) / _LINE_BYTES_PER_S, least_s)
 
 
 def emulate(
@@ -56,26 +73,30 @@ def emulate(
     rng: np.random.Generator,
     seconds: float = np.inf,
 ) -> Schedule:
-    """The virtual rig's laser, turning in a scene (for ever, if no time is given).
+    """Schedule the virtual rig's laser, turning in a scene (for ever, if no time is given).
 
     Parameters
     ----------
-    scene : stereolib.virtual.scene.Scene
+    scene : Scene
     pose : (x_mm, y_mm, yaw_rad)
+        Where the sensor stands.
     lidar : VirtualLidar, optional
     rng : numpy.random.Generator
     seconds : float
         Length of the schedule, s.
-    """
-    from stereolib.virtual.lidar import VirtualLidar
 
+    Yields
+    ------
+    due_s : float
+    data : bytes
+    """
     sensor, due_s = lidar or VirtualLidar(), 0.0
     while True:
-        for packet_due_s, packet in replay(sensor.scan(scene, pose, rng, turns=25)):
+        for packet_due_s, packet in replay(sensor.scan(scene, pose, rng, turns=_TURNS_AT_ONCE)):
             if due_s + packet_due_s >= seconds:
                 return
             yield due_s + packet_due_s, packet
-        due_s += packet_due_s + 60.0 / sensor.speed_rpm / laser.PACKETS_PER_TURN
+        due_s += packet_due_s + 60.0 / sensor.speed_rpm / PACKETS_PER_TURN
 
 
 @dataclass(frozen=True)
@@ -112,20 +133,33 @@ class Faults:
 
 
 def with_faults(schedule: Schedule, faults: Faults, rng: np.random.Generator) -> Schedule:
-    """The same schedule, spoilt; it ends where the port is to be disconnected."""
+    """Spoil a schedule; it ends where the port is to be disconnected.
+
+    Parameters
+    ----------
+    schedule : iterator of (due_s, bytes)
+    faults : Faults
+    rng : numpy.random.Generator
+        Draws the flipped bits and lost bytes.
+
+    Yields
+    ------
+    due_s : float
+    data : bytes
+    """
     late_s = 0.0
     for on_time_s, data in schedule:
         due_s = on_time_s + late_s
         if due_s >= faults.disconnect_after_s:
             return
         if due_s >= faults.spin_down_after_s:
-            slower = float(np.exp((faults.spin_down_after_s - due_s) / 2.0))
-            readings = laser.decode(data)
+            slower = float(np.exp((faults.spin_down_after_s - due_s) / _RUN_OUT_S))
+            readings = decode(data)
             rpm = readings.speed_rpm * slower
-            silent = len(rpm) == 0 or rpm[-1] < _SILENT_BELOW_RPM
-            data = b"" if silent else laser.encode(replace(readings, speed_rpm=rpm))
+            silent = len(rpm) == 0 or rpm[-1] < RPM_LIMITS[0]
+            data = b"" if silent else encode(replace(readings, speed_rpm=rpm))
             if not silent:
-                late_s += (1 / slower - 1) * 60.0 / _NOMINAL_RPM / laser.PACKETS_PER_TURN
+                late_s += (1 / slower - 1) * 60.0 / NOMINAL_RPM / PACKETS_PER_TURN
         if due_s % faults.stall_every_s > faults.stall_every_s - faults.stall_s:
             continue
         values = np.frombuffer(data, np.uint8)
@@ -139,6 +173,12 @@ class Served:
 
     It starts when the first reader opens the port. Bytes that the reader does not fetch in time are
     dropped, as by a UART, and counted in `dropped`.
+
+    Parameters
+    ----------
+    schedule : iterable of (due_s, bytes)
+    link : pseudo-terminal or socket
+        What it is played on; `serve` makes one.
     """
 
     def __init__(self, schedule: Iterable[tuple[float, bytes]], link: _Pty | _Socket) -> None:
@@ -148,7 +188,18 @@ class Served:
         self._thread.start()
 
     def wait(self, timeout_s: float | None = None) -> bool:
-        """Wait for the end of the schedule; False if it has not come by then."""
+        """Wait for the end of the schedule.
+
+        Parameters
+        ----------
+        timeout_s : float, optional
+            Longest wait, s.
+
+        Returns
+        -------
+        bool
+            False if the end has not come by then.
+        """
         self._thread.join(timeout_s)
         return not self._thread.is_alive()
 
@@ -168,7 +219,7 @@ class Served:
                     if self._stop.wait(start_s + due_s - time.monotonic()):
                         return
                 waiting += data
-                if len(waiting) > LINE_BYTES_PER_S / 10:
+                if len(waiting) > _LINE_BYTES_PER_S * _BACKLOG_S:
                     self._send(waiting)
             self._send(waiting)
             self._stop.wait(_LINGER_S)  # let the reader fetch the last bytes
@@ -192,6 +243,15 @@ def serve(schedule: Iterable[tuple[float, bytes]], link: Literal["auto", "pty", 
     link : {"auto", "pty", "socket"}
         A pseudo-terminal, or a TCP socket of this machine (``socket://127.0.0.1:n``), which
         "auto" takes where there are no pseudo-terminals.
+
+    Yields
+    ------
+    Served
+
+    Raises
+    ------
+    ValueError
+        For a link that does not exist here.
     """
     if link not in ("auto", "pty", "socket"):
         raise ValueError(f'link must be "auto", "pty" or "socket", got {link!r}')

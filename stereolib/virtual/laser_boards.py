@@ -6,13 +6,14 @@ import cv2
 import numpy as np
 
 from stereolib import laser
+from stereolib.base import Float64, turn_about_z
 from stereolib.calibration import BoardView, Checkerboard, board_view
 from stereolib.calibration import pose as pose_of
 from stereolib.rig import Camera, rigid
+from stereolib.virtual import recordings
 from stereolib.virtual.lidar import VirtualLidar
-from stereolib.virtual.scene import Scene, board, room
+from stereolib.virtual.scene import Scene, board_box, room
 
-Array = np.ndarray
 #: Held upright, tall enough for the laser's plane to cut it.
 BOARD = Checkerboard(6, 9, 30.0)
 #: (forward mm, left mm, turn about the vertical, lean back in degrees), from the rig.
@@ -20,61 +21,70 @@ POSES = (
     (700, 0, 0, 0), (600, 120, 35, 30), (600, -120, -35, 30), (1000, 200, -30, -30), (1000, -200, 30, -30),
     (550, 0, 20, -30), (1100, 60, 0, 35), (700, -80, 40, 0), (750, 90, -40, -25), (900, -250, 10, 35),
 )  # fmt: skip
-_CORNER_PX = 0.1
+_CORNER_PX = 0.1  # standard deviation of a corner, per coordinate
+_SHEET_SQUARES = 2.6  # what the sheet has beyond its inner corners: a square and a rim on either side
+_FACING = np.array([[0.0, 0, -1], [-1, 0, 0], [0, 1, 0]])  # z towards the rig, y up
 
 
 def laser_board_views(
     sensor: VirtualLidar,
-    laser_pose: tuple[float, float, float],
-    T_left_world: Array,
     true_left: Camera,
     rng: np.random.Generator,
     *,
     believed_left: Camera | None = None,
     height_mm: float = 180.0,
 ) -> list[BoardView]:
-    """Ten poses of a board, as the camera and the laser see them.
+    """Show a board in ten poses to the camera and the laser of the pitched set-up.
 
     Parameters
     ----------
     sensor : VirtualLidar
-    laser_pose : (x_mm, y_mm, yaw_rad)
-        Where it stands in the world.
-    T_left_world : (4, 4) array
-        Where the camera stands.
+        It stands at `recordings.LASER_POSE`.
     true_left : Camera
         Projects the corners, which get 0.1 px of noise.
     rng : numpy.random.Generator
     believed_left : Camera, optional
         The calibrated lens that finds the board's pose; by default the true one.
     height_mm : float
-        Of the board's centre above the floor.
+        Of the board's centre above the floor, mm.
+
+    Returns
+    -------
+    list of BoardView
     """
     believed = believed_left or true_left
     points = BOARD.points_mm - BOARD.points_mm.mean(axis=0)
-    diagonal_mm = float(np.hypot(BOARD.columns + 2.6, BOARD.rows + 2.6) * BOARD.square_mm)
-    found = []
+    diagonal_mm = float(np.hypot(BOARD.columns + _SHEET_SQUARES, BOARD.rows + _SHEET_SQUARES) * BOARD.square_mm)
+    views = []
     for pose in POSES:
-        T_world_board = _held(*pose, height_mm)
-        T = T_left_world @ T_world_board
+        T = recordings.setup() @ _held(*pose, height_mm)
         pixels = true_left.project(points @ T[:3, :3].T + T[:3, 3])
         pixels = pixels + rng.normal(0, _CORNER_PX, pixels.shape)
         turn, t = pose_of(points, pixels, believed)
-        scene = board_scene(pose, height_mm)
-        scan = laser.average(laser.turns(laser.decode(sensor.scan(scene, laser_pose, rng, turns=5))))
-        found.append(board_view(scan, rigid(cv2.Rodrigues(turn)[0], t), diagonal_mm=diagonal_mm))
-    return found
+        data = sensor.scan(board_scene(pose, height_mm), recordings.LASER_POSE, rng, turns=5)
+        scan = laser.average(laser.turns(laser.decode(data)))
+        views.append(board_view(scan, rigid(cv2.Rodrigues(turn)[0], t), diagonal_mm=diagonal_mm))
+    return views
 
 
 def board_scene(pose: tuple[float, float, float, float], height_mm: float) -> Scene:
-    """The board in one of `POSES`, in a room."""
-    return Scene((room(), board((BOARD.columns, BOARD.rows), BOARD.square_mm, _held(*pose, height_mm))))
+    """Hold the board in one of `POSES`, in a room.
+
+    Parameters
+    ----------
+    pose : (forward_mm, left_mm, turn_deg, lean_deg)
+    height_mm : float
+        Of the board's centre above the floor, mm.
+
+    Returns
+    -------
+    Scene
+    """
+    return Scene((room(), board_box((BOARD.columns, BOARD.rows), BOARD.square_mm, _held(*pose, height_mm))))
 
 
-def _held(forward_mm: float, left_mm: float, turn_deg: float, lean_deg: float, height_mm: float) -> Array:
-    """T_world_board: z towards the rig, y up, then turned about the vertical and leant back."""
-    t, a = np.radians([turn_deg, lean_deg])
-    facing = np.array([[0.0, 0, -1], [-1, 0, 0], [0, 1, 0]])
-    spin = np.array([[np.cos(t), -np.sin(t), 0], [np.sin(t), np.cos(t), 0], [0, 0, 1]])
-    back = np.array([[1, 0, 0], [0, np.cos(a), np.sin(a)], [0, -np.sin(a), np.cos(a)]])
-    return rigid(spin @ facing @ back, [forward_mm, left_mm, height_mm])
+def _held(forward_mm: float, left_mm: float, turn_deg: float, lean_deg: float, height_mm: float) -> Float64:
+    """T_world_board: facing the rig, then turned about the vertical and leant back."""
+    turn, lean = np.radians([turn_deg, lean_deg])
+    back = np.array([[1, 0, 0], [0, np.cos(lean), np.sin(lean)], [0, -np.sin(lean), np.cos(lean)]])
+    return rigid(turn_about_z(turn) @ _FACING @ back, [forward_mm, left_mm, height_mm])

@@ -2,7 +2,7 @@
 
 What is measured and what is chosen:
 
-* Noise ``sigma = a + b r^2``: fitted with `stereolib.lrf.fit_sigma` to the repeatability of one real
+* Noise ``sigma = a + b r^2``: fitted with `stereolib.laser.fit_sigma` to the repeatability of one real
   unit in a static scene: 1.5 mm below 1 m, 4.1 mm at 1-1.5 m, 7.4 mm at 2.5-3 m, 14.8 mm at 3-3.3 m
   (taken at 0.6, 1.25, 2.75 and 3.15 m). The law misses those four by 22 % rms.
 * Strength ``s = k reflectance / r^2``, k from the same sensor's public recording of a cardboard box:
@@ -17,16 +17,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from stereolib import laser
-from stereolib.laser import BEAMS, EMITTER_ANGLE_RAD
-from stereolib.virtual import ray_casting
+from stereolib.base import Float64, direction
+from stereolib.laser import BEAMS, EMITTER_ANGLE_RAD, NOMINAL_RPM, PACKETS_PER_TURN, READINGS_PER_PACKET
+from stereolib.virtual.ray_casting import cast_rays
 from stereolib.virtual.scene import Scene
 
-NO_ECHO, OUT_OF_RANGE = laser.ERROR_NO_SIGNAL, 0x02
-WHITE, GREY, DARK = 0.85, 0.35, 0.05  # reflectance of the usual targets
-Array = NDArray[np.float64]
+NO_ECHO, OUT_OF_RANGE = laser.ERROR_NO_SIGNAL, 0x02  # error codes
+_LEAST_REFLECTANCE = 1e-3  # below it the laws of noise and bias are not followed further
+_WANDER_RPM, _MOST_WANDER_RPM = 0.05, 3.0  # from packet to packet, and at most
 
 
 @dataclass(frozen=True)
@@ -54,7 +55,7 @@ class VirtualLidar:
         Motor speed; it wanders by a fraction of an rpm.
     emitter_offset_mm : float
         25 for light that leaves the sensor beside its axis as in the real one (see
-        `stereolib.lrf.points_mm`); 0, the default, needs no geometry correction.
+        `stereolib.laser.points_mm`); 0, the default, needs no geometry correction.
 
     Notes
     -----
@@ -72,27 +73,64 @@ class VirtualLidar:
     least_strength: float = 3.0
     min_mm: float = 100.0
     max_mm: float = 6000.0
-    speed_rpm: float = 300.0
+    speed_rpm: float = NOMINAL_RPM
     emitter_offset_mm: float = 0.0
 
-    def sigma(self, distance_mm: ArrayLike, reflectance: ArrayLike = 1.0) -> Array:
-        """Standard deviation of a reading, mm."""
-        r, rho = np.asarray(distance_mm, np.float64), np.asarray(reflectance, np.float64)
-        darker = np.maximum(self.noisy_below / np.maximum(rho, 1e-3), 1.0)
-        return (self.sigma_mm + self.sigma_per_mm * r**2) * np.sqrt(darker)
+    def sigma(self, distance_mm: ArrayLike, reflectance: ArrayLike = 1.0) -> Float64:
+        """Compute the standard deviation of readings.
 
-    def bias(self, distance_mm: ArrayLike, reflectance: ArrayLike = 0.5) -> Array:
-        """Systematic error of a reading, mm."""
+        Parameters
+        ----------
+        distance_mm : array_like, mm
+        reflectance : array_like, 0..1
+
+        Returns
+        -------
+        float64 array, mm
+
+        Examples
+        --------
+        >>> VirtualLidar().sigma([500, 1000, 3000])
+        array([ 1.6,  2.5, 12.1])
+        """
+        r, rho = np.asarray(distance_mm, np.float64), np.asarray(reflectance, np.float64)
+        darker = np.maximum(self.noisy_below / np.maximum(rho, _LEAST_REFLECTANCE), 1.0)
+        return np.asarray((self.sigma_mm + self.sigma_per_mm * r**2) * np.sqrt(darker))
+
+    def bias(self, distance_mm: ArrayLike, reflectance: ArrayLike = 0.5) -> Float64:
+        """Compute the systematic error of readings.
+
+        Parameters
+        ----------
+        distance_mm : array_like, mm
+        reflectance : array_like, 0..1
+
+        Returns
+        -------
+        float64 array, mm
+        """
         r, rho = np.asarray(distance_mm, np.float64), np.asarray(reflectance, np.float64)
         by_range = np.polynomial.polynomial.polyval(r / 1000, self.bias_mm)
-        return by_range + self.bias_dark_mm * np.log10(0.5 / np.maximum(rho, 1e-3))
+        return np.asarray(by_range + self.bias_dark_mm * np.log10(0.5 / np.maximum(rho, _LEAST_REFLECTANCE)))
 
-    def truth_mm(self, scene: Scene, pose: Sequence[float]) -> Array:
-        """Exact range of every beam, (360,) mm; NaN where it meets nothing."""
+    def truth_mm(self, scene: Scene, pose: Sequence[float]) -> Float64:
+        """Compute the exact range of every beam.
+
+        Parameters
+        ----------
+        scene : Scene
+        pose : (x_mm, y_mm, yaw_rad)
+            Where the sensor stands in the world and where its beam 0 looks.
+
+        Returns
+        -------
+        (360,) float64, mm
+            NaN where a beam meets nothing.
+        """
         return self._cast(scene, pose)[0]
 
     def scan(self, scene: Scene, pose: Sequence[float], rng: np.random.Generator, turns: int = 5) -> bytes:
-        """Turn in a scene; the bytes an XV-11 sends meanwhile.
+        """Turn in a scene, and send the bytes that an XV-11 sends meanwhile.
 
         Parameters
         ----------
@@ -102,6 +140,21 @@ class VirtualLidar:
         rng : numpy.random.Generator
         turns : int
             Turns of 90 packets.
+
+        Returns
+        -------
+        bytes
+
+        Raises
+        ------
+        ValueError
+            For no turn, or if the pose has not three numbers.
+
+        Examples
+        --------
+        >>> from stereolib.virtual import cube_scene
+        >>> len(VirtualLidar().scan(cube_scene(), (0, 0, 0), np.random.default_rng(0), turns=1))
+        1980
         """
         if turns < 1:
             raise ValueError(f"turns must be 1 or more, got {turns}")
@@ -112,7 +165,7 @@ class VirtualLidar:
     def range_series(
         self, distances_mm: ArrayLike, albedo: float, rng: np.random.Generator, readings: int = 360
     ) -> list[bytes]:
-        """One recording for each known distance to a target that is met at right angles.
+        """Make one recording for each known distance to a target that is met at right angles.
 
         Every beam meets the target (as inside a round screen), so that one turn brings 360 readings
         of the same distance.
@@ -122,10 +175,19 @@ class VirtualLidar:
         distances_mm : (k,) array_like
             Known distances, mm.
         albedo : float
-            Reflectance of the target, 0..1: `WHITE`, `GREY`, `DARK`.
+            Reflectance of the target, 0..1; `recordings.TARGETS` has those of the usual ones.
         rng : numpy.random.Generator
         readings : int
             Readings at each distance, rounded up to whole turns.
+
+        Returns
+        -------
+        list of bytes
+
+        Raises
+        ------
+        ValueError
+            For a reflectance, distance or number of readings that cannot be.
         """
         if not 0 < albedo <= 1:
             raise ValueError(f"albedo is a share of the light, 0 < albedo <= 1; got {albedo}")
@@ -137,21 +199,21 @@ class VirtualLidar:
             raise ValueError("distances must be positive, in mm")
         return [self._send(np.full(shape, d), np.full(shape, albedo), rng) for d in known]
 
-    def _cast(self, scene: Scene, pose: Sequence[float]) -> tuple[Array, Array]:
+    def _cast(self, scene: Scene, pose: Sequence[float]) -> tuple[Float64, Float64]:
         if len(pose) != 3:
             raise ValueError(f"a pose is (x_mm, y_mm, yaw_rad), got {len(pose)} numbers")
         x, y, yaw = pose
-        angle = yaw + np.arange(BEAMS) * (2 * np.pi / BEAMS)
-        beam = np.stack([np.cos(angle), np.sin(angle), np.zeros(BEAMS)], axis=1)
-        side = angle - EMITTER_ANGLE_RAD
-        offset = np.stack([np.cos(side), np.sin(side), np.zeros(BEAMS)], axis=1)
-        origin = np.array([x, y, self.height_mm]) + self.emitter_offset_mm * offset
-        hits = ray_casting.cast(scene, origin, beam)
+        angle = np.asarray(yaw + np.arange(BEAMS) * (2 * np.pi / BEAMS), np.float64)
+        flat = np.zeros(BEAMS)
+        beam = np.column_stack([direction(angle), flat])
+        side = np.column_stack([direction(angle - EMITTER_ANGLE_RAD), flat])
+        origin = np.array([x, y, self.height_mm]) + self.emitter_offset_mm * side
+        hits = cast_rays(scene, origin, beam)
         cosine = np.abs(np.einsum("nk,nk->n", hits.normal, beam))
         reflectance = hits.albedo * cosine * (1 - hits.gloss)
         return hits.distance_mm, np.where(np.isfinite(hits.distance_mm), reflectance, 0.0)
 
-    def _send(self, distance: Array, reflectance: Array, rng: np.random.Generator) -> bytes:
+    def _send(self, distance: Float64, reflectance: Float64, rng: np.random.Generator) -> bytes:
         """Readings of the true distances (turns, 360), with all faults, as packets."""
         noise, chance = rng.standard_normal(distance.shape), rng.random(distance.shape)
         near = np.where(np.isnan(distance), np.inf, distance)
@@ -163,13 +225,13 @@ class VirtualLidar:
         beyond = ~((near >= self.min_mm) & (near <= self.max_mm))
         beyond |= ~((measured >= 0) & (measured <= laser.MAX_DISTANCE_MM))
         code = np.where(beyond & np.isfinite(near), OUT_OF_RANGE, NO_ECHO)
-        packets = (distance.size // laser.READINGS_PER_PACKET, laser.READINGS_PER_PACKET)
-        wander = np.cumsum(rng.normal(0, 0.05, packets[0]))
+        packets = (distance.size // READINGS_PER_PACKET, READINGS_PER_PACKET)
+        wander = np.cumsum(rng.normal(0, _WANDER_RPM, packets[0]))
         readings = laser.Readings.build(
-            np.arange(packets[0]) % laser.PACKETS_PER_TURN,
+            np.arange(packets[0]) % PACKETS_PER_TURN,
             np.where(lost | beyond, np.nan, measured).reshape(packets),
             np.clip(np.rint(signal), 0, 0xFFFF).astype(int).reshape(packets),
-            speed_rpm=self.speed_rpm + np.clip(wander, -3, 3),
+            speed_rpm=self.speed_rpm + np.clip(wander, -_MOST_WANDER_RPM, _MOST_WANDER_RPM),
             error_code=code.reshape(packets),
             warning=((signal < 2 * self.least_strength) & (signal > 0)).reshape(packets),
         )

@@ -6,31 +6,45 @@ from functools import cache
 
 import numpy as np
 
-from stereolib import paper
 from stereolib.calibration import LidarCamera, calibrate_lidar_to_camera
 from stereolib.measurement import Measurement, measure_objects
+from stereolib.paper import paper_rig
 from stereolib.virtual import recordings, walk
 from stereolib.virtual.laser_boards import laser_board_views
 from stereolib.virtual.lidar import VirtualLidar
 
+_SEED = 8  # of the boards' noise, and of what the measurement draws
+
 
 @cache
-def laser(seed: int = 8) -> LidarCamera:
-    """Where the walk's laser stands to the left camera, from ten poses of a board that both saw."""
-    sensor, rng = VirtualLidar(height_mm=walk.LASER_HEIGHT_MM), np.random.default_rng(seed)
-    views = laser_board_views(sensor, recordings.LASER_POSE, recordings.setup(), paper.paper_rig().left, rng)
-    return calibrate_lidar_to_camera(views)
+def walk_laser() -> LidarCamera:
+    """Find out where the walk's laser stands to the left camera, from ten poses of a board that both saw.
+
+    Returns
+    -------
+    LidarCamera
+    """
+    sensor, rng = VirtualLidar(height_mm=walk.LASER_HEIGHT_MM), np.random.default_rng(_SEED)
+    return calibrate_lidar_to_camera(laser_board_views(sensor, paper_rig().left, rng))
 
 
-def measure_walk(seed: int = 8) -> dict[str, Measurement]:
-    """What was measured at every station, by its name ``"room/1"`` to ``"room/5"``."""
+def measure_walk(seed: int = _SEED) -> dict[str, Measurement]:
+    """Measure what was recorded at every station.
+
+    Parameters
+    ----------
+    seed : int
+        Of what the measurement draws.
+
+    Returns
+    -------
+    dict
+        Measurements by the stations' names, ``"room/1"`` to ``"room/5"``.
+    """
+    rig, lidar = recordings.rectified(), walk_laser()
     return {
         name: measure_objects(
-            *recordings.load_pair(name),
-            recordings.scan(name),
-            recordings.rectified(),
-            laser(),
-            rng=np.random.default_rng(seed),
+            *recordings.load_pair(name), recordings.scan(name), rig, lidar, rng=np.random.default_rng(seed)
         )
         for name in walk.POSES
     }

@@ -7,46 +7,67 @@ from functools import lru_cache
 
 import numpy as np
 
+from stereolib.base import Bools, Float64, Ints
 from stereolib.rig import Camera, RectifiedRig, StereoRig, rigid
 from stereolib.virtual import texture
 from stereolib.virtual.scene import Box, Light, Material, Scene
 
-Array = np.ndarray
 _EPS_MM = 1e-2
 _BAND_ROWS = 16  # rows drawn at a time: small enough for the processor's cache
+_GREY_FROM_BGR = (0.114, 0.587, 0.299)  # ITU-R BT.601
+_OBJECTS_AT_MM = np.array([700.0, 0.0, 150.0])  # where lights point: the cube's place
+_LIGHT_AT_MM = 2000.0  # a light's power is its irradiance at this distance
+_FACE_OFFSET_MM = 137.0  # each face of a box shows another part of the texture
+_LEAST_PATTERN, _MOST_PATTERN = 0.05, 1.95  # of the mean reflectance: a texture never turns black or glows
+_INK = 0.05  # reflectance of a board's black squares, of the paper's
+_GLARE_SPOTS = 5  # points of an area light that glare is taken from
+_FRESNEL = 0.04  # reflectance of glossy paint met head on
 
 
 @dataclass(frozen=True, eq=False)
 class Hits:
     """Where rays meet the scene.
 
-    ``distance_mm`` (N,) is NaN where a ray meets nothing; ``normal`` (N, 3) faces the ray; ``surface`` (N,) is
-    ``6 * box + face`` or -1; ``albedo`` (N,) is the diffuse reflectance 0..1 with its texture; ``gloss`` (N,).
+    Attributes
+    ----------
+    distance_mm : (N,) float64
+        NaN where a ray meets nothing.
+    normal : (N, 3) float64
+        Of the surface, facing the ray.
+    surface : (N,) int
+        ``6 * box + face``, or -1.
+    albedo, gloss : (N,) float64
+        Diffuse reflectance 0..1 with its texture, and gloss.
     """
 
-    distance_mm: Array
-    normal: Array
-    surface: Array
-    albedo: Array
-    gloss: Array
+    distance_mm: Float64
+    normal: Float64
+    surface: Ints
+    albedo: Float64
+    gloss: Float64
 
 
 @dataclass(frozen=True, eq=False)
 class Truth:
     """What a perfect stereo system would return for the rectified left image.
 
-    ``disparity_px`` and ``depth_mm`` are (H, W) float64, ``visible`` (H, W) bool tells which pixels the right camera
-    sees too (inside its image, not occluded), ``box`` (H, W) int is the index of the box in the scene.
+    Attributes
+    ----------
+    disparity_px, depth_mm : (H, W) float64
+    visible : (H, W) bool
+        The right camera sees the pixel's point, too: inside its image, not occluded.
+    box : (H, W) int
+        Index of the box in the scene, or -1.
     """
 
-    disparity_px: Array
-    depth_mm: Array
-    visible: Array
-    box: Array
+    disparity_px: Float64
+    depth_mm: Float64
+    visible: Bools
+    box: Ints
 
 
-def cast(scene: Scene, origins: Array, directions: Array) -> Hits:
-    """First hit of each ray.
+def cast_rays(scene: Scene, origins: Float64, directions: Float64) -> Hits:
+    """Find the first hit of each ray.
 
     Parameters
     ----------
@@ -54,6 +75,16 @@ def cast(scene: Scene, origins: Array, directions: Array) -> Hits:
     origins : (3,) or (N, 3) array, mm
     directions : (N, 3) array
         Unit vectors, world frame.
+
+    Returns
+    -------
+    Hits
+
+    Examples
+    --------
+    >>> from stereolib.virtual import cube_scene
+    >>> cast_rays(cube_scene(700.0), np.array([0.0, 0.0, 100.0]), np.array([[1.0, 0.0, 0.0]])).distance_mm.round(6)
+    array([700.])
     """
     distance, surface = _nearest(scene, origins, directions)
     distance = np.where(surface >= 0, distance, np.nan)
@@ -64,20 +95,23 @@ def cast(scene: Scene, origins: Array, directions: Array) -> Hits:
         at = np.flatnonzero(surface == s)
         box, face = scene.boxes[s // 6], s % 6
         normal[at] = _normal(box, face)
-        tint = np.dot(box.materials[face].color_bgr, (0.114, 0.587, 0.299))
+        tint = np.dot(box.materials[face].color_bgr, _GREY_FROM_BGR)
         no_footprint = np.zeros(len(at))
         albedo[at] = tint * _pattern(box, face, points[at], directions[at], no_footprint)
         gloss[at] = box.materials[face].gloss
     return Hits(distance, normal, surface, albedo, gloss)
 
 
-def render(scene: Scene, camera: Camera, T_camera_world: Array, *, samples: int = 2, light_samples: int = 4) -> Array:
-    """Picture of a scene: linear light, before the webcam's own faults.
+def render(
+    scene: Scene, camera: Camera, T_camera_world: Float64, *, samples: int = 2, light_samples: int = 4
+) -> Float64:
+    """Draw a picture of a scene: linear light, before the webcam's own faults.
 
     Parameters
     ----------
+    scene : Scene
     camera : Camera
-        Any lens of `rig.Camera`; rays go through the exact inverse.
+        With any lens; rays go through the exact inverse.
     T_camera_world : (4, 4) array
         Maps world points (mm) into the camera.
     samples : int
@@ -89,6 +123,11 @@ def render(scene: Scene, camera: Camera, T_camera_world: Array, *, samples: int 
     -------
     (H, W, 3) float64
         Blue, green, red; 1 is white paper in good light.
+
+    Raises
+    ------
+    ValueError
+        If a number of samples is below 1.
     """
     if samples < 1 or light_samples < 1:
         raise ValueError(f"samples and light_samples must be at least 1, got {samples} and {light_samples}")
@@ -105,8 +144,19 @@ def render(scene: Scene, camera: Camera, T_camera_world: Array, *, samples: int 
     return picture
 
 
-def truth(scene: Scene, rectified: RectifiedRig, T_left_world: Array) -> Truth:
-    """Analytic depth and disparity of the rectified left image, one ray through each pixel's centre.
+def render_truth(scene: Scene, rectified: RectifiedRig, T_left_world: Float64) -> Truth:
+    """Compute depth and disparity of the rectified left image exactly, one ray through each pixel's centre.
+
+    Parameters
+    ----------
+    scene : Scene
+    rectified : RectifiedRig
+    T_left_world : (4, 4) array
+        Where the left camera stands, before it is rectified.
+
+    Returns
+    -------
+    Truth
 
     Notes
     -----
@@ -127,16 +177,31 @@ def truth(scene: Scene, rectified: RectifiedRig, T_left_world: Array) -> Truth:
     right_origin = origin + R.T @ [rectified.baseline_mm, 0.0, 0.0]
     points = origin + distance[:, None] * directions
     inside = pixels[:, 0] - disparity >= 0
-    seen = inside & ~_blocked(scene, points + _EPS_MM * _facing(scene, surface), right_origin[None])
+    visible = inside & ~_blocked(scene, points + _EPS_MM * _facing(scene, surface), right_origin[None])
     shape = (height, width)
     box = np.where(surface >= 0, surface // 6, -1)
-    return Truth(disparity.reshape(shape), depth.reshape(shape), seen.reshape(shape), box.reshape(shape))
+    return Truth(disparity.reshape(shape), depth.reshape(shape), visible.reshape(shape), box.reshape(shape))
 
 
 def render_pair(
-    scene: Scene, rig: StereoRig, T_left_world: Array, *, samples: int = 2, light_samples: int = 4
-) -> tuple[Array, Array]:
-    """`render` for both cameras of a rig."""
+    scene: Scene, rig: StereoRig, T_left_world: Float64, *, samples: int = 2, light_samples: int = 4
+) -> tuple[Float64, Float64]:
+    """Draw the pictures of both cameras of a rig.
+
+    Parameters
+    ----------
+    scene : Scene
+    rig : StereoRig
+    T_left_world : (4, 4) array
+        Where the left camera stands.
+    samples, light_samples : int
+        As for `render`.
+
+    Returns
+    -------
+    left, right : (H, W, 3) float64
+        As from `render`.
+    """
     T_right_world = rigid(rig.R, rig.T) @ T_left_world
     left, right = (
         render(scene, camera, T, samples=samples, light_samples=light_samples)
@@ -146,15 +211,15 @@ def render_pair(
 
 
 @lru_cache(maxsize=8)
-def _ray_grid(camera: Camera, samples: int) -> Array:
+def _ray_grid(camera: Camera, samples: int) -> Float64:
     """Unit rays of all sub-pixels in row order, (H * samples * W * samples, 3) float64, camera frame."""
     width, height = camera.size
     u, v = ((np.arange(n * samples) + 0.5) / samples - 0.5 for n in (width, height))
     rays = camera.rays(np.stack(np.meshgrid(u, v), -1).reshape(-1, 2), clamp=True)
-    return rays / np.linalg.norm(rays, axis=1, keepdims=True)
+    return np.asarray(rays / np.linalg.norm(rays, axis=1, keepdims=True))
 
 
-def _slabs(box: Box, origins: Array, directions: Array) -> tuple[Array, Array, Array, Array]:
+def _slabs(box: Box, origins: Float64, directions: Float64) -> tuple[Float64, Float64, Float64, Float64]:
     """Entry and exit distance of each ray (N,), and the box-frame origins and directions (3, N)."""
     R, centre = box.T_world_box[:3, :3].astype(directions.dtype), box.T_world_box[:3, 3]
     o = _turned(np.atleast_2d(origins) - centre.astype(directions.dtype), R)
@@ -166,13 +231,13 @@ def _slabs(box: Box, origins: Array, directions: Array) -> tuple[Array, Array, A
     return entry, leave, o, d
 
 
-def _turned(vectors: Array, R: Array) -> Array:
+def _turned(vectors: Float64, R: Float64) -> Float64:
     """``R.T @ v`` of vectors (N, 3), as (3, N). Written out: faster than BLAS here, and the same on every processor."""
     x, y, z = vectors.T
     return np.stack([a * x + b * y + c * z for a, b, c in R.T])
 
 
-def _nearest(scene: Scene, origins: Array, directions: Array) -> tuple[Array, Array]:
+def _nearest(scene: Scene, origins: Float64, directions: Float64) -> tuple[Float64, Ints]:
     """Distance of the first hit (inf for none) and its surface index, each (N,)."""
     distance = np.full(len(directions), np.inf, directions.dtype)
     surface = np.full(len(directions), -1)
@@ -189,7 +254,7 @@ def _nearest(scene: Scene, origins: Array, directions: Array) -> tuple[Array, Ar
     return distance, surface
 
 
-def _blocked(scene: Scene, points: Array, target: Array) -> Array:
+def _blocked(scene: Scene, points: Float64, target: Float64) -> Bools:
     """Whether a box stands between each point (N, 3) and the target (3,) or (N, 3). (N,) bool."""
     way = target - points
     blocked = np.zeros(len(points), bool)
@@ -200,18 +265,18 @@ def _blocked(scene: Scene, points: Array, target: Array) -> Array:
     return blocked
 
 
-def _normal(box: Box, face: int) -> Array:
+def _normal(box: Box, face: int) -> Float64:
     outward = box.T_world_box[:3, face // 2] * (1 if face % 2 else -1)
     return -outward if box.inside else outward
 
 
-def _facing(scene: Scene, surface: Array) -> Array:
+def _facing(scene: Scene, surface: Ints) -> Float64:
     """Normals (N, 3) of surface indices (N,)."""
     table = np.array([_normal(box, face) for box in scene.boxes for face in range(6)])
     return table[surface]
 
 
-def _pattern(box: Box, face: int, points: Array, directions: Array, footprint_mm: Array) -> Array:
+def _pattern(box: Box, face: int, points: Float64, directions: Float64, footprint_mm: Float64) -> Float64:
     """Relative reflectance of points (N, 3) on a face: the texture or the checkerboard, filtered. (N,)."""
     material: Material = box.materials[face]
     T = box.T_world_box
@@ -228,23 +293,18 @@ def _pattern(box: Box, face: int, points: Array, directions: Array, footprint_mm
         shift_u, shift_v = (0.0 if (n + 1) % 2 == 0 else square / 2 for n in (columns, rows))
         white = texture.checker(u + shift_u, v + shift_v, wide, square)
         inside = (np.abs(u) < (columns + 1) * square / 2) & (np.abs(v) < (rows + 1) * square / 2)
-        return np.where(inside, 0.05 + 0.95 * white, 1.0)
+        return np.where(inside, _INK + (1 - _INK) * white, 1.0)
     if not material.contrast:
         return np.ones(len(points))
     width = footprint_mm / np.sqrt(np.maximum(cos, 0.02))
-    offset = 137.0 * face  # each face shows another part of the texture
+    offset = _FACE_OFFSET_MM * face
     grain = texture.noise(local[:, a] + offset, local[:, b] + offset, width, material.scale_mm, material.seed)
-    return np.clip(1 + material.contrast * grain, 0.05, 1.95)
+    return np.clip(1 + material.contrast * grain, _LEAST_PATTERN, _MOST_PATTERN)
 
 
 def _radiance(
-    scene: Scene,
-    origins: Array,
-    directions: Array,
-    pixel_rad: float,
-    light_samples: int,
-    bounce: bool,
-) -> Array:
+    scene: Scene, origins: Float64, directions: Float64, pixel_rad: float, light_samples: int, bounce: bool
+) -> Float64:
     """Light along each ray, (N, 3) float64: diffuse with soft shadows, GGX glare, one mirror bounce."""
     distance, surface = _nearest(scene, origins, directions)
     light = np.zeros((len(directions), 3))
@@ -255,34 +315,38 @@ def _radiance(
         material, normal = box.materials[face], _normal(box, face)
         toward = directions[at]
         points = origins[at] + distance[at, None] * toward + _EPS_MM * normal
+        patch = _Patch(points, normal, toward, material)
         pattern = _pattern(box, face, points, toward, distance[at] * pixel_rad)
         diffuse, glare = np.full(len(at), scene.ambient), np.zeros(len(at))
         for lamp in scene.lights:
-            d, g = _lit(scene, lamp, points, normal, toward, material, light_samples if bounce else 1)
+            d, g = _lit(scene, lamp, patch, light_samples if bounce else 1)
             diffuse += d
             glare += g
         light[at] = np.array(material.color_bgr) * (pattern * diffuse)[:, None] + glare[:, None]
         if bounce and material.gloss:
             cos = -toward @ normal
             mirrored = toward + 2 * cos[:, None] * normal
-            fresnel = material.gloss * (0.04 + 0.96 * (1 - cos) ** 5)
-            seen = _radiance(scene, points, mirrored, pixel_rad, 1, bounce=False)
-            light[at] += (fresnel * (1 - material.roughness))[:, None] * seen
+            fresnel = material.gloss * (_FRESNEL + (1 - _FRESNEL) * (1 - cos) ** 5)
+            reflected = _radiance(scene, points, mirrored, pixel_rad, 1, bounce=False)
+            light[at] += (fresnel * (1 - material.roughness))[:, None] * reflected
     return light
 
 
-def _lit(
-    scene: Scene,
-    lamp: Light,
-    points: Array,
-    normal: Array,
-    toward: Array,
-    material: Material,
-    n: int,
-) -> tuple[Array, Array]:
-    """Diffuse irradiance and glare from one area light at points (N, 3), each (N,) float64."""
+@dataclass(frozen=True, eq=False)
+class _Patch:
+    """Points (N, 3) on a face, its normal (3,), the rays' directions (N, 3) towards them, and the material."""
+
+    points: Float64
+    normal: Float64
+    toward: Float64
+    material: Material
+
+
+def _lit(scene: Scene, lamp: Light, patch: _Patch, n: int) -> tuple[Float64, Float64]:
+    """Diffuse irradiance and glare from one area light at the points of a patch, each (N,) float64."""
+    points, normal, material = patch.points, patch.normal, patch.material
     grid = ((np.arange(n) + 0.5) / n - 0.5) * lamp.size_mm if n > 1 else np.zeros(1)
-    to_scene = np.array([700.0, 0.0, 150.0]) - lamp.position_mm
+    to_scene = _OBJECTS_AT_MM - lamp.position_mm
     to_scene /= np.linalg.norm(to_scene)
     side = np.cross(to_scene, [0.0, 1.0, 0.0] if abs(to_scene[1]) < 0.9 else [1.0, 0.0, 0.0])
     side /= np.linalg.norm(side)
@@ -293,17 +357,17 @@ def _lit(
     reach = np.linalg.norm(middle, axis=1)
     cos = np.maximum(middle @ normal, 0) / reach
     shining = np.maximum(-middle @ to_scene, 0) / reach  # nothing goes backwards
-    fall = lamp.power * shining * (2000.0 / reach) ** 2
+    fall = lamp.power * shining * (_LIGHT_AT_MM / reach) ** 2
     glare = np.zeros(len(points))
     if material.gloss:
-        few = spots[:: max(1, len(spots) // 5)]
+        few = spots[:: max(1, len(spots) // _GLARE_SPOTS)]
         for spot in few:
-            glare += _ggx(spot - points, normal, -toward, material)
+            glare += _ggx(spot - points, normal, -patch.toward, material)
         glare *= fall / len(few)
     return lit * fall * cos, lit * glare
 
 
-def _visibility(scene: Scene, points: Array, spots: Array, n: int) -> Array:
+def _visibility(scene: Scene, points: Float64, spots: Float64, n: int) -> Float64:
     """Share of the light's points that each point sees: the corners first, the rest only in the half shadow."""
     corners = spots[[0, n - 1, -n, -1]] if n > 1 else spots
     lit = np.asarray(np.mean([~_blocked(scene, points, spot) for spot in corners], axis=0))
@@ -313,7 +377,7 @@ def _visibility(scene: Scene, points: Array, spots: Array, n: int) -> Array:
     return lit
 
 
-def _ggx(to_light: Array, normal: Array, to_eye: Array, material: Material) -> Array:
+def _ggx(to_light: Float64, normal: Float64, to_eye: Float64, material: Material) -> Float64:
     """Glare of a rough surface times the cosine: ``D F G / (4 n.v)`` (Walter et al. 2007). (N,) float64."""
     to_light = to_light / np.linalg.norm(to_light, axis=1, keepdims=True)
     half = to_light + to_eye
@@ -322,7 +386,7 @@ def _ggx(to_light: Array, normal: Array, to_eye: Array, material: Material) -> A
     vh = np.maximum((to_eye * half).sum(axis=1), 0)
     a2 = material.roughness**4 + 1e-6
     spread = a2 / (np.pi * (nh * nh * (a2 - 1) + 1) ** 2)
-    fresnel = material.gloss * (0.04 + 0.96 * (1 - vh) ** 5)
+    fresnel = material.gloss * (_FRESNEL + (1 - _FRESNEL) * (1 - vh) ** 5)
     k = a2**0.5 / 2
     shadowing = nl * nv / ((nl * (1 - k) + k) * (nv * (1 - k) + k))
     return np.where(to_light @ normal > 0, spread * fresnel * shadowing / (4 * nv), 0)

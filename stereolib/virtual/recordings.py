@@ -1,68 +1,84 @@
-"""The virtual rig's recordings: what each one shows, how it is made, and how it is read back.
+"""The virtual rig's recordings: what each one shows, read back with its truth.
 
 Every name, such as ``"conditions/glare"``, stands for one scene, one set-up and one seed, so that its truth can be
-computed at any time and never has to be stored.
+computed at any time and never has to be stored. `build_recordings` made them.
 """
 
 from __future__ import annotations
 
-import hashlib
-import zlib
-from collections.abc import Iterable
+from dataclasses import replace
 from functools import cache, lru_cache
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from stereolib import laser, paper
-from stereolib.base import datasets, write_atomic
+from stereolib.base import Float64, UInt8, data_path, read_bytes
 from stereolib.calibration import Checkerboard
 from stereolib.matching import View, near_edge
-from stereolib.rig import Camera, RectifiedRig, read_pair, rigid
-from stereolib.virtual import lidar, walk
-from stereolib.virtual.ray_casting import Truth, render_pair, truth
-from stereolib.virtual.scene import Light, Scene, board, cube_scene, room
+from stereolib.rig import RectifiedRig, read_pair
+from stereolib.virtual import walk
+from stereolib.virtual.lidar import VirtualLidar
+from stereolib.virtual.ray_casting import Truth, render_pair, render_truth
+from stereolib.virtual.scene import CUBE_SURFACE, FLOOR_SURFACE, Light, Scene, board_box, cube_scene, room
+from stereolib.virtual.stereo_boards import draw_board_poses
 from stereolib.virtual.webcam import Webcam
-
-Array = np.ndarray
 
 BOARD = Checkerboard(9, 6, 25.0)
 BOARD_PAIRS = 30
 DISTANCES_MM = (500, 600, 700, 800, 900, 1000)
 TEXTURES_MM = {"fine": 3.0, "medium": 6.0, "coarse": 18.0}
-CONDITIONS: dict[str, dict[str, Any]] = {
-    "plain": {"texture": 0.0},
-    "poor_light": {"light": 0.012},
-    "glare": {"object_gloss": 0.9, "floor_gloss": 0.9},
-    "texture": {},
-}
+#: Reflectance of the range series' targets.
 TARGETS = {"white": 0.85, "grey": 0.35, "dark": 0.06}
 #: The laser stands below the left camera: (x_mm, y_mm, yaw_rad).
 LASER_POSE = (0.0, 0.0, 0.0)
 RANGES_MM = (150, 200, 300, 400, 500, 600, 700, 800, 1000, 1250, 1500, 1750, 2000, 2250, 2500, 2750, 3000, 3500, 4000,
              4500, 5000)  # fmt: skip
+_BENCH_HEIGHT_MM = 1000.0
+_POOR_LIGHT = 0.012  # of a well-lit room's
+_GLARE = 0.9  # gloss of the cube and the floor
 
 
 @cache
 def rectified() -> RectifiedRig:
-    """The true rig (Table I), rectified with alpha = 0."""
+    """Rectify the true rig (Table I) with alpha = 0.
+
+    Returns
+    -------
+    RectifiedRig
+    """
     return paper.paper_rig().rectify(alpha=0.0)
 
 
 @cache
-def setup(name: str = "pitched") -> Array:
-    """Where the left camera stood: ``T_left_world`` (4, 4) of the set-up ``"pitched"``, ``"level"`` or ``"bench"``,
-    or of a station of the walk, ``"room/1"`` to ``"room/5"``.
+def setup(name: str = "pitched") -> Float64:
+    """Tell where the left camera stood.
 
+    Parameters
+    ----------
+    name : str
+        The set-up ``"pitched"``, ``"level"`` or ``"bench"``, or a station of the walk, ``"room/1"`` to ``"room/5"``.
+
+    Returns
+    -------
+    (4, 4) float64
+        ``T_left_world``.
+
+    Raises
+    ------
+    ValueError
+        For another name.
+
+    Notes
+    -----
     The first two are not typed in but solved so that the cube's foot at 0.70 m stands 53 rows above the bottom of the
-    rectified image, as the paper measured (see `scale`). The rectified camera is the one that stands upright.
-    ``"bench"`` is where boards are shown to the rig: level, one metre above the floor. On the walk the rig is pitched.
+    rectified image, as the paper measured (see `paper.solve_pitch`). The rectified camera is the one that stands
+    upright. ``"bench"`` is where boards are shown to the rig: level, one metre above the floor. On the walk the rig is
+    pitched.
     """
     if name in walk.POSES:
-        return setup("pitched") @ np.linalg.inv(walk.T_map_station(name))
+        return np.asarray(setup("pitched") @ np.linalg.inv(walk.T_map_station(name)))
     if name == "bench":
-        return paper.rig_pose(rectified(), pitch_rad=0.0, camera_height_mm=1000.0)
+        return paper.rig_pose(rectified(), pitch_rad=0.0, camera_height_mm=_BENCH_HEIGHT_MM)
     solve = {"pitched": paper.solve_pitch, "level": paper.solve_camera_height}
     if name not in solve:
         raise ValueError(f'the set-up is "pitched", "level", "bench" or "room/1" to "room/5", got {name!r}')
@@ -71,23 +87,59 @@ def setup(name: str = "pitched") -> Array:
 
 @cache
 def pairs() -> dict[str, tuple[str, Scene]]:
-    """Every recorded stereo pair but the boards: name -> (set-up, scene)."""
-    found = {f"conditions/{name}": ("pitched", cube_scene(**how)) for name, how in CONDITIONS.items()}
-    found["conditions/level"] = ("level", cube_scene())
+    """List every recorded stereo pair but the boards.
+
+    Returns
+    -------
+    dict
+        Set-up and scene by the pair's name.
+
+    Examples
+    --------
+    >>> list(pairs())[:5]
+    ['conditions/plain', 'conditions/poor_light', 'conditions/glare', 'conditions/texture', 'conditions/level']
+    """
+    glossy = cube_scene(cube=replace(CUBE_SURFACE, gloss=_GLARE), floor=replace(FLOOR_SURFACE, gloss=_GLARE))
+    known = {
+        "conditions/plain": ("pitched", cube_scene(cube=replace(CUBE_SURFACE, contrast=0.0))),
+        "conditions/poor_light": ("pitched", cube_scene().dimmed(_POOR_LIGHT)),
+        "conditions/glare": ("pitched", glossy),
+        "conditions/texture": ("pitched", cube_scene()),
+        "conditions/level": ("level", cube_scene()),
+    }
     for kind, scale_mm in TEXTURES_MM.items():
         for distance in DISTANCES_MM:
-            scene = cube_scene(float(distance), texture_scale_mm=scale_mm)
-            found[f"series/{kind}_{distance}"] = ("pitched", scene)
-    return found | {name: (name, walk.walk_scene()) for name in walk.POSES}
+            scene = cube_scene(float(distance), cube=replace(CUBE_SURFACE, scale_mm=scale_mm))
+            known[f"series/{kind}_{distance}"] = ("pitched", scene)
+    return known | {name: (name, walk.walk_scene()) for name in walk.POSES}
 
 
 def cube_pairs() -> tuple[str, ...]:
-    """Names of the recorded pairs that show the paper's cube."""
+    """List the names of the recorded pairs that show the paper's cube.
+
+    Returns
+    -------
+    tuple of str
+
+    Examples
+    --------
+    >>> len(cube_pairs())
+    23
+    """
     return tuple(name for name in pairs() if not name.startswith("room/"))
 
 
-def load_pair(name: str) -> tuple[Array, Array]:
-    """The recorded images of a pair, as the webcams sent them: two (480, 640, 3) uint8.
+def load_pair(name: str) -> tuple[UInt8, UInt8]:
+    """Read the recorded images of a pair, as the webcams sent them.
+
+    Parameters
+    ----------
+    name : str
+        One of `pairs`.
+
+    Returns
+    -------
+    left, right : (480, 640, 3) uint8
 
     Raises
     ------
@@ -95,17 +147,44 @@ def load_pair(name: str) -> tuple[Array, Array]:
         If there is no such recording; the text lists the names.
     """
     _known(name)
-    return read_pair(*(datasets.data_path(f"virtual/{name}_{side}.jpg") for side in ("left", "right")))
+    return _read_sides(name)
 
 
 def load_truth(name: str) -> Truth:
-    """True disparity and depth of a recorded pair, in the true rig's rectified left image; read-only."""
+    """Compute the true disparity and depth of a recorded pair.
+
+    Parameters
+    ----------
+    name : str
+        One of `pairs`.
+
+    Returns
+    -------
+    Truth
+        In the true rig's rectified left image; read-only.
+
+    Raises
+    ------
+    ValueError
+        As `load_pair`.
+    """
     where, scene = _known(name)
     return _truth(scene, where)
 
 
 def view(name: str) -> View:
-    """A recorded pair, rectified, with its truth: regions ``"cube"`` and ``"edge"`` (the near one), both visible."""
+    """Rectify a recorded pair and put its truth beside it.
+
+    Parameters
+    ----------
+    name : str
+        One of `pairs` that show the cube.
+
+    Returns
+    -------
+    View
+        Regions ``"cube"`` and ``"edge"`` (the near one), both visible.
+    """
     left, right = rectified().rectify(*load_pair(name))
     return _view(name, left, right, load_truth(name))
 
@@ -113,9 +192,25 @@ def view(name: str) -> View:
 def render_view(
     name: str, scene: Scene, *, light: float = 1.0, seed: int = 4, about: dict[str, float | str] | None = None
 ) -> View:
-    """A scene seen from the pitched set-up, one ray a pixel and some light, with the regions of `view`.
+    """Render a scene from the pitched set-up, one ray a pixel and some light, with the regions of `view`.
 
     The same scene in another light is not rendered again.
+
+    Parameters
+    ----------
+    name : str
+        What the view is called.
+    scene : Scene
+    light : float
+        Level of all light.
+    seed : int
+        Of the webcams' noise.
+    about : dict, optional
+        What else the view tells of itself.
+
+    Returns
+    -------
+    View
     """
     webcam, rng = Webcam(), np.random.default_rng(seed)
     left, right = rectified().rectify(*(webcam.shoot(light * side, rng) for side in _lights(scene)))
@@ -123,157 +218,136 @@ def render_view(
 
 
 def scan(name: str, seed: int = 1) -> laser.AveragedScan:
-    """What the laser sees in a recorded pair's scene: the median of five turns, on the walk the recorded ones."""
+    """Average what the laser sees in a recorded pair's scene.
+
+    Parameters
+    ----------
+    name : str
+        One of `pairs`.
+    seed : int
+        Of the laser's noise; on the walk the turns are recorded.
+
+    Returns
+    -------
+    AveragedScan
+        The median of five turns.
+    """
     if name in walk.POSES:
-        return laser.average(laser.turns(laser.decode(load_laser(f"{name}_scan"))))
-    data = lidar.VirtualLidar().scan(_known(name)[1], LASER_POSE, np.random.default_rng(seed), turns=5)
+        data = load_laser(f"{name}_scan")
+    else:
+        data = VirtualLidar().scan(_known(name)[1], LASER_POSE, np.random.default_rng(seed), turns=5)
     return laser.average(laser.turns(laser.decode(data)))
 
 
 @lru_cache(maxsize=8)
-def _lights(scene: Scene) -> tuple[Array, Array]:
+def _lights(scene: Scene) -> tuple[Float64, Float64]:
     return render_pair(scene, paper.paper_rig(), setup(), samples=1, light_samples=2)
 
 
 @lru_cache(maxsize=16)
 def _truth(scene: Scene, where: str = "pitched") -> Truth:
-    found = truth(scene, rectified(), setup(where))
-    for array in vars(found).values():
+    truth = render_truth(scene, rectified(), setup(where))
+    for array in vars(truth).values():
         array.setflags(write=False)
-    return found
+    return truth
 
 
-def _view(name: str, left: Array, right: Array, true: Truth, about: dict[str, float | str] | None = None) -> View:
+def _view(name: str, left: UInt8, right: UInt8, true: Truth, about: dict[str, float | str] | None = None) -> View:
     cube = true.box == 1
     regions = {"cube": true.visible & cube, "edge": true.visible & near_edge(true.disparity_px, cube)}
     return View(name, left, right, true.disparity_px, true.visible, regions, about or {})
 
 
-def load_boards() -> tuple[list[tuple[Array, Array]], list[str]]:
-    """The checkerboard pairs and their names."""
-    names = [f"boards/{i + 1:02d}" for i in range(BOARD_PAIRS)]
-    files = [[datasets.data_path(f"virtual/{name}_{side}.jpg") for side in ("left", "right")] for name in names]
-    return [read_pair(left, right) for left, right in files], names
-
-
-def draw_board_poses(count: int, rng: np.random.Generator, target: Checkerboard = BOARD) -> list[Array]:
-    """Poses of a hand-held board with good coverage: all image regions, 0.45 to 0.95 m, tilts up to 40 degrees.
+def load_boards() -> tuple[list[tuple[UInt8, UInt8]], list[str]]:
+    """Read the checkerboard pairs.
 
     Returns
     -------
-    list of (4, 4) arrays
-        ``T_left_board``; the board's frame is at its centre, x right, y up, z towards the camera. Every corner and
-        the white rim lie inside both images.
+    pairs : list of (left, right)
+        Each (480, 640, 3) uint8.
+    names : list of str
+        ``"boards/01"`` and so on.
     """
-    rig = paper.paper_rig()
-    half = np.array([(n + 1) * target.square_mm / 2 + 0.5 * target.square_mm for n in (target.columns, target.rows)])
-    rim = np.array([[a * half[0], b * half[1], 0.0, 1.0] for a in (-1, 0, 1) for b in (-1, 0, 1)]).T
-    distances = np.array([480.0, 600.0, 740.0, 900.0])
-    poses: list[Array] = []
-    for attempt in range(2000 * count):
-        k = len(poses)
-        cell = np.array([k % 3, k // 3 % 3]) if attempt % 40 else rng.integers(0, 3, 2)  # a 3 x 3 grid of regions
-        ray = rig.left.rays((cell + rng.uniform(0, 1, 2)) / 3 * rig.left.size, clamp=True)[0]
-        tilt_x, tilt_y, turn = rng.uniform([-0.7, -0.7, -0.35], [0.7, 0.7, 0.35])
-        facing = _euler(tilt_x, tilt_y, turn) @ np.diag([1.0, -1.0, -1.0])
-        T = rigid(facing, ray * distances[k % 4] * rng.uniform(0.92, 1.08))
-        views = (c.project((M @ rim)[:3].T) for c, M in ((rig.left, T), (rig.right, rigid(rig.R, rig.T) @ T)))
-        if all(_inside(pixels, rig.left) for pixels in views):
-            poses.append(T)
-        if len(poses) == count:
-            return poses
-    raise ValueError(f"only {len(poses)} of {count} poses keep the {target} inside both images: use a smaller board")
+    names = [f"boards/{i + 1:02d}" for i in range(BOARD_PAIRS)]
+    return [_read_sides(name) for name in names], names
 
 
 @cache
-def board_poses() -> tuple[Array, ...]:
-    """Poses ``T_left_board`` of the recorded boards, in their order."""
-    return tuple(draw_board_poses(BOARD_PAIRS, np.random.default_rng(30)))
+def board_poses() -> tuple[Float64, ...]:
+    """Give the poses of the recorded boards, in their order.
+
+    Returns
+    -------
+    tuple of (4, 4) arrays
+        ``T_left_board``, as `stereo_boards.draw_board_poses` draws them.
+    """
+    return tuple(draw_board_poses(BOARD_PAIRS, np.random.default_rng(30), BOARD))
 
 
-def board_scene(T_left_board: Array, target: Checkerboard = BOARD) -> Scene:
-    """A board held in front of the rig."""
+def board_scene(T_left_board: Float64, target: Checkerboard = BOARD) -> Scene:
+    """Hold a board in front of the rig.
+
+    Parameters
+    ----------
+    T_left_board : (4, 4) array
+    target : Checkerboard
+
+    Returns
+    -------
+    Scene
+        For the set-up ``"bench"``.
+    """
     T_world_board = np.linalg.inv(setup("bench")) @ T_left_board
     lamp = Light((-500.0, 400.0, 1700.0), 800.0, 0.9)  # behind the rig, on the board
-    held = board((target.columns, target.rows), target.square_mm, T_world_board)
+    held = board_box((target.columns, target.rows), target.square_mm, T_world_board)
     return Scene((room(), held), (*Scene(()).lights, lamp), names=("room", "board"))
 
 
-def laser_recordings() -> Iterable[tuple[str, bytes]]:
-    """The laser's byte streams: five turns in the room (Fig. 6), the range series (Fig. 5), and those of the walk."""
-    sensor = lidar.VirtualLidar()
-    yield "lrf/room", sensor.scan(cube_scene(), LASER_POSE, np.random.default_rng(6), turns=5)
-    for k, (target, albedo) in enumerate(TARGETS.items()):
-        rng = np.random.default_rng([5, k])
-        for distance, data in zip(RANGES_MM, sensor.range_series(RANGES_MM, albedo, rng), strict=True):
-            yield f"lrf/range/{target}_{distance:04d}", data
-    for name in walk.POSES:
-        yield f"{name}_scan", walk.scan_bytes(name)
-
-
 def load_laser(name: str) -> bytes:
-    """Raw bytes of a laser recording: ``"lrf/room"``, or for example ``"lrf/range/grey_0700"``, ``"room/1_scan"``."""
-    return datasets.data_path(f"virtual/{name}.bin").read_bytes()
+    """Read the raw bytes of a laser recording.
+
+    Parameters
+    ----------
+    name : str
+        ``"lrf/room"``, or for example ``"lrf/range/grey_0700"``, ``"room/1_scan"``.
+
+    Returns
+    -------
+    bytes
+
+    Raises
+    ------
+    ValueError
+        If there is no such recording.
+    """
+    return read_bytes(data_path(f"virtual/{name}.bin"))
 
 
-def load_range_series(target: str) -> list[Array]:
-    """Readings (360,) mm at each distance of `RANGES_MM`, of a ``"white"``, ``"grey"`` or ``"dark"`` target."""
+def load_range_series(target: str) -> list[Float64]:
+    """Read the range series of a target.
+
+    Parameters
+    ----------
+    target : str
+        One of `TARGETS`.
+
+    Returns
+    -------
+    list of (360,) float64
+        Readings, mm, at each distance of `RANGES_MM`.
+
+    Raises
+    ------
+    ValueError
+        For another target.
+    """
     if target not in TARGETS:
         raise ValueError(f"the targets are {', '.join(TARGETS)}; got {target!r}")
     return [laser.decode(load_laser(f"lrf/range/{target}_{mm:04d}")).distance_mm.ravel() for mm in RANGES_MM]
 
 
-def build(output: Path, *, only: str = "", progress: bool = True) -> None:
-    """Make the recordings again: some minutes. Each file is replaced when it is done; the sums are written last.
-
-    Parameters
-    ----------
-    output : Path
-    only : str
-        Make only the pairs whose names begin so, for example ``"conditions/"``.
-    """
-    from joblib import Parallel, cpu_count, delayed
-    from tqdm.auto import tqdm
-
-    rig = paper.paper_rig()
-    jobs = [(name, scene, setup(where), 3) for name, (where, scene) in pairs().items()]
-    jobs += [(f"boards/{i + 1:02d}", board_scene(pose), setup("bench"), 3) for i, pose in enumerate(board_poses())]
-
-    def make(name: str, scene: Scene, T_left_world: Array, samples: int) -> None:
-        for side, image in zip(("left", "right"), render_pair(scene, rig, T_left_world, samples=samples), strict=True):
-            rng = np.random.default_rng([zlib.crc32(name.encode()), side == "right"])
-            webcam = Webcam()
-            write_atomic(output / f"{name}_{side}.jpg", webcam.encode(webcam.expose(image, rng)))
-
-    jobs = [job for job in jobs if job[0].startswith(only)]
-    running = Parallel(n_jobs=cpu_count(), prefer="threads", return_as="generator_unordered")(
-        delayed(make)(*job) for job in jobs
-    )
-    list(tqdm(running, "rendering pairs", len(jobs), unit="pair", disable=not progress))
-    for name, data in laser_recordings():
-        write_atomic(output / f"{name}.bin", data)
-    write_sums(output)
-
-
-def write_sums(folder: Path) -> None:
-    """Write SHA256SUMS of all files below a folder, in `sha256sum`'s format."""
-    files = sorted(p for p in folder.rglob("*") if p.is_file() and p.suffix in {".jpg", ".bin"})
-    lines = [f"{hashlib.sha256(p.read_bytes()).hexdigest()}  {p.relative_to(folder).as_posix()}\n" for p in files]
-    write_atomic(folder / "SHA256SUMS", "".join(lines))
-
-
-def _euler(x: float, y: float, z: float) -> Array:
-    cx, cy, cz = np.cos([x, y, z])
-    sx, sy, sz = np.sin([x, y, z])
-    turn_x = np.array([[1, 0, 0], [0, cx, -sx], [0, sx, cx]])
-    turn_y = np.array([[cy, 0, sy], [0, 1, 0], [-sy, 0, cy]])
-    turn_z = np.array([[cz, -sz, 0], [sz, cz, 0], [0, 0, 1]])
-    return turn_z @ turn_y @ turn_x
-
-
-def _inside(pixels: Array, camera: Camera, rim_px: float = 6.0) -> bool:
-    size = np.array(camera.size)
-    return bool(((pixels > rim_px) & (pixels < size - 1 - rim_px)).all())
+def _read_sides(name: str) -> tuple[UInt8, UInt8]:
+    return read_pair(*(data_path(f"virtual/{name}_{side}.jpg") for side in ("left", "right")))
 
 
 def _known(name: str) -> tuple[str, Scene]:

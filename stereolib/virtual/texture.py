@@ -7,14 +7,19 @@ from functools import lru_cache
 import cv2
 import numpy as np
 
-Array = np.ndarray
+from stereolib.base import Float32, Float64, Floats
+
 _TEXELS = 1024
 _TEXELS_PER_FEATURE = 4
 
 
 @lru_cache(maxsize=24)
-def noise_pyramid(seed: int) -> tuple[Array, ...]:
-    """Periodic band-limited noise of zero mean and unit deviation, and its halvings.
+def noise_pyramid(seed: int) -> tuple[Float32, ...]:
+    """Draw periodic band-limited noise of zero mean and unit deviation, and its halvings.
+
+    Parameters
+    ----------
+    seed : int
 
     Returns
     -------
@@ -35,8 +40,24 @@ def noise_pyramid(seed: int) -> tuple[Array, ...]:
     return tuple(np.pad(level, (0, 1), mode="wrap") for level in levels)
 
 
-def noise(u_mm: Array, v_mm: Array, footprint_mm: Array, scale_mm: float, seed: int) -> Array:
-    """Noise texture at surface coordinates (N,) mm, blurred to the footprint (N,) mm. (N,) float32."""
+def noise(u_mm: Floats, v_mm: Floats, footprint_mm: Floats, scale_mm: float, seed: int) -> Float32:
+    """Look a noise texture up, blurred to what a pixel covers.
+
+    Parameters
+    ----------
+    u_mm, v_mm : (N,) array
+        Surface coordinates, mm.
+    footprint_mm : (N,) array
+        What a pixel covers there, mm.
+    scale_mm : float
+        Size of the texture's features, mm.
+    seed : int
+
+    Returns
+    -------
+    (N,) float32
+        Of zero mean and, where nothing is blurred, unit deviation.
+    """
     pyramid = noise_pyramid(seed)
     texel_mm = scale_mm / _TEXELS_PER_FEATURE
     level = np.clip(np.log2(np.maximum(footprint_mm / texel_mm, 1e-6)), 0, len(pyramid) - 1.001)
@@ -54,26 +75,46 @@ def noise(u_mm: Array, v_mm: Array, footprint_mm: Array, scale_mm: float, seed: 
     return value
 
 
-def checker(u_mm: Array, v_mm: Array, width_mm: tuple[Array, Array], square_mm: float) -> Array:
-    """Checkerboard of squares, 0 (black) to 1 (white), with edges as soft as the footprint (exact box filter).
+def checker(u_mm: Float64, v_mm: Float64, width_mm: tuple[Float64, Float64], square_mm: float) -> Float64:
+    """Evaluate a checkerboard with edges as soft as the footprint (exact box filter).
 
     The origin is the corner of four squares; the square at u, v > 0 is black.
+
+    Parameters
+    ----------
+    u_mm, v_mm : (N,) array
+        Surface coordinates, mm.
+    width_mm : two (N,) arrays
+        What a pixel covers along u and v, mm.
+    square_mm : float
+
+    Returns
+    -------
+    (N,) float64
+        0 (black) to 1 (white).
+
+    Examples
+    --------
+    >>> u = np.array([-5.0, 0.0, 5.0])
+    >>> checker(u, np.full(3, 5.0), (np.full(3, 1.0), np.full(3, 1.0)), 25.0)
+    array([1. , 0.5, 0. ])
     """
     return 0.5 - 0.5 * _square_wave(u_mm, width_mm[0], square_mm) * _square_wave(v_mm, width_mm[1], square_mm)
 
 
-def _square_wave(x: Array, width: Array, half_period: float) -> Array:
+def _square_wave(x: Float64, width: Float64, half_period: float) -> Float64:
     """Mean of a +-1 square wave over [x - width/2, x + width/2]: difference of its integral, a triangle wave."""
     width = np.clip(width, 1e-3, None)
 
-    def integral(t: Array) -> Array:
+    def integral(t: Float64) -> Float64:
         phase = np.mod(t, 2 * half_period)
-        return np.minimum(phase, 2 * half_period - phase)
+        wave: Float64 = np.minimum(phase, 2 * half_period - phase)
+        return wave
 
     return (integral(x + width / 2) - integral(x - width / 2)) / width
 
 
-def _lookup(tile: Array, u: Array, v: Array) -> Array:
+def _lookup(tile: Float32, u: Floats, v: Floats) -> Floats:
     """Bilinear lookup with wrap; `tile` carries one texel of padding."""
     n = tile.shape[0] - 1
     x, y = np.mod(u, n), np.mod(v, n)

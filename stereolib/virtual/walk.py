@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from stereolib.base import Float64, turn_about_z
 from stereolib.rig import rigid
 from stereolib.virtual.lidar import VirtualLidar
 from stereolib.virtual.scene import FLOOR, WALL, Box, Light, Material, Scene, box_on_floor, room
 
-Array = np.ndarray
 #: Height of the laser's plane above the floor, mm: all boxes are higher.
 LASER_HEIGHT_MM = 60.0
 #: Of each station's floor frame in the map: x_mm, y_mm, yaw_rad.
@@ -35,7 +35,13 @@ _BOXES = (
 
 
 def walk_scene() -> Scene:
-    """The room and its boxes. Scene's box 0 is the room, the others are the objects."""
+    """Build the room and its boxes.
+
+    Returns
+    -------
+    Scene
+        Its box 0 is the room, the others are the objects.
+    """
     boxes = [
         box_on_floor(size, x, y, float(np.radians(degrees)), Material(color, 0.4, scale_mm, 40 + k))
         for k, (size, (x, y, degrees), color, scale_mm) in enumerate(_BOXES)
@@ -47,36 +53,99 @@ def walk_scene() -> Scene:
 
 
 def objects() -> tuple[Box, ...]:
-    """The boxes alone."""
+    """List the boxes alone.
+
+    Returns
+    -------
+    tuple of Box
+    """
     return walk_scene().boxes[1:]
 
 
-def nearest_box(place_mm: Array) -> Box:
-    """The box whose foot's centre lies nearest to a place (x, y) on the floor: which one a measured object is."""
+def nearest_box(place_mm: Float64) -> Box:
+    """Find the box that a measured object is: the one whose foot's centre lies nearest to its place.
+
+    Parameters
+    ----------
+    place_mm : (2,) array
+        On the floor, in the map, mm.
+
+    Returns
+    -------
+    Box
+
+    Examples
+    --------
+    >>> nearest_box(np.array([1150.0, 630.0])).size_mm
+    (130.0, 100.0, 150.0)
+    """
     return min(objects(), key=lambda box: float(np.linalg.norm(box.T_world_box[:2, 3] - place_mm)))
 
 
-def outline_mm(box: Box) -> Array:
-    """Corners of a box's foot, (4, 2) mm."""
+def outline_mm(box: Box) -> Float64:
+    """Give the corners of a box's foot.
+
+    Parameters
+    ----------
+    box : Box
+
+    Returns
+    -------
+    (4, 2) float64, mm
+    """
     half = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) * np.array(box.size_mm) / 2
-    return (half @ box.T_world_box[:3, :3].T + box.T_world_box[:3, 3])[:, :2]
+    return np.asarray((half @ box.T_world_box[:3, :3].T + box.T_world_box[:3, 3])[:, :2])
 
 
-def wall_error_mm(ends_mm: Array) -> float:
-    """How far the middle of a wall (2, 2) lies off the room's nearest true one, mm; positive outside the room."""
+def wall_error_mm(ends_mm: Float64) -> float:
+    """Tell how far the middle of a wall lies off the room's nearest true one.
+
+    Parameters
+    ----------
+    ends_mm : (2, 2) array, mm
+
+    Returns
+    -------
+    float, mm
+        Positive outside the room.
+
+    Examples
+    --------
+    >>> wall_error_mm(np.array([[2285.0, -500.0], [2285.0, 800.0]]))
+    5.0
+    """
     x, y = np.mean(ends_mm, axis=0)
     (x0, x1), (y0, y1) = ROOM_MM
     return float(min((x0 - x, x - x1, y0 - y, y - y1), key=abs))
 
 
-def T_map_station(name: str) -> Array:
-    """Pose (4, 4) of a station's floor frame in the map."""
+def T_map_station(name: str) -> Float64:
+    """Give the pose of a station's floor frame in the map.
+
+    Parameters
+    ----------
+    name : str
+        ``"room/1"`` to ``"room/5"``.
+
+    Returns
+    -------
+    (4, 4) float64
+    """
     x, y, yaw = POSES[name]
-    c, s = np.cos(yaw), np.sin(yaw)
-    return rigid(np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]), [x, y, 0.0])
+    return rigid(turn_about_z(yaw), [x, y, 0.0])
 
 
-def scan_bytes(name: str, turns: int = 5) -> bytes:
-    """What the laser of a station sends: whole turns, its noise drawn from the station's number."""
+def scan_bytes(name: str) -> bytes:
+    """Make what the laser of a station sends: five turns, its noise drawn from the station's number.
+
+    Parameters
+    ----------
+    name : str
+        ``"room/1"`` to ``"room/5"``.
+
+    Returns
+    -------
+    bytes
+    """
     rng = np.random.default_rng([8, int(name[-1])])
-    return VirtualLidar(height_mm=LASER_HEIGHT_MM).scan(walk_scene(), POSES[name], rng, turns)
+    return VirtualLidar(height_mm=LASER_HEIGHT_MM).scan(walk_scene(), POSES[name], rng, turns=5)

@@ -7,7 +7,10 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-Array = np.ndarray
+from stereolib.base import Float64, UInt8
+
+_MEAN_GREY = 0.42  # share of white that the automatic exposure aims at
+_GAMMA = 2.2
 
 
 @dataclass(frozen=True)
@@ -37,7 +40,7 @@ class Webcam:
     max_gain: float = 6.0
     jpeg_quality: int = 90
 
-    def expose(self, light: Array, rng: np.random.Generator) -> Array:
+    def expose(self, light: Float64, rng: np.random.Generator) -> UInt8:
         """Turn linear light into a picture.
 
         Parameters
@@ -56,22 +59,54 @@ class Webcam:
         x = (np.arange(width) - (width - 1) / 2) / (np.hypot(width, height) / 2)
         y = (np.arange(height) - (height - 1) / 2) / (np.hypot(width, height) / 2)
         falloff = 1 - self.vignetting * (x**2 + (y**2)[:, None])
-        seen = cv2.GaussianBlur(light, (0, 0), self.psf_sigma_px) * falloff[..., None]
-        electrons = seen * self.full_well_e
+        received = cv2.GaussianBlur(light, (0, 0), self.psf_sigma_px) * falloff[..., None]
+        electrons = received * self.full_well_e
         noise = rng.standard_normal(light.shape, np.float32)
         electrons = electrons + noise * np.sqrt(electrons + self.read_noise_e**2)
-        gain = np.clip(0.42 / max(float(seen.mean()), 1e-6), 1 / self.max_gain, self.max_gain)
+        gain = np.clip(_MEAN_GREY / max(float(received.mean()), 1e-6), 1 / self.max_gain, self.max_gain)
         signal = np.clip(electrons * (gain / self.full_well_e), 0, 1)
-        return np.rint(255 * signal ** (1 / 2.2)).astype(np.uint8)
+        return np.asarray(np.rint(255 * signal ** (1 / _GAMMA)), np.uint8)
 
-    def encode(self, image: Array) -> bytes:
-        """The picture as the camera sends it: JPEG bytes."""
+    def encode(self, image: UInt8) -> bytes:
+        """Compress a picture as the camera does.
+
+        Parameters
+        ----------
+        image : (H, W, 3) uint8
+
+        Returns
+        -------
+        bytes
+            JPEG.
+
+        Raises
+        ------
+        ValueError
+            If it is no such picture.
+        """
         ok, data = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, self.jpeg_quality])
         if not ok:
             raise ValueError(f"could not encode an image of shape {image.shape} and type {image.dtype} as JPEG")
-        return data.tobytes()
+        return bytes(data)
 
-    def shoot(self, light: Array, rng: np.random.Generator) -> Array:
-        """`expose`, through JPEG and back: what a program receives from the camera. (H, W, 3) uint8."""
+    def shoot(self, light: Float64, rng: np.random.Generator) -> UInt8:
+        """Take a picture and send it: `expose`, through JPEG and back.
+
+        Parameters
+        ----------
+        light, rng
+            As for `expose`.
+
+        Returns
+        -------
+        (H, W, 3) uint8
+            What a program receives from the camera.
+
+        Examples
+        --------
+        >>> grey = np.full((48, 64, 3), 0.2)
+        >>> Webcam().shoot(grey, np.random.default_rng(0)).shape
+        (48, 64, 3)
+        """
         received = cv2.imdecode(np.frombuffer(self.encode(self.expose(light, rng)), np.uint8), cv2.IMREAD_COLOR)
         return np.asarray(received)

@@ -9,7 +9,7 @@ import pytest
 from support.corners import corner_set, draw_rig
 
 from stereolib.calibration import Charuco, board_size, bundle_adjustment
-from stereolib.virtual import BOARD
+from stereolib.virtual.recordings import BOARD
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ import pytest
 from stereolib.calibration import Charuco, Checkerboard, boards, find_charuco, find_checkerboard, find_in_pairs
 from stereolib.calibration.boards import match_order
 from stereolib.rig import Camera, pose_left_world, rigid
-from stereolib.virtual import Scene, board, render
+from stereolib.virtual import Scene, board_box, render
 
 BOARD = Checkerboard(9, 6, 25.0)
 CAMERA = Camera([[365, 0, 161], [0, 364, 113], [0, 0, 1]], [0.06, -0.25, 7e-4, -1e-3, -0.3], (320, 240))
@@ -21,7 +21,7 @@ def clean():
     """A clean picture of a tilted board, and the true pixels of its corners in the order of `points_mm`."""
     turn = cv2.Rodrigues(np.array([0.35, -0.3, 0.15]))[0] @ np.diag([1.0, -1.0, -1.0])
     T_camera_board = rigid(turn, [15.0, -5.0, 420.0])
-    scene = Scene((board((9, 6), 25.0, np.linalg.inv(POSE) @ T_camera_board),), (), ambient=0.9)
+    scene = Scene((board_box((9, 6), 25.0, np.linalg.inv(POSE) @ T_camera_board),), (), ambient=0.9)
     light = render(scene, CAMERA, POSE, samples=4)
     image = np.rint(255 * np.clip(cv2.GaussianBlur(light, (0, 0), 0.6), 0, 1) ** (1 / 2.2)).astype(np.uint8)
     corners = (BOARD.points_mm - BOARD.points_mm.mean(axis=0)) * [1, -1, 1]  # rows run down, the board's y runs up

@@ -11,7 +11,7 @@ import pytest
 from stereolib import laser, paper
 from stereolib.calibration import BoardView, board_view, calibrate_lidar_to_camera
 from stereolib.rig import pose_left_world, rigid
-from stereolib.virtual import Scene, VirtualLidar, board, room
+from stereolib.virtual import Scene, VirtualLidar, board_box, room
 
 INNER, SQUARE = (6, 9), 30.0  # portrait: tall enough for the laser's plane to cut it
 DIAGONAL = float(np.hypot(*((n + 2.6) * SQUARE for n in INNER)))
@@ -56,7 +56,7 @@ def seen_by_camera(T_left_board, rng):
 
 
 def scanned(T_world_board, rng):
-    scene = Scene((room(), board(INNER, SQUARE, T_world_board)))
+    scene = Scene((room(), board_box(INNER, SQUARE, T_world_board)))
     data = VirtualLidar(height_mm=HEIGHT).scan(scene, LASER, rng, turns=5)
     return laser.average(laser.turns(laser.decode(data)))
 
@@ -132,7 +132,7 @@ def test_a_board_that_moved_is_named():
 
 def test_board_must_be_the_only_candidate():
     rng = np.random.default_rng(0)
-    boards = [board(INNER, SQUARE, upright(700, y, 0, 0)) for y in (-250, 250)]
+    boards = [board_box(INNER, SQUARE, upright(700, y, 0, 0)) for y in (-250, 250)]
     data = VirtualLidar(height_mm=HEIGHT).scan(Scene((room(), *boards)), LASER, rng)
     scan = laser.average(laser.turns(laser.decode(data)))
     T = POSE @ upright(700, 250, 0, 0)

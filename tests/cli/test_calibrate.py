@@ -23,7 +23,7 @@ from stereolib.cli.calibrate import CALIBRATE
 from stereolib.paper import paper_rig
 from stereolib.plotting import calibration_report
 from stereolib.rig import Camera, formats
-from stereolib.virtual import BOARD
+from stereolib.virtual.recordings import BOARD
 
 BOARDS = datasets.ROOT / "data" / "virtual" / "boards"
 WORDS = ["--board", "9x6", "--square-mm", "25"]

@@ -58,7 +58,7 @@ def test_show_draws_a_picture_and_keeps_one_that_is_there(tmp_path: Path, capsys
     [
         (["info", "no_such_file.bin"], "no_such_file.bin"),
         (["info", str(data_path("paper/published.toml"))], "no XV-11 recording"),
-        (["replay", os.devnull], "empty"),
+        (["replay", os.devnull], "device"),
         (["show", "no_such_port"], "Ports found"),
         (["emulate", "--bit-error-rate", "2"], "bit_error_rate must be 0 to 1"),
         (["show", ROOM, "--turns", "0"], "--turns"),

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from stereolib import laser
-from stereolib.laser import XV11_SIGMA, LaserScan, footprints, segments
+from stereolib.laser import XV11_SIGMA, LaserScan, find_footprints, find_segments
 from stereolib.virtual import Scene, VirtualLidar, box_on_floor, cube_scene, room
 
 ANGLES = np.radians(np.arange(360.0))
@@ -60,7 +60,7 @@ def test_rectangles_of_a_hundred_boxes_and_their_deviations():
     scores, yaws, shapes = [], [], []
     for k in range(100):
         size, yaw, scene = drawn(k)
-        (found,) = footprints(scan_of(scene, k))
+        (found,) = find_footprints(scan_of(scene, k))
         shapes.append(found.shape)
         if found.shape == "face":
             assert np.isnan(found.length_mm) and "depth is hidden" in found.reason
@@ -82,7 +82,7 @@ def test_rectangles_of_a_hundred_boxes_and_their_deviations():
 
 
 def test_corner_seen_squarely_is_measured_to_the_beam_spacing():
-    (found,) = footprints(scan_of(cube_scene(700.0), 1))
+    (found,) = find_footprints(scan_of(cube_scene(700.0), 1))
     assert found.shape == "rectangle" and found.reason == ""
     assert found.corner_mm == pytest.approx([700, 0], abs=4)
     assert np.degrees(found.yaw_std_rad) < 0.3
@@ -95,7 +95,7 @@ def test_corner_seen_squarely_is_measured_to_the_beam_spacing():
 
 
 def test_one_face_has_a_width_and_no_depth():
-    (found,) = footprints(scan_of(cube_scene(800.0, size_mm=(200.0, 260.0, 300.0), yaw_rad=0.0), 2))
+    (found,) = find_footprints(scan_of(cube_scene(800.0, size_mm=(200.0, 260.0, 300.0), yaw_rad=0.0), 2))
     assert found.shape == "face" and np.isnan([found.length_mm, found.length_std_mm]).all()
     assert abs(found.width_mm - 260) < 2 * found.width_std_mm < 30
     assert "depth is hidden" in found.reason
@@ -109,7 +109,7 @@ def test_round_things_are_round():
     for k in range(40):
         radius, y = rng.uniform(40, 180), rng.uniform(-200, 200)
         centre = np.array([rng.uniform(600, 1100) + radius, y])
-        (found,) = footprints(noisy(np.minimum(ray_to_circle(centre, radius), 2500.0), k))
+        (found,) = find_footprints(noisy(np.minimum(ray_to_circle(centre, radius), 2500.0), k))
         assert found.shape == "circle" and found.faces == ()
         scores.append((found.length_mm - 2 * radius) / found.length_std_mm)
         assert np.linalg.norm(found.centre_mm - centre) < 20
@@ -122,7 +122,7 @@ def test_corners_that_are_not_square_are_not_forced_into_boxes():
         half = np.radians(rng.choice([rng.uniform(25, 33), rng.uniform(57, 66)]))  # of the corner's angle
         tip, length = np.array([rng.uniform(500, 900), rng.uniform(-100, 100)]), rng.uniform(180, 350)
         arms = [tip + length * np.array([np.cos(side * half), np.sin(side * half)]) for side in (-1, 1)]
-        (found,) = footprints(
+        (found,) = find_footprints(
             noisy(np.minimum.reduce([2500.0 + 0 * ANGLES, *(ray_to_stretch(tip, a) for a in arms)]), k)
         )
         assert found.shape == "irregular" and "irregular" in found.reason
@@ -134,11 +134,11 @@ def test_objects_and_walls_are_told_apart():
         box_on_floor((200.0, 250.0, 300.0), x, y, yaw) for x, y, yaw in ((800, 0, 0.7), (900, 600, 0.3), (-700, 0, 1))
     ]
     scan = scan_of(Scene((room(), *boxes)), 3)
-    parts = segments(scan)
+    parts = find_segments(scan)
     assert [part.kind for part in parts].count("object") == 3
     walls = [part for part in parts if part.kind == "wall"]
     assert len(walls) == 3 and min(part.distance_mm for part in walls) > 1000
-    places = np.array([found.centre_mm for found in footprints(scan)])
+    places = np.array([found.centre_mm for found in find_footprints(scan)])
     for (x, y), place in zip([(-700, 0), (800, 0), (900, 600)], places, strict=True):  # nearest first
         assert place == pytest.approx([x, y], abs=25)
 
@@ -146,7 +146,7 @@ def test_objects_and_walls_are_told_apart():
 def test_hidden_end_is_said_and_its_side_unknown():
     near = box_on_floor((120.0, 120.0, 300.0), 500.0, 90.0, 0.8)
     far = box_on_floor((300.0, 300.0, 300.0), 1000.0, 0.0, np.pi / 4)
-    behind = footprints(scan_of(Scene((room(), near, far)), 4))[1]
+    behind = find_footprints(scan_of(Scene((room(), near, far)), 4))[1]
     assert behind.shape in {"rectangle", "face"} and "left end is hidden" in behind.reason
     assert np.isnan(behind.faces[-1].size_mm)
     if behind.shape == "rectangle":
@@ -155,12 +155,12 @@ def test_hidden_end_is_said_and_its_side_unknown():
 
 def test_lost_readings_do_not_cut_and_widen_the_ends():
     scan = scan_of(cube_scene(700.0), 5)
-    (whole,) = footprints(scan)
+    (whole,) = find_footprints(scan)
     ranges = scan.ranges_mm.copy()
     beams = whole.segment.beams
     ranges[beams[len(beams) // 4]] = np.nan  # inside
     ranges[(beams[-1] + 1) % 360] = np.nan  # the first beam past the left end
-    (holed,) = footprints(replace(scan, ranges_mm=ranges))
+    (holed,) = find_footprints(replace(scan, ranges_mm=ranges))
     assert len(holed.segment.beams) == len(beams) - 1
     ends = [found.faces[1].end_std_mm[1] for found in (whole, holed)]
     assert 1.6 < ends[1] / ends[0] < 3
@@ -168,7 +168,7 @@ def test_lost_readings_do_not_cut_and_widen_the_ends():
 
 def test_deviations_follow_the_noise():
     """Twenty turns instead of one: angle and offset get better, the ends do not."""
-    one, many = (footprints(scan_of(cube_scene(700.0), 6, turns))[0] for turns in (1, 20))
+    one, many = (find_footprints(scan_of(cube_scene(700.0), 6, turns))[0] for turns in (1, 20))
     assert many.yaw_std_rad < 0.6 * one.yaw_std_rad
     assert many.length_std_mm > 0.8 * one.length_std_mm
 
@@ -176,16 +176,16 @@ def test_deviations_follow_the_noise():
 def test_nothing_to_measure_is_said():
     empty = Scene((room(),))
     with pytest.raises(ValueError, match=r"no object .*1 wall"):
-        footprints(scan_of(empty, 9))
+        find_footprints(scan_of(empty, 9))
     with pytest.raises(ValueError, match="no object"):
-        footprints(scan_of(cube_scene(1500.0), 9), max_mm=1000.0)
+        find_footprints(scan_of(cube_scene(1500.0), 9), max_mm=1000.0)
     with pytest.raises(ValueError, match="0 readings"):
-        footprints(LaserScan(np.full(360, np.nan), np.full(360, np.nan)))
+        find_footprints(LaserScan(np.full(360, np.nan), np.full(360, np.nan)))
 
 
 def test_few_beams_do_not_make_a_shape():
     scan = scan_of(Scene((room(), box_on_floor((20.0, 20.0, 300.0), 900.0, 0.0, 0.5))), 1)
-    assert {part.kind for part in segments(scan)} == {"wall", "small"}
-    (found,) = footprints(scan, least_beams=1)
+    assert {part.kind for part in find_segments(scan)} == {"wall", "small"}
+    (found,) = find_footprints(scan, least_beams=1)
     assert found.shape == "irregular" and "beams do not tell a shape" in found.reason
     assert found.centre_mm == pytest.approx([900, 0], abs=15)

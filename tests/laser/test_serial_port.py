@@ -9,10 +9,12 @@ import subprocess
 import sys
 import time
 import warnings
+from contextlib import closing
 from itertools import islice
 
 import numpy as np
 import pytest
+from support.old_firmware import encode_turns
 
 from stereolib import laser
 from stereolib.laser import serial_port
@@ -33,7 +35,7 @@ def turning(turns, speed_rpm=300.0):
 def test_scans_come_through_a_port_at_the_true_rate(link):
     with emulator.serve(emulator.replay(turning(8)), link) as served:
         start = time.monotonic()
-        scans = list(islice(serial_port.open_lidar(served.port), 5))
+        scans = list(islice(laser.open_lidar(served.port), 5))
         took = time.monotonic() - start
     first = int(scans[0].ranges_mm[0] - 1000) // 360
     for k, scan in enumerate(scans):
@@ -96,9 +98,9 @@ def test_stalls_spin_down_and_disconnect():
 def test_unplugged(link):
     with (
         emulator.serve(emulator.replay(turning(3)), link) as served,
-        pytest.raises(serial_port.LidarError, match=r"went away .*unplugged.*plug it in"),
+        pytest.raises(laser.LidarError, match=r"went away .*unplugged.*plug it in"),
     ):
-        list(serial_port.open_lidar(served.port))
+        list(laser.open_lidar(served.port))
 
 
 @pytest.mark.parametrize("link", LINKS)
@@ -106,9 +108,9 @@ def test_silence(link):
     silence = ((due, b"") for due in np.arange(0, 10, 0.1))
     with (
         emulator.serve(silence, link) as served,
-        pytest.raises(serial_port.LidarError, match=r"sent nothing for 0\.3 s.*power.*300 rpm"),
+        pytest.raises(laser.LidarError, match=r"sent nothing for 0\.3 s.*power.*300 rpm"),
     ):
-        next(serial_port.open_lidar(served.port, timeout_s=0.3))
+        next(laser.open_lidar(served.port, timeout_s=0.3))
 
 
 def test_wrong_baud_or_device():
@@ -116,24 +118,24 @@ def test_wrong_baud_or_device():
     schedule = ((k / 100, noise[200 * k : 200 * k + 200]) for k in range(100))
     with (
         emulator.serve(schedule) as served,
-        pytest.raises(serial_port.LidarError, match=r"no XV-11 packet.*115200 baud"),
+        pytest.raises(laser.LidarError, match=r"no XV-11 packet.*115200 baud"),
     ):
-        next(serial_port.open_lidar(served.port))
+        next(laser.open_lidar(served.port))
 
 
 def test_two_firmwares_on_one_port():
-    old = laser.encode(laser.decode(turning(1)), "turns")
+    old = encode_turns(laser.decode(turning(1)))
     schedule = emulator.replay(turning(1) + old + turning(2))
     with (
         emulator.serve(schedule) as served,
-        pytest.raises(serial_port.LidarError, match="two firmwares"),
+        pytest.raises(laser.LidarError, match="two firmwares"),
     ):
-        list(serial_port.open_lidar(served.port))
+        list(laser.open_lidar(served.port))
 
 
 def test_motor_out_of_range_is_warned_of_once():
     with emulator.serve(emulator.replay(turning(5, speed_rpm=380.0))) as served:
-        scans = serial_port.open_lidar(served.port)
+        scans = laser.open_lidar(served.port)
         with pytest.warns(RuntimeWarning, match=r"380 rpm.*180 to 349") as caught:
             list(islice(scans, 3))
     assert len(caught) == 1
@@ -144,7 +146,7 @@ def test_partial_turns_on_demand():
     del packets[200:210]
     schedule = [(k * 0.002, chunk) for k, chunk in enumerate(packets)]
     with emulator.serve(schedule) as served:
-        scans = list(islice(serial_port.open_lidar(served.port, partial=True), 4))
+        scans = list(islice(laser.open_lidar(served.port, partial=True), 4))
     assert sorted({s.complete for s in scans}) == [False, True]
 
 
@@ -155,13 +157,13 @@ def test_missing_port_lists_those_found(monkeypatch):
 
     port = SimpleNamespace(device="/dev/ttyACM3", description="XV-11 controller")
     monkeypatch.setattr(list_ports, "comports", lambda: [port])
-    with pytest.raises(serial_port.LidarError, match=r"Ports found: /dev/ttyACM3 \(XV-11"):
-        next(serial_port.read_chunks("/dev/no_such_port"))
+    with pytest.raises(laser.LidarError, match=r"Ports found: /dev/ttyACM3 \(XV-11"):
+        next(laser.read_chunks("/dev/no_such_port"))
     monkeypatch.setattr(list_ports, "comports", lambda: [])
-    with pytest.raises(serial_port.LidarError, match="none; plug the USB adapter in"):
-        next(serial_port.read_chunks("/dev/no_such_port"))
-    with pytest.raises(serial_port.LidarError, match="start the emulator"):
-        next(serial_port.read_chunks("socket://127.0.0.1:1"))
+    with pytest.raises(laser.LidarError, match="none; plug the USB adapter in"):
+        next(laser.read_chunks("/dev/no_such_port"))
+    with pytest.raises(laser.LidarError, match="start the emulator"):
+        next(laser.read_chunks("socket://127.0.0.1:1"))
 
 
 def test_forbidden_port_names_the_group(monkeypatch):
@@ -171,25 +173,26 @@ def test_forbidden_port_names_the_group(monkeypatch):
         raise serial.SerialException(errno.EACCES, "could not open port /dev/ttyUSB0")
 
     monkeypatch.setattr(serial, "serial_for_url", refuse)
-    with pytest.raises(serial_port.LidarError, match="group dialout"):
-        next(serial_port.read_chunks("/dev/ttyUSB0"))
+    with pytest.raises(laser.LidarError, match="group dialout"):
+        next(laser.read_chunks("/dev/ttyUSB0"))
 
 
 @needs_pty
 def test_busy_port():
     with (
         emulator.serve(emulator.replay(turning(20)), "pty") as served,
-        serial_port.open_port(served.port),
-        pytest.raises(serial_port.LidarError, match="busy: close the other program"),
+        closing(laser.read_chunks(served.port)) as first,
+        pytest.raises(laser.LidarError, match="busy: close the other program"),
     ):
-        next(serial_port.read_chunks(served.port))
+        assert next(first)
+        next(laser.read_chunks(served.port))
 
 
 @pytest.mark.parametrize("link", LINKS)
 def test_recording_holds_the_bytes_and_the_sidecar_its_story(tmp_path, link):
     data, path, seen = turning(8), tmp_path / "a.bin", []
     with emulator.serve(emulator.replay(data), link) as served:
-        about = serial_port.record(served.port, path, progress=seen.append)
+        about = laser.record_port(served.port, path, progress=seen.append)
     assert path.read_bytes() == data
     notes = json.loads(serial_port.sidecar(path).read_text())
     assert notes == about
@@ -198,61 +201,46 @@ def test_recording_holds_the_bytes_and_the_sidecar_its_story(tmp_path, link):
     assert abs(time.time() - np.datetime64(notes["start"][:-6], "ms").astype(int) / 1000) < 60
     assert len(seen) >= 2
     assert seen[-1]["rpm"] == 300 and seen[-1]["valid_share"] == 1 and seen[-1]["turns"] >= 4
-    assert laser.info(path)["turns"] == 8
-    assert [s.complete for s in serial_port.take(path, 3)] == [True] * 3
+    assert laser.recording_info(path)["turns"] == 8
+    assert [s.complete for s in laser.take_scans(path, 3)] == [True] * 3
 
 
 def test_recordings_are_never_overwritten_unasked(tmp_path):
     path = tmp_path / "a.bin"
     path.write_bytes(b"precious")
     with pytest.raises(FileExistsError, match=r"not overwritten.*--force"):
-        serial_port.record("/dev/no_such_port", path)
-    with pytest.raises(serial_port.LidarError):  # even with force: nothing came, nothing is lost
-        serial_port.record("/dev/no_such_port", path, force=True)
+        laser.record_port("/dev/no_such_port", path)
+    with pytest.raises(laser.LidarError):  # even with force: nothing came, nothing is lost
+        laser.record_port("/dev/no_such_port", path, force=True)
     assert path.read_bytes() == b"precious"
     with emulator.serve(emulator.replay(turning(5))) as served:
-        about = serial_port.record(served.port, path, force=True, seconds=0.3)
+        about = laser.record_port(served.port, path, force=True, seconds=0.3)
     assert about["ended"] == "after 0.3 s" and path.read_bytes() == turning(5)[: about["bytes"]]
     other = tmp_path / "b.bin"
     serial_port.sidecar(other).write_text("{}")
     with pytest.raises(FileExistsError, match=r"b\.bin\.json exists"):
-        serial_port.record("/dev/no_such_port", other)
+        laser.record_port("/dev/no_such_port", other)
 
 
 @needs_pty
-def test_sigkill_loses_at_most_100_ms(tmp_path):
-    path = tmp_path / "killed.bin"
-    code = "import sys; from stereolib.laser import serial_port as s; s.record(sys.argv[1], sys.argv[2])"
-    with emulator.serve(emulator.replay(turning(60)), "pty") as served:
+def test_sigkill_loses_nothing_that_the_port_delivered(tmp_path):
+    """Killed while the port is slow: the eight turns before are in the file, though nothing closed it."""
+    path, data, before = tmp_path / "killed.bin", turning(10), len(turning(8))
+    packets = list(emulator.replay(data))
+    slow = [(2.0 + k / 2, packet) for k, (_, packet) in enumerate(packets[720:])]  # goes on for a minute and a half
+    code = "import sys; from stereolib.laser import record_port; record_port(sys.argv[1], sys.argv[2])"
+    with emulator.serve(packets[:720] + slow, "pty") as served:
         recorder = subprocess.Popen([sys.executable, "-c", code, served.port, str(path)])
-        deadline = time.monotonic() + 30
-        while not path.exists() or path.stat().st_size < 4000:
-            assert time.monotonic() < deadline and recorder.poll() is None
+        while not path.exists() or path.stat().st_size < before:
+            assert recorder.poll() is None
             time.sleep(0.01)
-        sent = served.sent
         recorder.send_signal(signal.SIGKILL)
         recorder.wait()
         kept = path.read_bytes()
-    assert turning(60).startswith(kept) or kept in turning(60)
-    assert sent - len(kept) <= 0.1 * 9900 + 22  # bytes sent in 100 ms
+    assert data.startswith(kept) and before <= len(kept) < len(data)
+    assert len(laser.decode(kept)) >= 720
     notes = json.loads(serial_port.sidecar(path).read_text())
     assert notes["port"] == served.port and notes["sha256"] is None
-    assert len(laser.decode(kept)) >= 180
-
-
-def test_live_reading_takes_little_of_a_core():
-    code = (
-        "import sys, time, resource\n"
-        "from itertools import islice\n"
-        "from stereolib.laser import serial_port\n"
-        "scans = serial_port.open_lidar(sys.argv[1])\n"
-        "next(scans); cpu, wall = time.process_time(), time.monotonic()\n"
-        "list(islice(scans, 10))\n"
-        "print((time.process_time() - cpu) / (time.monotonic() - wall))\n"
-    )
-    with emulator.serve(emulator.replay(turning(20))) as served:
-        done = subprocess.run([sys.executable, "-c", code, served.port], capture_output=True, text=True, check=True)
-    assert float(done.stdout) < 0.05
 
 
 def test_emulator_shows_the_virtual_rig():
@@ -273,7 +261,7 @@ def test_take_needs_a_whole_turn(tmp_path):
     path = tmp_path / "short.bin"
     path.write_bytes(turning(1)[:-22])
     with pytest.raises(ValueError, match="no complete turn, only parts"):
-        serial_port.take(path)
+        laser.take_scans(path)
 
 
 def test_links():

@@ -16,7 +16,7 @@ from stereolib.matching import (
 )
 from stereolib.paper import paper_rig
 from stereolib.rig import Camera, StereoRig, pose_left_world, rigid
-from stereolib.virtual import Box, Material, Scene, recordings, render_pair, truth
+from stereolib.virtual import Box, Material, Scene, recordings, render_pair, render_truth
 
 
 def shifted(disparity, shape=(120, 240), seed=0):
@@ -111,7 +111,7 @@ def test_slanted_plane_through_the_whole_path():
     rectified = rig.rectify()
     pair = [np.rint(255 * np.clip(light, 0, 1)).astype(np.uint8) for light in render_pair(scene, rig, pose)]
     found = compute_disparity(*rectified.rectify(*pair), SGBMParams(num_disparities=80))
-    true = truth(scene, rectified, pose)
+    true = render_truth(scene, rectified, pose)
     assert np.isfinite(found[:, 80:]).mean() > 0.95
     error = found - true.disparity_px
     assert abs(np.nanmedian(error)) < 0.05

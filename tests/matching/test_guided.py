@@ -10,7 +10,7 @@ import pytest
 from stereolib.laser import LaserScan
 from stereolib.matching import SGBMParams, compute_disparity, compute_disparity_guided, expected_disparity, score
 from stereolib.rig import pose_left_world
-from stereolib.virtual import Scene, VirtualLidar, cube_scene, recordings, room, truth
+from stereolib.virtual import Scene, VirtualLidar, cube_scene, recordings, render_truth, room
 
 
 def exact_scan(scene: Scene) -> LaserScan:
@@ -23,7 +23,7 @@ def test_an_empty_room_is_expected_as_it_is():
     scene = Scene((room(),))
     for pose in (recordings.setup(), recordings.setup("level")):
         found = expected_disparity(exact_scan(scene), recordings.rectified(), pose)
-        true = truth(scene, recordings.rectified(), pose).disparity_px
+        true = render_truth(scene, recordings.rectified(), pose).disparity_px
         np.testing.assert_allclose(found.near_px, true, atol=0.6)
         assert np.abs(found.near_px - true).mean() < 0.05
         between = true.reshape(120, 4, 160, 4).mean(axis=(1, 3))
@@ -35,8 +35,8 @@ def test_an_empty_room_is_expected_as_it_is():
 def test_the_cube_is_expected_and_what_stands_behind_it(distance):
     scene = cube_scene(float(distance))
     found = expected_disparity(exact_scan(scene), recordings.rectified(), recordings.setup())
-    true = truth(scene, recordings.rectified(), recordings.setup())
-    empty = truth(Scene((room(),)), recordings.rectified(), recordings.setup())
+    true = render_truth(scene, recordings.rectified(), recordings.setup())
+    empty = render_truth(Scene((room(),)), recordings.rectified(), recordings.setup())
     cube = true.box == 1
     error = (found.near_px - true.disparity_px)[cube]
     assert np.abs(error).max() < 5 and abs(np.median(error)) < 0.3  # beams stand 9 to 17 mm apart on it

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from stereolib.laser import LaserScan, fit_footprint, segments
+from stereolib.laser import LaserScan, find_segments, fit_footprint
 from stereolib.measurement import Face, MeasuredObject, Uncertainty, floor_from_pose
 from stereolib.measurement.face_lines import LaserOnFloor, Lines, combined, pictured_lines, scanned_lines, without
 from stereolib.measurement.fusion import Fused, corners_mm, fuse
@@ -40,7 +40,7 @@ def drawn(rng, sigma_mm=1.5):
 
 
 def the_footprint(seed):
-    parts = [part for part in segments(drawn(np.random.default_rng(seed)), max_mm=2000) if part.kind == "object"]
+    parts = [part for part in find_segments(drawn(np.random.default_rng(seed)), max_mm=2000) if part.kind == "object"]
     return fit_footprint(parts[0], bias_mm=0.0)
 
 

@@ -27,7 +27,7 @@ from stereolib.measurement.object_height import height_of_nearest
 from stereolib.measurement.plane_alignment import AlignedPair, align
 from stereolib.paper import rig_pose
 from stereolib.rig import to_light
-from stereolib.virtual import Scene, Webcam, box_on_floor, cube_scene, recordings, render_pair, room, truth
+from stereolib.virtual import Scene, Webcam, box_on_floor, cube_scene, recordings, render_pair, render_truth, room
 
 RECT = recordings.rectified()
 PARAMS = SGBMParams(160, mode="3way")
@@ -58,7 +58,7 @@ def photographed(scene, pose, seed):
 @pytest.mark.parametrize("name", ["pitched", "level"])
 def test_floor_of_a_pose_is_the_truths_floor(name):
     pose, scene = recordings.setup(name), Scene((room(),))
-    floor, seen = floor_from_pose(RECT, pose), truth(scene, RECT, pose)
+    floor, seen = floor_from_pose(RECT, pose), render_truth(scene, RECT, pose)
     on = seen.disparity_px > 40  # the walls are farther
     assert on.sum() > 20_000
     assert np.abs(floor.disparity(*GRID) - seen.disparity_px)[on].max() < 1e-3
@@ -80,7 +80,7 @@ def test_floor_angles_are_the_poses():
 def test_floor_from_perfect_disparity(name):
     """Cube, walls and shadowed half of the map are not floor; noise averages out."""
     pose = recordings.setup(name)
-    disparity = truth(cube_scene(), RECT, pose).disparity_px
+    disparity = render_truth(cube_scene(), RECT, pose).disparity_px
     disparity = disparity + np.random.default_rng(1).normal(0, 0.2, disparity.shape)
     disparity[:, :150] = np.nan
     found, true = fit_floor(disparity, RECT, rng=rng()), floor_from_pose(RECT, pose)
@@ -265,7 +265,7 @@ def test_objects_are_separated_and_sorted():
         box_on_floor((200.0, 200.0, 150.0), 800.0, -150.0, 0.4),
     )
     pose = recordings.setup("level")
-    seen = truth(Scene((room(), *boxes)), RECT, pose)
+    seen = render_truth(Scene((room(), *boxes)), RECT, pose)
     found = find_objects(seen.disparity_px, floor_from_pose(RECT, pose))
     assert len(found) == 2  # not the walls, not the floor
     for region, box, height in zip(found, (2, 1), (150, 250), strict=True):
@@ -302,7 +302,7 @@ def test_scenes_that_cannot_be_measured_are_refused(name, reason):
 
 def test_a_top_outside_the_picture_is_refused():
     pose = recordings.setup("pitched")
-    disparity = truth(cube_scene(560.0, size_mm=(300.0, 300.0, 400.0)), RECT, pose).disparity_px
+    disparity = render_truth(cube_scene(560.0, size_mm=(300.0, 300.0, 400.0)), RECT, pose).disparity_px
     floor = floor_from_pose(RECT, pose)
     blank = np.zeros((480, 640), np.uint8)
     with pytest.raises(CannotMeasure, match="cut by the frame") as caught:
@@ -312,12 +312,12 @@ def test_a_top_outside_the_picture_is_refused():
 
 def test_an_object_without_matches_is_refused():
     pose = recordings.setup("level")
-    seen = truth(cube_scene(), RECT, pose)
+    seen = render_truth(cube_scene(), RECT, pose)
     disparity, floor = seen.disparity_px.copy(), floor_from_pose(RECT, pose)
     disparity[(seen.box == 1) & (np.random.default_rng(4).random((480, 640)) > 0.02)] = np.nan
     assert find_objects(disparity, floor) == []  # specks are no object
     blank = np.zeros((480, 640), np.uint8)
-    empty = truth(Scene((room(),)), RECT, pose).disparity_px
+    empty = render_truth(Scene((room(),)), RECT, pose).disparity_px
     with pytest.raises(CannotMeasure, match=r"no object|no texture|no floor"):
         height_of_nearest(blank, blank, empty, RECT, rng=rng())
 

@@ -7,21 +7,29 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
+from stereolib.base import Float64
 from stereolib.calibration import BoardViews, Checkerboard
 from stereolib.paper import paper_rig
 from stereolib.rig import Camera, StereoRig, rigid
-from stereolib.virtual import BOARD
+from stereolib.virtual.recordings import BOARD
 
-Array = np.ndarray
 #: What the detector leaves on rendered boards, per coordinate; measured by `benchmarks/bench_calibration.py`.
 NOISE_PX = 0.034
 
 
 def draw_rig(rng: np.random.Generator) -> StereoRig:
-    """A rig like the paper's, every parameter drawn anew: cameras of 640 x 480, 60 to 100 mm apart.
+    """Draw a rig like the paper's, every parameter anew: cameras of 640 x 480, 60 to 100 mm apart.
 
     Focal lengths vary by 5 %, centres by 12 px, the coefficients stay within what webcams have and do not fold
     inside the image, the cameras are turned against each other by about a degree.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+
+    Returns
+    -------
+    StereoRig
     """
     cameras = []
     for _ in range(2):
@@ -34,15 +42,33 @@ def draw_rig(rng: np.random.Generator) -> StereoRig:
     return StereoRig(cameras[0], cameras[1], R, rng.uniform([-100, -2, -2], [-60, 2, 2]))
 
 
-def draw_poses(rig: StereoRig, pairs: int, rng: np.random.Generator, board: Checkerboard = BOARD) -> list[Array]:
-    """Poses ``T_left_board`` of a hand-held board that both cameras see whole: all over the image, 0.44 to 0.97 m.
+def draw_poses(rig: StereoRig, pairs: int, rng: np.random.Generator, board: Checkerboard = BOARD) -> list[Float64]:
+    """Draw poses of a hand-held board that both cameras see whole: all over the image, 0.44 to 0.97 m.
 
-    As `dataset.draw_board_poses`, but thousands at a time: the image in nine regions, four distances, tilts to 40
-    degrees; candidates that leave an image are dropped.
+    As `stereolib.virtual.stereo_boards.draw_board_poses`, but thousands at a time: the image in nine regions, four
+    distances, tilts to 40 degrees; candidates that leave an image are dropped.
+
+    Parameters
+    ----------
+    rig : StereoRig
+    pairs : int
+        Number of poses.
+    rng : numpy.random.Generator
+    board : Checkerboard
+
+    Returns
+    -------
+    list of (4, 4) arrays
+        ``T_left_board``.
+
+    Raises
+    ------
+    ValueError
+        If the board is too large for the images.
     """
     half = (np.array([board.columns, board.rows]) + 2) * board.square_mm / 2
     rim = np.array([[a * half[0], b * half[1], 0.0] for a in (-1, 0, 1) for b in (-1, 0, 1)])
-    distances, poses = np.array([480.0, 600.0, 740.0, 900.0]), list[Array]()
+    distances, poses = np.array([480.0, 600.0, 740.0, 900.0]), list[Float64]()
     for _ in range(200):
         tries = 1000
         kind = rng.integers(0, [3, 3, 4], (tries, 3))
@@ -52,8 +78,8 @@ def draw_poses(rig: StereoRig, pairs: int, rng: np.random.Generator, board: Chec
         turns = np.array([cv2.Rodrigues(a)[0] for a in angles]) @ np.diag([1.0, -1.0, -1.0])
         points = rim @ turns.transpose(0, 2, 1) + centres[:, None]
         inside = np.ones(tries, bool)
-        for camera, seen in ((rig.left, points), (rig.right, points @ rig.R.T + rig.T)):
-            where = camera.project(seen.reshape(-1, 3)).reshape(tries, -1, 2)
+        for camera, corners in ((rig.left, points), (rig.right, points @ rig.R.T + rig.T)):
+            where = camera.project(corners.reshape(-1, 3)).reshape(tries, -1, 2)
             inside &= ((where > 6) & (where < np.array(camera.size) - 7)).all(axis=(1, 2))
         wanted = [(k % 3, k // 3 % 3, k % 4) for k in range(len(poses), pairs)]
         for region in wanted:
@@ -67,12 +93,19 @@ def draw_poses(rig: StereoRig, pairs: int, rng: np.random.Generator, board: Chec
     raise ValueError(f"only {len(poses)} of {pairs} poses keep the {board} inside both images: use a smaller board")
 
 
-def project_boards(rig: StereoRig, poses: Sequence[Array], board: Checkerboard = BOARD) -> tuple[Array, Array]:
-    """True pixels of the boards' corners, left and right, each (poses, corners, 2).
+def project_boards(rig: StereoRig, poses: Sequence[Float64], board: Checkerboard = BOARD) -> tuple[Float64, Float64]:
+    """Project the corners of boards into both cameras, without noise.
 
     Parameters
     ----------
-    poses : ``T_left_board`` (4, 4), as `draw_poses` gives them
+    rig : StereoRig
+    poses : sequence of (4, 4) arrays
+        ``T_left_board``, as `draw_poses` gives them.
+    board : Checkerboard
+
+    Returns
+    -------
+    left, right : (poses, corners, 2) float64, px
     """
     centred = (board.points_mm - board.points_mm.mean(axis=0)) * [1.0, -1.0, 1.0]  # in the virtual board's frame
     moves = (rig.left, np.eye(4)), (rig.right, rigid(rig.R, rig.T))
@@ -87,18 +120,28 @@ def corner_set(
     *,
     rig: StereoRig | None = None,
     pairs: int = 30,
-    poses: Sequence[Array] | None = None,
+    poses: Sequence[Float64] | None = None,
     noise_px: float = NOISE_PX,
     board: Checkerboard = BOARD,
 ) -> BoardViews:
-    """A virtual corner set: well spread poses through a rig (the paper's if none is given), normal noise added.
+    """Make a virtual corner set: well spread poses through a rig, normal noise added.
 
     Parameters
     ----------
-    poses : optional
-        ``T_left_board`` of the boards; drawn if not given.
+    rng : numpy.random.Generator
+    rig : StereoRig, optional
+        By default the paper's.
+    pairs : int
+        Number of poses that are drawn.
+    poses : sequence of (4, 4) arrays, optional
+        ``T_left_board`` of the boards, instead of drawn ones.
     noise_px : float
-        Standard deviation of each coordinate.
+        Standard deviation of each coordinate, px.
+    board : Checkerboard
+
+    Returns
+    -------
+    BoardViews
     """
     rig = rig or paper_rig()
     poses = draw_poses(rig, pairs, rng, board) if poses is None else poses

@@ -8,20 +8,33 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
+from stereolib.base import Bools, Float64, Ints
 from stereolib.calibration import BoardViews, Checkerboard, pose
 from stereolib.paper import paper_rig
 from stereolib.rig import StereoRig
-from stereolib.virtual import BOARD
+from stereolib.virtual.recordings import BOARD
 from support.corners import corner_set, draw_poses, project_boards
-
-Array = np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
 class Fault:
-    """A faulty set. ``says`` must stand in the diagnosis's warnings, or in the error if ``refused``.
+    """A faulty set, and what a diagnosis must say of it.
 
-    ``pairs`` are the names of the pairs that the diagnosis must refuse, or that form the second group.
+    Attributes
+    ----------
+    name : str
+        The fault.
+    views : BoardViews
+    says : str
+        Must stand in the diagnosis's warnings, or in the error if ``refused``.
+    refused : bool
+        The diagnosis must raise.
+    pairs : tuple of str
+        Names of the pairs that the diagnosis must leave out, or that form the second group.
+    ruler_mm : float, optional
+        What a ruler between the lenses read, mm.
+    model : str
+        The lens model that is asked for.
     """
 
     name: str
@@ -34,7 +47,16 @@ class Fault:
 
 
 def bad_sets(seed: int = 0) -> Iterator[Fault]:
-    """Seventeen sets of 30 pairs at most, each with one fault."""
+    """Make seventeen sets of 30 pairs at most, each with one fault.
+
+    Parameters
+    ----------
+    seed : int
+
+    Yields
+    ------
+    Fault
+    """
     rng = np.random.default_rng([seed, 15])
     rig = paper_rig()
     good = corner_set(rng)
@@ -94,7 +116,7 @@ def _unsynchronised(good: BoardViews, indices: Sequence[int], rng: np.random.Gen
     return Fault(name, replace(good, right_px=right), f"{len(names)} of 30 pairs were left out", pairs=names)
 
 
-def _lens() -> tuple[Array, Array]:
+def _lens() -> tuple[Float64, Float64]:
     right = paper_rig().right
     return right.K, right.dist
 
@@ -108,7 +130,7 @@ def _wrong_corners(good: BoardViews) -> Fault:
 
 
 def _chosen(
-    name: str, pool: Sequence[Array], rng: np.random.Generator, keep: Callable[[Array, Array, Array], Array]
+    name: str, pool: Sequence[Float64], rng: np.random.Generator, keep: Callable[[Float64, Float64, Ints], Bools]
 ) -> Fault:
     """Thirty poses of the pool of which ``keep(corners' extent, distance, index)`` is true."""
     left, right = project_boards(paper_rig(), pool)
@@ -128,7 +150,7 @@ def _central(rng: np.random.Generator) -> BoardViews:
     return corner_set(rng, poses=poses, board=small)
 
 
-def _facing(T_left_board: Array) -> Array:
+def _facing(T_left_board: Float64) -> Float64:
     """The same place, the board parallel to the image and upright."""
     facing = np.eye(4)
     facing[:3, :3], facing[:3, 3] = np.diag([1.0, -1.0, -1.0]), T_left_board[:3, 3]

@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from stereolib import laser, virtual
+from stereolib.virtual.lidar import NO_ECHO, OUT_OF_RANGE
 
+WHITE, GREY, DARK = 0.85, 0.35, 0.05  # reflectance
 DISTANCES_MM = np.r_[150:500:50, 500:1000:100, 1000:5001:250].astype(float)
 
 
@@ -56,7 +58,7 @@ def test_averaged_sweep_is_true_to_3_mm_at_the_cube():
 
 
 def test_noise_follows_the_measured_law():
-    white = curve(virtual.WHITE)
+    white = curve(WHITE)
     usable = white.dropout < 0.5
     best = laser.compare_sigma_laws(white.true_mm[usable], white.spread_mm[usable], white.n[usable])[0]
     assert best.law == "quadratic"
@@ -79,15 +81,15 @@ def test_the_constants_are_what_the_fit_gives():
 
 
 def test_bias_is_worth_correcting():
-    assert np.abs(virtual.VirtualLidar().bias(np.arange(100, 6001), virtual.GREY)).max() < 30
-    readings = np.concatenate([r.distance_mm.ravel() for r in series(virtual.WHITE)])
+    assert np.abs(virtual.VirtualLidar().bias(np.arange(100, 6001), GREY)).max() < 30
+    readings = np.concatenate([r.distance_mm.ravel() for r in series(WHITE)])
     true = np.repeat(DISTANCES_MM, len(readings) // len(DISTANCES_MM))
     result = laser.bias_correction_test(true, readings, rng=np.random.default_rng(4))
     assert result["bias_after_mm"] < 0.25 * result["bias_before_mm"]
 
 
 def test_strength_falls_with_distance_and_darkness_until_readings_are_lost():
-    white, dark = series(virtual.WHITE), series(virtual.DARK)
+    white, dark = series(WHITE), series(DARK)
     at_1_m = int(np.flatnonzero(DISTANCES_MM == 1000)[0])
     assert np.median(white[at_1_m].strength) == 200 * 0.85
     assert np.median(dark[at_1_m].strength) == 10
@@ -98,17 +100,15 @@ def test_strength_falls_with_distance_and_darkness_until_readings_are_lost():
     assert (np.diff(lost) > -0.03).all()
     white_lost = np.array([np.isnan(r.distance_mm).mean() for r in white])
     assert white_lost[DISTANCES_MM <= 3000].max() < 0.01
-    assert set(np.unique(dark[-1].error_code)) == {0, virtual.NO_ECHO} or (
-        set(np.unique(dark[-1].error_code)) == {virtual.NO_ECHO}
-    )
+    assert set(np.unique(dark[-1].error_code)) == {0, NO_ECHO} or (set(np.unique(dark[-1].error_code)) == {NO_ECHO})
     assert dark[at_2_m].warning.mean() > 0.9 and white[at_1_m].warning.sum() == 0
 
 
 def test_out_of_range_is_an_error_not_a_number():
-    near, far = series(virtual.WHITE, distances_mm=[60.0, 6500.0], readings=360)
+    near, far = series(WHITE, distances_mm=[60.0, 6500.0], readings=360)
     for r in (near, far):
         assert np.isnan(r.distance_mm).all()
-        assert (r.error_code == virtual.OUT_OF_RANGE).mean() > 0.8
+        assert (r.error_code == OUT_OF_RANGE).mean() > 0.8
 
 
 def test_grazing_beams_drop_out():

@@ -8,12 +8,12 @@ import pytest
 from stereolib.mapping import Station, disturbed, merge, refine_poses, size_table
 from stereolib.notebook import drawings
 from stereolib.rig import rigid
-from stereolib.virtual import measured_walk, recordings, walk
+from stereolib.virtual import measure_walk, recordings, walk, walk_laser
 
 
 @pytest.fixture(scope="module")
 def stations():
-    return tuple(Station.of(each, walk.POSES[name]) for name, each in measured_walk.measure_walk().items())
+    return tuple(Station.of(each, walk.POSES[name]) for name, each in measure_walk().items())
 
 
 def check(found, places_mm):
@@ -35,7 +35,7 @@ def check(found, places_mm):
 
 
 def test_laser_of_the_walk_is_calibrated_where_it_stands():
-    pose = measured_walk.laser()
+    pose = walk_laser()
     true = recordings.setup() @ rigid(np.eye(3), [0.0, 0.0, walk.LASER_HEIGHT_MM])
     error = np.linalg.inv(true) @ pose.T_left_lidar
     assert (np.abs(error[:3, 3]) < 3 * pose.std_mm).all()

@@ -16,15 +16,16 @@ from stereolib.virtual import (
     Material,
     Scene,
     box_on_floor,
-    cast,
+    cast_rays,
     cube_scene,
     recordings,
     render,
     render_pair,
+    render_truth,
     room,
-    truth,
 )
 
+PLAIN = Material()
 SMALL = Camera([[60.0, 0, 31.5], [0, 60.0, 23.5], [0, 0, 1]], [], (64, 48))
 
 
@@ -66,7 +67,7 @@ def test_cast_against_a_scalar_twin():
     scene, rng = crowd(), np.random.default_rng(0)
     directions = unit(rng.normal(size=(400, 3)))
     for origin in (np.array([0.0, 0.0, 85.0]), np.array([1000.0, -600, 1800])):
-        hits = cast(scene, origin, directions)
+        hits = cast_rays(scene, origin, directions)
         for k, direction in enumerate(directions):
             distance, surface, normal = cast_one(scene, origin, direction)
             assert hits.surface[k] == surface
@@ -79,9 +80,9 @@ def test_cast_against_a_scalar_twin():
 def test_rays_with_origins_of_their_own():
     scene, rng = crowd(), np.random.default_rng(1)
     directions, origins = unit(rng.normal(size=(50, 3))), rng.uniform([-500, -500, 1200], [500, 500, 2000], (50, 3))
-    together = cast(scene, origins, directions)
+    together = cast_rays(scene, origins, directions)
     for k in range(50):
-        alone = cast(scene, origins[k], directions[k : k + 1])
+        alone = cast_rays(scene, origins[k], directions[k : k + 1])
         assert together.distance_mm[k] == alone.distance_mm[0]
         assert together.surface[k] == alone.surface[0]
 
@@ -90,22 +91,22 @@ def test_rays_along_the_axes():
     """What a level laser sends: directions with zeros, along walls and floor."""
     scene, origin = cube_scene(), np.array([0.0, 0.0, 85.0])
     axes = np.vstack([np.eye(3), -np.eye(3)])
-    hits = cast(scene, origin, axes)
+    hits = cast_rays(scene, origin, axes)
     np.testing.assert_allclose(hits.distance_mm, [700, 1900, 2415, 1800, 1700, 85])
     np.testing.assert_array_equal(hits.surface // 6, [1, 0, 0, 0, 0, 0])
     turns = np.radians(np.arange(0, 360, 15))
     level = np.stack([np.cos(turns), np.sin(turns), np.zeros_like(turns)], axis=1)
-    for k, distance in enumerate(cast(scene, origin, level).distance_mm):
+    for k, distance in enumerate(cast_rays(scene, origin, level).distance_mm):
         assert distance == pytest.approx(cast_one(scene, origin, level[k])[0])
 
 
 def test_nothing_to_hit():
     scene = Scene((box_on_floor((100, 100, 100), 500, 0, 0),))
-    hits = cast(scene, np.array([0.0, 0, 50]), unit(np.array([[1.0, 0, 0], [-1, 0, 0], [0, 1, 0.1]])))
+    hits = cast_rays(scene, np.array([0.0, 0, 50]), unit(np.array([[1.0, 0, 0], [-1, 0, 0], [0, 1, 0.1]])))
     np.testing.assert_allclose(hits.distance_mm, [450, np.nan, np.nan])
     assert hits.surface.tolist() == [6 * 0 + 0, -1, -1]
     assert np.isnan(hits.normal[1:]).all() and np.isnan(hits.albedo[1:]).all()
-    true = truth(scene, recordings.rectified(), pose_left_world(0.0, 50.0))
+    true = render_truth(scene, recordings.rectified(), pose_left_world(0.0, 50.0))
     empty = true.box < 0
     assert 0.1 < empty.mean() < 0.99
     assert np.isnan(true.depth_mm[empty]).all() and np.isnan(true.disparity_px[empty]).all()
@@ -114,10 +115,10 @@ def test_nothing_to_hit():
 
 def test_albedo_and_gloss():
     plain = Material((0.2, 0.5, 0.8), gloss=0.7)
-    hits = cast(Scene((box_on_floor((100, 100, 100), 500, 0, 0, plain),)), np.array([0.0, 0, 50]), np.eye(3)[:1])
+    hits = cast_rays(Scene((box_on_floor((100, 100, 100), 500, 0, 0, plain),)), np.array([0.0, 0, 50]), np.eye(3)[:1])
     assert hits.albedo[0] == pytest.approx(0.114 * 0.2 + 0.587 * 0.5 + 0.299 * 0.8)
     assert hits.gloss[0] == 0.7
-    hits = cast(cube_scene(), np.array([0.0, 0, 85]), unit(np.random.default_rng(0).normal(size=(5000, 3))))
+    hits = cast_rays(cube_scene(), np.array([0.0, 0, 85]), unit(np.random.default_rng(0).normal(size=(5000, 3))))
     assert 0.03 < hits.albedo.min() < hits.albedo.max() < 1
     assert hits.albedo.std() > 0.1
 
@@ -126,12 +127,12 @@ def test_albedo_and_gloss():
 def test_truth_against_projection_into_both_rectified_cameras(name):
     """One world point per pixel, by `cast`; where do both rectified cameras see it?"""
     scene, rectified, pose = cube_scene(), recordings.rectified(), recordings.setup(name)
-    true = truth(scene, rectified, pose)
+    true = render_truth(scene, rectified, pose)
     v, u = (grid.ravel() for grid in np.meshgrid(np.arange(0, 480, 17), np.arange(0, 640, 17), indexing="ij"))
     rays = (np.column_stack([u, v, np.ones(len(u))]) @ np.linalg.inv(rectified.P1[:, :3]).T) @ rectified.R1
     eye = -pose[:3, :3].T @ pose[:3, 3]
     directions = unit(rays @ pose[:3, :3])
-    hits = cast(scene, eye, directions)
+    hits = cast_rays(scene, eye, directions)
     world = eye + hits.distance_mm[:, None] * directions
     in_left = world @ pose[:3, :3].T + pose[:3, 3]
     in_right = in_left @ rectified.rig.R.T + rectified.rig.T
@@ -151,7 +152,7 @@ def test_truth_against_projection_into_both_rectified_cameras(name):
 def test_visibility_by_brute_force():
     """From every looked-at point, a ray of its own to the right camera."""
     scene, rectified, pose = cube_scene(), recordings.rectified(), recordings.setup()
-    true = truth(scene, rectified, pose)
+    true = render_truth(scene, rectified, pose)
     T = rigid(rectified.R1, np.zeros(3)) @ pose
     eye = -T[:3, :3].T @ T[:3, 3]
     right_eye = eye + T[:3, :3].T @ [rectified.baseline_mm, 0, 0]
@@ -171,7 +172,7 @@ def test_visibility_by_brute_force():
 
 
 def test_occluded_strip_is_as_wide_as_the_step_in_disparity():
-    true = truth(cube_scene(), recordings.rectified(), recordings.setup())
+    true = render_truth(cube_scene(), recordings.rectified(), recordings.setup())
     row = 150
     first = np.flatnonzero(true.box[row] == 1)[0]
     step = true.disparity_px[row, first] - true.disparity_px[row, first - 1]
@@ -258,7 +259,7 @@ def test_gloss_mirrors_the_scene():
 
 
 def test_samples_are_the_mean_of_a_finer_picture():
-    scene, pose = cube_scene(texture=0.0, floor_texture=0.0), recordings.setup()
+    scene, pose = cube_scene(cube=PLAIN, floor=PLAIN), recordings.setup()
     fine = Camera(np.array([[180.0, 0, 95.5], [0, 180, 71.5], [0, 0, 1]]), [], (192, 144))
     small = Camera(np.array([[60.0, 0, 31.5], [0, 60, 23.5], [0, 0, 1]]), [], (64, 48))  # pixel centres at 1, 4, 7, ...
     shifted = Camera(np.array([[60.0, 0, (95.5 - 1) / 3], [0, 60, (71.5 - 1) / 3], [0, 0, 1]]), [], (64, 48))
@@ -268,7 +269,7 @@ def test_samples_are_the_mean_of_a_finer_picture():
 
 
 def test_pair_is_each_camera_where_it_stands():
-    rig, pose, scene = paper_rig(), recordings.setup(), cube_scene(texture=0.0, floor_texture=0.0)
+    rig, pose, scene = paper_rig(), recordings.setup(), cube_scene(cube=PLAIN, floor=PLAIN)
     tiny = [Camera(np.diag([0.1, 0.1, 1]) @ c.K, c.dist, (64, 48)) for c in (rig.left, rig.right)]
     pair = render_pair(scene, type(rig)(*tiny, rig.R, rig.T), pose, samples=1, light_samples=1)
     np.testing.assert_array_equal(pair[0], render(scene, tiny[0], pose, samples=1, light_samples=1))
@@ -282,10 +283,17 @@ def test_pair_is_each_camera_where_it_stands():
 
 
 def test_picture_is_the_same_each_time():
-    one, two = (render(cube_scene(seed=4), SMALL, recordings.setup(), samples=2) for _ in "12")
+    one, two = (
+        render(cube_scene(cube=Material(contrast=0.4, seed=4)), SMALL, recordings.setup(), samples=2) for _ in "12"
+    )
     np.testing.assert_array_equal(one, two)
-    assert np.abs(one - render(cube_scene(seed=5), SMALL, recordings.setup(), samples=2)).max() > 0.02
-    assert one.dtype == np.float32
+    assert (
+        np.abs(
+            one - render(cube_scene(cube=Material(contrast=0.4, seed=5)), SMALL, recordings.setup(), samples=2)
+        ).max()
+        > 0.02
+    )
+    assert one.dtype == np.float64
     assert np.isfinite(one).all() and one.min() >= 0
 
 

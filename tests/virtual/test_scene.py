@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from stereolib.rig import rigid
-from stereolib.virtual import Box, Light, Material, Scene, board, box_on_floor, cube_scene, room, texture
+from stereolib.virtual import Box, Light, Material, Scene, board_box, box_on_floor, cube_scene, room, texture
 
 
 def corners(box: Box) -> np.ndarray:
@@ -46,7 +46,7 @@ def test_room_has_its_walls():
 
 def test_print_of_the_board_lies_in_its_frame():
     T = rigid(cv2.Rodrigues(np.array([0.3, -0.2, 0.5]))[0], [500.0, 20.0, 300.0])
-    box = board((9, 6), 25.0, T)
+    box = board_box((9, 6), 25.0, T)
     local = (corners(box) - T[:3, 3]) @ T[:3, :3]
     assert local[:, 2].max() == pytest.approx(0, abs=1e-9)
     np.testing.assert_allclose(local[:, :2].max(axis=0), [10 * 25 / 2 + 20, 7 * 25 / 2 + 20])
@@ -56,12 +56,13 @@ def test_print_of_the_board_lies_in_its_frame():
 def test_dimming_scales_all_light():
     scene = Scene((), (Light((0, 0, 2000), power=0.6),), ambient=0.2).dimmed(0.5)
     assert (scene.lights[0].power, scene.ambient) == (0.3, 0.1)
-    assert cube_scene(light=0.1).ambient == pytest.approx(0.1 * cube_scene().ambient)
+    assert cube_scene().dimmed(0.1).ambient == pytest.approx(0.1 * cube_scene().ambient)
 
 
 def test_gloss_brings_its_lamps():
-    assert len(cube_scene(object_gloss=0.9, floor_gloss=0.9).lights) == len(cube_scene().lights) + 4
-    assert cube_scene(object_gloss=0.9).boxes[1].materials[0].gloss == 0.9
+    glossy = Material(gloss=0.9)
+    assert len(cube_scene(cube=glossy, floor=glossy).lights) == len(cube_scene().lights) + 4
+    assert cube_scene(cube=glossy).boxes[1].materials[0].gloss == 0.9
 
 
 def test_box_refuses():

@@ -1,15 +1,20 @@
-"""Where the XV-11's packets are in a stream of bytes; `stereolib.xv11` says by what rules."""
+"""Find the XV-11's packets in a stream of bytes, by the rules that `stereolib.laser.xv11` states."""
 
 from __future__ import annotations
+
+import re
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-Positions = NDArray[np.int64]
+from stereolib.base import Bools, UInt8
+
+Positions: TypeAlias = NDArray[np.int64]
+Words: TypeAlias = NDArray[np.uint16]
 
 PACKET_BYTES, TURN_BYTES, TURN_HEAD = 22, 1446, bytes.fromhex("5aa500c0")
 _CONTEXT = 2 * PACKET_BYTES - 2  # bytes on either side that settle whether a head is bad
-BLOCK = 1 << 14  # packets at a time: keeps the working arrays in the cache
 
 
 class PacketError(ValueError):
@@ -28,8 +33,28 @@ class PacketError(ValueError):
         self.offset, self.data = offset, data
 
 
-def checksums(words: NDArray[np.uint16]) -> NDArray[np.int32]:
-    """Checksums of many packets at once, from their words (n, >= 10)."""
+def checksums(words: Words) -> NDArray[np.int32]:
+    """Compute the checksums of many packets at once.
+
+    Parameters
+    ----------
+    words : (n, >= 10) uint16
+        The packets' words; the first ten are summed up.
+
+    Returns
+    -------
+    (n,) int32
+
+    Notes
+    -----
+    ``c = 2 c + w`` over the ten words, then the upper bits are added to the lower 15.
+
+    Examples
+    --------
+    >>> packet = bytes.fromhex("fab1e349e400e105e2003406e0002506df008406f66b")
+    >>> [hex(c) for c in checksums(np.frombuffer(packet, "<u2")[None])]
+    ['0x6bf6']
+    """
     c = np.zeros(len(words), np.int32)  # at most 65535 * 1023: fits
     for k in range(10):
         c <<= 1
@@ -38,11 +63,16 @@ def checksums(words: NDArray[np.uint16]) -> NDArray[np.int32]:
 
 
 class Framer:
-    """Finds packets and turns in a stream that comes in pieces.
+    """Find packets and turns in a stream that comes in pieces.
 
     What counts is decided from the bytes around it alone (`_CONTEXT` before and after), so that
     it does not matter where the stream is cut. All positions are in the stream, from 0, but for
     those inside `_frames`, which are in the bytes at hand.
+
+    Parameters
+    ----------
+    strict : bool
+        Raise `PacketError` at the first byte that belongs to no intact packet.
     """
 
     def __init__(self, strict: bool) -> None:
@@ -53,9 +83,22 @@ class Framer:
         self._covered = 0  # end of the last frame or bad packet, or what was skipped last
 
     def take(self, chunk: bytes, final: bool) -> tuple[Positions, list[int], int, int]:
-        """Add bytes; positions of packets and of turns now decided, and bad packets and bytes skipped.
+        """Add bytes to the stream and decide what can be decided.
 
-        The positions are in ``raw``, which stays as it is until `forget`.
+        Parameters
+        ----------
+        chunk : bytes
+        final : bool
+            The stream ends here: decide everything.
+
+        Returns
+        -------
+        packets : (n,) int64
+            Positions of the packets now decided, in ``raw``, which stays as it is until `forget`.
+        turns : list of int
+            The same for turns of the older firmware.
+        bad, skipped : int
+            Packets with a wrong checksum, and bytes in no packet.
         """
         self.raw = self.raw + chunk if self.raw else chunk
         low = self._decided - self.base
@@ -126,38 +169,42 @@ class Framer:
         return len(bad), int(gaps.sum())
 
 
-def _overlap(starts: Positions, length: int, others: Positions, other_length: int = PACKET_BYTES) -> NDArray[np.bool_]:
+def _overlap(starts: Positions, length: int, others: Positions, other_length: int = PACKET_BYTES) -> Bools:
     """Which of these stretches overlap one of the others (sorted, of another start)."""
     low = np.searchsorted(others, starts - other_length, side="right")
     high = np.searchsorted(others, starts + length)
     return high > low
 
 
-def _candidates(data: NDArray[np.uint8]) -> tuple[Positions, Positions]:
+def _candidates(data: UInt8) -> tuple[Positions, Positions]:
     """Positions of packet heads: those with a good checksum, and those with a wrong one."""
     fa = np.flatnonzero(data[: max(len(data) - PACKET_BYTES + 1, 0)] == 0xFA)
     index = data[fa + 1]
     heads = fa[(index >= 0xA0) & (index <= 0xF9)]
-    good = np.zeros(len(heads), bool)
-    for part in range(0, len(heads), BLOCK):
-        block = slice(part, part + BLOCK)
-        words = words_at(data, heads[block])
-        good[block] = checksums(words) == words[:, 10]
+    words = words_at(data, heads)
+    good = checksums(words) == words[:, 10]
     return heads[good], heads[~good]
 
 
 def _turn_heads(raw: bytes) -> list[int]:
-    found, at = list[int](), raw.find(TURN_HEAD)
-    while 0 <= at <= len(raw) - 6:
-        if raw[at + 5] == 0xD1:
-            found.append(at)
-        at = raw.find(TURN_HEAD, at + 1)
-    return found
+    """Positions of the heads of 1446-byte turns."""
+    return [match.start() for match in re.finditer(re.escape(TURN_HEAD) + rb"(?=.\xd1)", raw, re.DOTALL)]
 
 
-def words_at(data: NDArray[np.uint8], at: NDArray[np.int64]) -> NDArray[np.uint16]:
-    """The eleven words of the packets at these positions, (n, 11)."""
+def words_at(data: UInt8, at: Positions) -> Words:
+    """Cut packets out of a stream and read their words.
+
+    Parameters
+    ----------
+    data : (m,) uint8
+    at : (n,) int64
+        Where the packets start.
+
+    Returns
+    -------
+    (n, 11) uint16
+    """
     if not len(at):
         return np.empty((0, 11), np.uint16)
-    rows = np.lib.stride_tricks.sliding_window_view(data, PACKET_BYTES)[at]
+    rows: UInt8 = np.lib.stride_tricks.sliding_window_view(data, PACKET_BYTES)[at]
     return rows.view("<u2")

@@ -1,0 +1,119 @@
+"""Recordings of the laser: raw bytes in a file, read, checked and described."""
+
+from __future__ import annotations
+
+from os import PathLike
+from typing import Any
+
+import numpy as np
+
+from stereolib.base import read_bytes
+from stereolib.laser.framing import PACKET_BYTES
+from stereolib.laser.scans import check_firmware, turns
+from stereolib.laser.xv11 import Readings, decode
+
+_LEAST_SHARE = 0.05  # of a file's bytes in intact packets; by chance it is 1e-5, spoilt recordings keep far more
+
+
+def read_recording(path: str | PathLike[str]) -> Readings:
+    """Read a recording, or what a pipe delivers until it is closed.
+
+    Parameters
+    ----------
+    path : path
+
+    Returns
+    -------
+    Readings
+
+    Raises
+    ------
+    ValueError
+        If there is no such file, or it is empty, is no recording, or mixes both firmwares.
+
+    Examples
+    --------
+    >>> read_recording("no/such/room.bin")
+    Traceback (most recent call last):
+    ...
+    ValueError: no/such/room.bin: no such file
+    """
+    return decode_recording(read_bytes(path), str(path))
+
+
+def decode_recording(data: bytes, source: str) -> Readings:
+    """Decode the bytes of a recording, and refuse what is none.
+
+    Parameters
+    ----------
+    data : bytes
+    source : str
+        What the messages call it.
+
+    Returns
+    -------
+    Readings
+
+    Raises
+    ------
+    ValueError
+        If there are no bytes, hardly any packet is intact, or both firmwares are mixed.
+
+    Examples
+    --------
+    >>> decode_recording(bytes(1000), "zeros.bin")
+    Traceback (most recent call last):
+    ...
+    ValueError: zeros.bin (1000 bytes) is no XV-11 recording: intact packets hold only 0 of its bytes. It is another \
+file, or was recorded at a wrong baud rate (not 115200)
+    """
+    if not data:
+        raise ValueError(
+            f"{source} is empty: check the sensor's power and wiring and that its motor turns, then record again"
+        )
+    readings = decode(data)
+    within = len(data) - readings.skipped_bytes - PACKET_BYTES * readings.bad_checksum
+    if within < _LEAST_SHARE * len(data):
+        raise ValueError(
+            f"{source} ({len(data)} bytes) is no XV-11 recording: intact packets hold only {within} of its bytes. "
+            "It is another file, or was recorded at a wrong baud rate (not 115200)"
+        )
+    check_firmware(readings, source)
+    return readings
+
+
+def recording_info(path: str | PathLike[str]) -> dict[str, Any]:
+    """Tell what a recording holds, as plain numbers (ready for JSON).
+
+    Parameters
+    ----------
+    path : path
+
+    Returns
+    -------
+    dict
+        ``firmware, packets, bad_checksums, skipped_bytes, index_jumps, turns`` (complete ones),
+        ``partial_turns, rpm_min, rpm_median, rpm_max`` (None if unknown), ``invalid_share`` (0..1).
+
+    Raises
+    ------
+    ValueError
+        As `read_recording`.
+    """
+    readings = read_recording(path)
+    complete = [scan.complete for scan in turns(readings)]
+    rpm = readings.speed_rpm[np.isfinite(readings.speed_rpm)]
+    low, middle, high = np.percentile(rpm, (0, 50, 100)).tolist() if rpm.size else (None,) * 3
+    return {
+        "firmware": "1446-byte turns" if readings.old_turns else "22-byte packets",
+        "packets": len(readings),
+        "bad_checksums": readings.bad_checksum,
+        "skipped_bytes": readings.skipped_bytes,
+        "index_jumps": readings.index_jumps,
+        "turns": sum(complete),
+        "partial_turns": len(complete) - sum(complete),
+        "rpm_min": low,
+        "rpm_median": middle,
+        "rpm_max": high,
+        "invalid_share": float(np.isnan(readings.distance_mm).mean()) if len(readings) else None,
+    }

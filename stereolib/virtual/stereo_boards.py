@@ -1,0 +1,76 @@
+"""Poses of a checkerboard held before the rig's two cameras, drawn so that they cover the image."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from stereolib.base import Float64
+from stereolib.calibration import Checkerboard
+from stereolib.paper import paper_rig
+from stereolib.rig import Camera, rigid
+
+DISTANCES_MM = (480.0, 600.0, 740.0, 900.0)  # in turn, each varied by 8 %
+_VARIED = (0.92, 1.08)
+_MOST_TILT_RAD = np.array([0.7, 0.7, 0.35])  # about x, y and z: 40 degrees, and 20 in the image
+_RIM_PX = 6.0  # kept clear of the image's border
+_TRIES = 2000  # per pose
+_OTHER_REGION_EVERY = 40  # tries, where two cameras cannot share a region at that distance
+
+
+def draw_board_poses(count: int, rng: np.random.Generator, target: Checkerboard) -> list[Float64]:
+    """Draw poses of a hand-held board with good coverage: all image regions, 0.45 to 0.95 m, tilts up to 40 degrees.
+
+    Parameters
+    ----------
+    count : int
+    rng : numpy.random.Generator
+    target : Checkerboard
+
+    Returns
+    -------
+    list of (4, 4) arrays
+        ``T_left_board``; the board's frame is at its centre, x right, y up, z towards the camera. Every corner and
+        the white rim lie inside both images.
+
+    Raises
+    ------
+    ValueError
+        If the board is too large for the images.
+
+    Examples
+    --------
+    >>> (T,) = draw_board_poses(1, np.random.default_rng(0), Checkerboard(9, 6, 25.0))
+    >>> T.shape
+    (4, 4)
+    """
+    rig = paper_rig()
+    half = np.array([(n + 1) * target.square_mm / 2 + 0.5 * target.square_mm for n in (target.columns, target.rows)])
+    rim = np.array([[a * half[0], b * half[1], 0.0, 1.0] for a in (-1, 0, 1) for b in (-1, 0, 1)]).T
+    poses: list[Float64] = []
+    for attempt in range(_TRIES * count):
+        k = len(poses)
+        in_turn = np.array([k % 3, k // 3 % 3])  # a 3 x 3 grid of regions
+        cell = in_turn if attempt % _OTHER_REGION_EVERY else rng.integers(0, 3, 2)
+        ray = rig.left.rays((cell + rng.uniform(0, 1, 2)) / 3 * rig.left.size, clamp=True)[0]
+        facing = _euler(*rng.uniform(-_MOST_TILT_RAD, _MOST_TILT_RAD)) @ np.diag([1.0, -1.0, -1.0])
+        T = rigid(facing, ray * DISTANCES_MM[k % 4] * rng.uniform(*_VARIED))
+        views = (c.project((M @ rim)[:3].T) for c, M in ((rig.left, T), (rig.right, rigid(rig.R, rig.T) @ T)))
+        if all(_inside(pixels, rig.left) for pixels in views):
+            poses.append(T)
+        if len(poses) == count:
+            return poses
+    raise ValueError(f"only {len(poses)} of {count} poses keep the {target} inside both images: use a smaller board")
+
+
+def _euler(x: float, y: float, z: float) -> Float64:
+    """Rotation about x, then y, then z."""
+    cx, cy, cz = np.cos([x, y, z])
+    sx, sy, sz = np.sin([x, y, z])
+    turn_x = np.array([[1, 0, 0], [0, cx, -sx], [0, sx, cx]])
+    turn_y = np.array([[cy, 0, sy], [0, 1, 0], [-sy, 0, cy]])
+    turn_z = np.array([[cz, -sz, 0], [sz, cz, 0], [0, 0, 1]])
+    return np.asarray(turn_z @ turn_y @ turn_x)
+
+
+def _inside(pixels: Float64, camera: Camera) -> bool:
+    return bool(((pixels > _RIM_PX) & (pixels < np.array(camera.size) - 1 - _RIM_PX)).all())

@@ -1,0 +1,52 @@
+"""Poses of the recorded boards: in view, spread over the image, the same for the same seed."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from stereolib import paper
+from stereolib.calibration import Checkerboard
+from stereolib.rig import rigid
+from stereolib.virtual import recordings
+from stereolib.virtual.stereo_boards import draw_board_poses
+
+
+@pytest.fixture(scope="module")
+def poses():
+    return recordings.board_poses()
+
+
+def test_boards_stay_in_view_above_the_floor_and_cover_the_image(poses):
+    rig, target = paper.paper_rig(), recordings.BOARD
+    half = (target.columns + 1) * target.square_mm / 2, (target.rows + 1) * target.square_mm / 2
+    rim = np.array([[a * half[0], b * half[1], 0.0] for a in (-1, 1) for b in (-1, 1)])
+    inner = (target.points_mm - target.points_mm.mean(axis=0)) * [1, -1, 1]
+    seen, tilts = [], []
+    for T in poses:
+        for camera, M in ((rig.left, T), (rig.right, rigid(rig.R, rig.T) @ T)):
+            outer = camera.project(rim @ M[:3, :3].T + M[:3, 3])
+            assert ((outer > 0) & (outer < [639, 479])).all()
+            # and none by way of the fold: every pixel leads back to its corner
+            points = np.vstack([rim, inner]) @ M[:3, :3].T + M[:3, 3]
+            np.testing.assert_allclose(camera.rays(camera.project(points)), points / points[:, 2:], atol=1e-6)
+        seen.append(rig.left.project(inner @ T[:3, :3].T + T[:3, 3]))
+        tilts.append(np.degrees(np.arccos(-T[2, 2])))
+        world = np.linalg.inv(recordings.setup("bench")) @ T @ np.column_stack([rim * 1.3, np.ones(4)]).T
+        assert world[2].min() > 50
+    # the left camera's first columns lie outside the right one's image at these distances
+    seen = np.concatenate(seen)
+    counts = np.histogram2d(seen[:, 0], seen[:, 1], bins=(4, 3), range=((120, 640), (0, 480)))[0]
+    assert (counts > 20).all()
+    assert np.percentile(tilts, 25) > 10 and max(tilts) < 60
+
+
+def test_boards_are_the_same_for_the_same_seed(poses):
+    again = draw_board_poses(4, np.random.default_rng(30), recordings.BOARD)
+    np.testing.assert_array_equal(again, poses[:4])
+    assert not np.allclose(draw_board_poses(1, np.random.default_rng(31), recordings.BOARD)[0], poses[0])
+
+
+def test_board_too_large_for_the_image():
+    with pytest.raises(ValueError, match=r"only 0 of 1 poses keep .* inside both images: use a smaller board"):
+        draw_board_poses(1, np.random.default_rng(0), Checkerboard(20, 15, 60.0))

@@ -49,10 +49,7 @@ def _measure(arguments: argparse.Namespace) -> int:
     instrument = Instrument.load(arguments.calibration)
     pair = read_pair(arguments.left, arguments.right)
     scan = None if arguments.scan is None else laser.average(laser.turns(laser.load(arguments.scan)))
-    measured = measure_objects(
-        *pair, scan, instrument.rectified, instrument.lidar, rng=np.random.default_rng(0),
-        uncertainty=instrument.uncertainty,
-    )  # fmt: skip
+    measured = measure_objects(*pair, scan, instrument, rng=np.random.default_rng(0))
     write_atomic(picture, cv2.imencode(".png", draw_objects(measured))[1].tobytes())
     facts = measured_facts(measured) | {"picture": str(picture)}
     print(json.dumps(facts, indent=1, allow_nan=False) if arguments.json else measured_text(measured))
@@ -149,7 +146,7 @@ def _calibrate_laser(arguments: argparse.Namespace) -> int:
 
     from stereolib.calibration import calibrate_lidar_to_camera, views_from_files
     from stereolib.cli.calibrate import parse_board
-    from stereolib.measurement import save_lidar
+    from stereolib.measurement import save_laser_pose
     from stereolib.rig import StereoRig
 
     rig = StereoRig.load(arguments.calibration)
@@ -166,7 +163,7 @@ def _calibrate_laser(arguments: argparse.Namespace) -> int:
         )
     views = views_from_files(files[0], files[1], board, rig.left, margin_mm=arguments.margin_mm)
     found = calibrate_lidar_to_camera(views)
-    save_lidar(arguments.calibration, found)
+    save_laser_pose(arguments.calibration, found)
     turn, shift = float(np.degrees(found.std_rad).max()), float(found.std_mm.max())
     x, y, z = found.T_left_lidar[:3, 3]
     print(f"laser: {len(views)} poses; known to {shift:.1f} mm and {turn:.2f} degrees (one standard deviation)")

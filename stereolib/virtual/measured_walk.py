@@ -8,7 +8,7 @@ import numpy as np
 
 from stereolib import paper
 from stereolib.calibration import LidarCamera, calibrate_lidar_to_camera
-from stereolib.measurement import Measurement, measure_objects
+from stereolib.measurement import Instrument, Measurement, measure_objects
 from stereolib.virtual import recordings, walk
 from stereolib.virtual.laser_boards import laser_board_views
 from stereolib.virtual.lidar import VirtualLidar
@@ -24,13 +24,10 @@ def laser(seed: int = 8) -> LidarCamera:
 
 def measure_walk(seed: int = 8) -> dict[str, Measurement]:
     """What was measured at every station, by its name ``"room/1"`` to ``"room/5"``."""
+    instrument = Instrument(recordings.rectified(), laser())
     return {
         name: measure_objects(
-            *recordings.load_pair(name),
-            recordings.scan(name),
-            recordings.rectified(),
-            laser(),
-            rng=np.random.default_rng(seed),
+            *recordings.load_pair(name), recordings.scan(name), instrument, rng=np.random.default_rng(seed)
         )
         for name in walk.POSES
     }

@@ -46,12 +46,12 @@ def check_disparity_map(disparity_px: Floats, rectified: RectifiedRig) -> Floats
     return disparity
 
 
-def pixel_rays(u: Float64, v: Float64, rectified: RectifiedRig) -> Float64:
+def pixel_rays(u: Floats, v: Floats, rectified: RectifiedRig) -> Float64:
     """Viewing rays of pixels, ``((u - cx) / f, (v - cy) / f, 1)``.
 
     Parameters
     ----------
-    u, v : (N,) float64, px
+    u, v : (N,) float, px
         Columns and rows of the rectified left image.
     rectified : RectifiedRig
 
@@ -70,12 +70,10 @@ def pixel_rays(u: Float64, v: Float64, rectified: RectifiedRig) -> Float64:
            [1., 0., 1.]])
     """
     f, (cx, cy) = rectified.f_px, rectified.P1[:2, 2]
-    return np.stack([(u - cx) / f, (v - cy) / f, np.ones(len(u))]).T
+    return np.asarray(np.stack([(u - cx) / f, (v - cy) / f, np.ones(len(u))]).T, np.float64)
 
 
-def add_outliers(
-    disparity_px: Floats, count: int, rng: np.random.Generator, *, highest_px: float = 160.0
-) -> Floats:
+def add_outliers(disparity_px: Floats, count: int, rng: np.random.Generator, *, highest_px: float = 160.0) -> Floats:
     """Strew outliers, as wrong matches are, over a disparity map, to try what a method makes of them.
 
     Parameters

@@ -58,8 +58,6 @@ class Floor:
         px per px, px per px, px.
     covariance : (3, 3) float64
         Of `plane`; what the scatter of the disparities leaves open, without any common error.
-    support : float
-        Share of the image's pixels that lie on it, 0..1 (NaN if it was not fitted).
 
     Notes
     -----
@@ -70,7 +68,6 @@ class Floor:
     rectified: RectifiedRig
     plane: Float64
     covariance: Float64
-    support: float = np.nan
 
     def __post_init__(self) -> None:
         set_frozen(self, plane=finite_array(self.plane, (3,), "plane"))
@@ -269,6 +266,10 @@ def fit_floor(
     CannotMeasure
         "no floor", if none is visible.
 
+    References
+    ----------
+    Fischler, Bolles: Random sample consensus. Commun. ACM 24 (1981), doi:10.1145/358669.358692.
+
     Examples
     --------
     >>> from stereolib.paper import paper_rig, rig_pose
@@ -284,37 +285,32 @@ def fit_floor(
     row, column = np.nonzero(np.isfinite(sparse))
     d = sparse[row, column].astype(float)
     u, v = _STEP * column.astype(float), _STEP * row.astype(float)
-    pixels, limits = _Pixels(u, v, d, pixel_rays(u, v, rectified)), limits or FloorLimits()
+    search = _Search(u, v, d, pixel_rays(u, v, rectified), rectified, limits or FloorLimits())
     try:
-        return _fit(pixels, rectified, limits, _TRIALS[0], rng, pair)
+        return _fit(search, _TRIALS[0], rng, pair)
     except CannotMeasure:
-        return _fit(pixels, rectified, limits, _TRIALS[1], rng, pair)
+        return _fit(search, _TRIALS[1], rng, pair)
 
 
 @dataclass(frozen=True, eq=False)
-class _Pixels:
-    """Some pixels u, v with their disparities d, (N,) each, and their rays (N, 3), row by row of the picture."""
+class _Search:
+    """Pixels u, v with their disparities d, (N,) each, and their rays (N, 3), row by row, and how a floor may lie."""
 
     u: Float64
     v: Float64
     d: Float64
     rays: Float64
+    rectified: RectifiedRig
+    limits: FloorLimits
 
 
-def _fit(
-    pixels: _Pixels,
-    rectified: RectifiedRig,
-    limits: FloorLimits,
-    trials: int,
-    rng: np.random.Generator,
-    pair: AlignedPair | None,
-) -> Floor:
+def _fit(search: _Search, trials: int, rng: np.random.Generator, pair: AlignedPair | None) -> Floor:
     """The best plane of some trials, refined; CannotMeasure if it is not a floor."""
-    x, d = pixels.rays, pixels.d
+    x, d, rectified = search.rays, search.d, search.rectified
     width, height = rectified.size
     share_of_one = _STEP**2 / (width * height)
     least = max(_LEAST_PIXELS, int(_LEAST_SUPPORT * height * width / _STEP**2))
-    plane = _ransac(x, d, rectified, limits, trials, rng) if len(d) > _LEAST_PIXELS else None
+    plane = _ransac(search, trials, rng) if len(d) > _LEAST_PIXELS else None
     tolerance = floor_tolerance_px(d)
     for reach in _REACHES:
         off = np.inf if plane is None else (d - x @ plane) / (reach * tolerance)
@@ -326,18 +322,18 @@ def _fit(
         plane = np.linalg.solve(root.T @ x, root.T @ d)
     assert plane is not None
     if pair is None:
-        covariance = clustered_covariance(x, d - x @ plane, weight, cell_of(pixels.u, pixels.v))
+        covariance = clustered_covariance(x, d - x @ plane, weight, cell_of(search.u, search.v))
     else:
         near = weight > 0
-        fit = align(pair, pixels.u[near], pixels.v[near], x[near], plane)
+        fit = align(pair, search.u[near], search.v[near], x[near], plane)
         plane, covariance = fit.parameters, fit.covariance
     expected = x @ plane
     under = np.count_nonzero((d < expected - _UNDER * tolerance) & (expected > 0))
-    if not _plausible(plane[None], rectified, limits)[0] or under > _MOST_UNDER * count:
+    if not _plausible(plane[None], search)[0] or under > _MOST_UNDER * count:
         raise CannotMeasure("no floor", _NO_FLOOR.format("no large part"))
     back = pixel_rays(np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0]), rectified)
     back = np.stack([back[0] - back[2], back[1] - back[2], back[2]])  # planes per ray -> per pixel
-    return Floor(rectified, back @ plane, back @ covariance @ back.T, count * share_of_one)
+    return Floor(rectified, back @ plane, back @ covariance @ back.T)
 
 
 def floor_tolerance_px(disparity_px: Floats) -> Floats:
@@ -359,8 +355,9 @@ def floor_tolerance_px(disparity_px: Floats) -> Floats:
     return np.asarray(0.4 + 0.015 * disparity_px)
 
 
-def _plausible(planes: Float64, rectified: RectifiedRig, limits: FloorLimits) -> Bools:
+def _plausible(planes: Float64, search: _Search) -> Bools:
     """Which planes (N, 3), per ray, may be a floor: below, not too steep, not too far. (N,) bool."""
+    rectified, limits = search.rectified, search.limits
     size = np.maximum(np.linalg.norm(planes, axis=1), 1e-9)
     down = planes / size[:, None]
     allowed = (down[:, 1] > 0) & (np.abs(np.arcsin(down[:, 2])) < limits.tilt_rad)
@@ -368,10 +365,9 @@ def _plausible(planes: Float64, rectified: RectifiedRig, limits: FloorLimits) ->
     return np.asarray(allowed & (rectified.f_px * rectified.baseline_mm / size < limits.camera_height_mm))
 
 
-def _ransac(
-    x: Float64, d: Float64, rectified: RectifiedRig, limits: FloorLimits, trials: int, rng: np.random.Generator
-) -> Float64 | None:
-    """Best plane (3,) for the rays x (N, 3) and disparities d (N,), row by row of the picture, or None."""
+def _ransac(search: _Search, trials: int, rng: np.random.Generator) -> Float64 | None:
+    """Best plane (3,), per ray, of some trials, or None."""
+    x, d = search.rays, search.d
     some = rng.integers(len(d), size=_VOTERS)
     low, lowest = int(_LOWER * len(d)), int(_LOWEST * len(d))
     first = np.array([[low, low, low], [lowest, lowest, low], [lowest, low, 0]]).repeat(trials // 3 + 1, axis=0)
@@ -382,7 +378,7 @@ def _ransac(
     area[np.abs(area) < _TRIANGLE] = np.nan
     a, b = (d1 * y2 - d2 * y1) / area, (x1 * d2 - x2 * d1) / area
     planes = np.stack([a, b, d0 - a * x0 - b * y0]).T
-    planes = planes[_plausible(planes, rectified, limits)]
+    planes = planes[_plausible(planes, search)]
     if not len(planes):
         return None
     voters = d[some].astype(np.float32)

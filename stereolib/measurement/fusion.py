@@ -180,7 +180,7 @@ def fuse(
         evidence = replace(evidence, footprint=None)  # it is of another moment
     low, high = (share * evidence.top_mm for share in _EDGE_HEIGHTS)
 
-    def edge(place: Float64, normal: Float64, prior_px: tuple[float, float], both: bool = True) -> Bearing | None:
+    def _edge(place: Float64, normal: Float64, prior_px: tuple[float, float], both: bool = True) -> Bearing | None:
         if not np.isfinite(high):
             return None
         upright = vertical_edge(light if both else light[:1], floor, place, (low, high), prior_px, normal)
@@ -191,7 +191,7 @@ def fuse(
     left_out: dict[int, _End] = {}
     if len(lines.visible) == 2:
         matched = [_matched_px(lines.normal(k), evidence, laser, f) for k in (0, 1)]
-        lines, left_out = _with_corner(lines, [end.bearing for end in roughly], matched, edge, f)
+        lines, left_out = _with_corner(lines, [end.bearing for end in roughly], matched, _edge, f)
         roughly = _rough_ends(lines, evidence, laser, floor)
     x, covariance = np.append(lines.x, [end.bearing for end in roughly]), np.zeros((5, 5))
     covariance[:3, :3] = lines.covariance
@@ -203,7 +203,7 @@ def fuse(
         both = bool(c + normal[1] * floor.rectified.baseline_mm > _GRAZING * c)
         if side in left_out:  # at the corner, not where the face that was left out ends
             end, both = left_out[side], True
-        upright = edge(_meet(end.bearing, lines.x[0] - face * np.pi / 2, c), normal, end.prior_px, both)
+        upright = _edge(_meet(end.bearing, lines.x[0] - face * np.pi / 2, c), normal, end.prior_px, both)
         x[3 + side], std = upright or (end.bearing, end.std)
         if upright and len(lines.visible) == 1 and not left_out:
             std = max(std, _overhang_rad(side, x[3 + side], evidence.faces, floor))

@@ -120,14 +120,7 @@ def from_faces(
     MeasuredObject
     """
     n = 2 if fused.two else 1
-
-    def values(x: Float64) -> Float64:
-        p = corners_mm(x)
-        sides = np.hypot(*(p[:, 1:] - p[:, :-1]).T).T
-        middles = (p[:, 1:] + p[:, :-1]) / 2
-        return np.hstack([sides, (p[:, 0] + p[:, -1]) / 2, middles.reshape(len(x), -1), x[:, :1]])
-
-    at, C = fused.propagate(values)
+    at, C = fused.propagate(_sides_and_places)
     C[:n, :n] += scale_std**2 * np.outer(at[:n], at[:n])
     std, flat = np.sqrt(np.diag(C)), np.arcsin(np.cos(fused.x[3 : 3 + n] - fused.x[0] + np.arange(n) * np.pi / 2))
     refused = {}
@@ -164,6 +157,14 @@ def from_faces(
         sources={**fused.sources, **_height_source(height)},
         reasons=reasons,
     )
+
+
+def _sides_and_places(x: Float64) -> Float64:
+    """Of `Fused.x` (K, 5): lengths of n sides, the outline's middle, each side's middle, the angle. (K, 3 + 3 n)."""
+    p = corners_mm(x)
+    sides = np.hypot(*(p[:, 1:] - p[:, :-1]).T).T
+    middles = (p[:, 1:] + p[:, :-1]) / 2
+    return np.hstack([sides, (p[:, 0] + p[:, -1]) / 2, middles.reshape(len(x), -1), x[:, :1]])
 
 
 def from_scan(

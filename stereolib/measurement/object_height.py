@@ -65,12 +65,8 @@ class GroundHeight:
         The near vertical edge on the floor (or the nearest point of a single face): forward, left.
     foot_px, top_px : (2,) float64
         Its lower and upper end in the rectified left image; may lie outside.
-    edge_std_px : float
-        How well the upper outline was located.
     parts_mm : dict
         Standard deviations that make up the whole: ``edge, floor, face, common, calibration``.
-    cut : tuple of str
-        Sides of the frame that the object touches: "left", "right", "bottom".
     """
 
     height_mm: float
@@ -79,9 +75,7 @@ class GroundHeight:
     near_mm: Float64
     foot_px: Float64
     top_px: Float64
-    edge_std_px: float
     parts_mm: dict[str, float]
-    cut: tuple[str, ...]
 
 
 def measure_height(
@@ -142,10 +136,7 @@ def measure_height(
         raise CannotMeasure("no top edge", "the object's upper outline does not stand out; change light or background")
     parts = _parts(floor, faces, edge.position, edge.std, uncertainty or SystematicUncertainty())
     near = _near(faces)
-    ends_px = floor.pixels(np.array([[*near, 0.0], [*near, edge.position]]))
-    width, height = rectified.size
-    x0, _, x1, y1 = region.bounds
-    touched = {"left": x0 <= STEP, "right": x1 >= width - 1 - STEP, "bottom": y1 >= height - 1 - STEP}
+    foot_px, top_px = floor.pixels(np.array([[*near, 0.0], [*near, edge.position]]))
     total = float(np.sqrt(sum(part**2 for part in parts.values())))
     if total > worst_std * edge.position:
         raise CannotMeasure("too uncertain", f"{edge.position:.0f} ± {total:.0f} mm; light or texture the object")
@@ -154,11 +145,9 @@ def measure_height(
         height_std_mm=total,
         faces=faces,
         near_mm=near,
-        foot_px=ends_px[0],
-        top_px=ends_px[1],
-        edge_std_px=edge.std / per_px,
+        foot_px=foot_px,
+        top_px=top_px,
         parts_mm=parts,
-        cut=tuple(side for side, is_cut in touched.items() if is_cut),
     )
 
 

@@ -125,6 +125,10 @@ def align(pair: AlignedPair, u: Float64, v: Float64, x: Float64, start: Float64)
     Notes
     -----
     Gauss-Newton on ``e = L(u, v) - g R(u - x . p, v)`` with Tukey's weights; the slope is the mean of both pictures'.
+
+    References
+    ----------
+    Baker, Matthews: Lucas-Kanade 20 years on. Int. J. Comput. Vis. 56 (2004), doi:10.1023/B:VISI.0000011205.11775.fd.
     """
     parameters = np.array(start, float)
     some = slice(None, None, max(1, -(-len(u) // _MOST_PIXELS)))

@@ -47,7 +47,6 @@ def test_near_edge_in_the_picture():
     ends = np.array([[700.0, 0, 0], [700, 0, 300]]) @ (RECT.R1 @ pose[:3, :3]).T + RECT.R1 @ pose[:3, 3]
     pixels = ends[:, :2] / ends[:, 2:] * RECT.f_px + RECT.P1[:2, 2]
     assert np.stack([found.foot_px, found.top_px]) == pytest.approx(pixels, abs=0.6)
-    assert found.cut == ()
 
 
 #: size, distance, yaw in degrees, lateral; camera

@@ -17,7 +17,6 @@ from tqdm.auto import tqdm
 
 from stereolib import laser, paper
 from stereolib.calibration import (
-    LidarCamera,
     calibrate_lidar_to_camera,
     calibrate_stereo,
     find_in_pairs,
@@ -25,7 +24,7 @@ from stereolib.calibration import (
     rig_covariance,
 )
 from stereolib.matching import SGBMParams, compute_disparity
-from stereolib.measurement import MeasuredObject, Measurement, Uncertainty, measure_objects
+from stereolib.measurement import Instrument, MeasuredObject, Measurement, SystematicUncertainty, measure_objects
 from stereolib.paper import height_by_maximum
 from stereolib.rig import RectifiedRig
 from stereolib.virtual import Scene, VirtualLidar, Webcam, cube_scene, laser_boards, recordings, render_pair
@@ -70,7 +69,7 @@ def shoot(seed: int, **how: Any) -> Shot:
     return Shot(left, right, laser.average(laser.turns(laser.decode(packets))), size, float(drawn["yaw_rad"]))
 
 
-def instrument() -> tuple[RectifiedRig, LidarCamera, Uncertainty]:
+def instrument() -> Instrument:
     """Rig and laser as calibrated from the recorded boards and from ten boards that the laser sees too."""
     boards, names = recordings.load_boards()
     found = calibrate_stereo(find_in_pairs(boards, recordings.BOARD, names=names))
@@ -79,14 +78,12 @@ def instrument() -> tuple[RectifiedRig, LidarCamera, Uncertainty]:
         SENSOR, paper.paper_rig().left, np.random.default_rng(604), believed_left=found.rig.left, height_mm=150.0
     )
     how_well = rectified_std(rectified, rig_covariance(found.fit))
-    return rectified, calibrate_lidar_to_camera(views), Uncertainty(**how_well)
+    return Instrument(rectified, calibrate_lidar_to_camera(views), SystematicUncertainty(**how_well))
 
 
-def measure(shot: Shot, rectified: RectifiedRig, lidar: LidarCamera, uncertainty: Uncertainty) -> Measurement:
+def measure(shot: Shot, known: Instrument) -> Measurement:
     """What is timed: rectify, match, height, footprint, fuse."""
-    return measure_objects(
-        shot.left, shot.right, shot.scan, rectified, lidar, rng=np.random.default_rng(0), uncertainty=uncertainty
-    )
+    return measure_objects(shot.left, shot.right, shot.scan, known, rng=np.random.default_rng(0))
 
 
 def the_box(measured: Measurement) -> MeasuredObject | None:
@@ -150,21 +147,21 @@ def inside_cv2(spent: list[float]) -> Iterator[None]:
         yield
 
 
-def speed(shots: list[Shot], known: tuple[RectifiedRig, LidarCamera, Uncertainty]) -> dict[str, float]:
+def speed(shots: list[Shot], known: Instrument) -> dict[str, float]:
     """Measurements a second on one core, their time over that of the cv2 calls inside, and over a plain pipeline's."""
     cv2.setNumThreads(1)
-    measure(shots[0], *known)
+    measure(shots[0], known)
     totals, shares, plain = [], [], []
     for shot in shots:
         start = time.thread_time()
-        measure(shot, *known)
+        measure(shot, known)
         totals.append(time.thread_time() - start)
         spent = [0.0]
         with inside_cv2(spent):
             start = time.thread_time()
-            measure(shot, *known)
+            measure(shot, known)
             shares.append((time.thread_time() - start) / spent[0])
-        maps, matcher = known[0].maps, SGBMParams(num_disparities=160, block_size=5).matcher()
+        maps, matcher = known.rectified.maps, SGBMParams(num_disparities=160, block_size=5).matcher()
         start = time.thread_time()
         pair = [cv2.remap(i, *m, cv2.INTER_LINEAR) for i, m in zip((shot.left, shot.right), maps, strict=True)]
         matcher.compute(*(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) for image in pair))
@@ -190,7 +187,7 @@ def main() -> None:
     reasons: Counter[str] = Counter()
     silent, refused = [0, 0], 0
     for k, shot in enumerate(tqdm(shots, "measuring", unit="scene")):
-        thing = the_box(measure(shot, *known))
+        thing = the_box(measure(shot, known))
         off = errors(thing, shot)
         silent[k >= SCENES] += any(abs(pct) > 10 for pct, _ in off.values())
         if k >= SCENES:
@@ -210,7 +207,7 @@ def main() -> None:
             "median_pct": round(float(np.median(pct)), 3), "p95_pct": round(float(np.percentile(pct, 95)), 2),
             "coverage95_pct": round(100 * float((z < 1.96).mean()), 1), "measured": len(pairs),
         }  # fmt: skip
-    by_paper = np.array([paper_error_pct(shot, known[0]) for shot in tqdm(shots[:SCENES], "the paper's recipe")])
+    by_paper = np.array([paper_error_pct(shot, known.rectified) for shot in tqdm(shots[:SCENES], "the paper's recipe")])
     save(
         "dimensions",
         {

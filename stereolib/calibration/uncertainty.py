@@ -207,7 +207,7 @@ def rectified_std(rectified: RectifiedRig, covariance: Array, *, step_px: int = 
     -------
     dict
         ``f_px`` and ``baseline_mm``; ``offset_px``, by which all disparities are shifted alike: ready for
-        ``ground.Uncertainty(**...)``.
+        ``SystematicUncertainty(**...)`` of `stereolib.measurement`.
 
     Notes
     -----

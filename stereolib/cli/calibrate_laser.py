@@ -30,7 +30,7 @@ def _run(arguments: argparse.Namespace) -> int:
     import numpy as np
 
     from stereolib.calibration import calibrate_lidar_to_camera, views_from_files
-    from stereolib.measurement import save_lidar
+    from stereolib.measurement import save_laser_pose
     from stereolib.rig import StereoRig
 
     rig = StereoRig.load(arguments.calibration)
@@ -48,7 +48,7 @@ def _run(arguments: argparse.Namespace) -> int:
         )
     views = views_from_files(files[0], files[1], board, rig.left, margin_mm=arguments.margin_mm)
     pose = calibrate_lidar_to_camera(views)
-    save_lidar(arguments.calibration, pose)
+    save_laser_pose(arguments.calibration, pose)
     turn, shift = float(np.degrees(pose.std_rad).max()), float(pose.std_mm.max())
     x, y, z = pose.T_left_lidar[:3, 3]
     print(f"laser: {len(views)} poses; known to {shift:.1f} mm and {turn:.2f} degrees (one standard deviation)")

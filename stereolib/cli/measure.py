@@ -50,9 +50,7 @@ def _run(arguments: argparse.Namespace) -> int:
     pair = read_pair(arguments.left, arguments.right)
     scan = None if arguments.scan is None else laser.average(laser.turns(laser.read_recording(arguments.scan)))
     rng = np.random.default_rng(0)  # of the search for the floor: the same pair gives the same sizes
-    measured = measure_objects(
-        *pair, scan, instrument.rectified, instrument.lidar, rng=rng, uncertainty=instrument.uncertainty
-    )
+    measured = measure_objects(*pair, scan, instrument, rng=rng)
     write_atomic(picture, cv2.imencode(".png", draw_objects(measured))[1].tobytes())
     facts = measured_facts(measured) | {"picture": str(picture)}
     print(json.dumps(facts, indent=1, allow_nan=False) if arguments.json else measured_text(measured))

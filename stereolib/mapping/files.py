@@ -18,7 +18,7 @@ from stereolib.base import set_frozen, write_atomic
 from stereolib.mapping.assemble import Map
 from stereolib.mapping.occupancy import OccupancyGrid
 from stereolib.mapping.stations import Station
-from stereolib.measurement import Floor, checked_disparity, scaled_pixels
+from stereolib.measurement import Floor, check_disparity_map, pixel_rays
 
 Array = np.ndarray
 #: Colours of objects, red-green-blue: those of the figures, without the walls' grey.
@@ -129,11 +129,11 @@ def cloud(
     """
     if floor is None:
         raise ValueError("no floor was seen in this pair: nothing tells which way is up in its cloud")
-    disparity = checked_disparity(disparity_px, floor.rectified)[::step, ::step]
+    disparity = check_disparity_map(disparity_px, floor.rectified)[::step, ::step]
     if left.shape[:2] != floor.rectified.size[::-1]:
         raise ValueError(f"the image has shape {left.shape}, the disparity {disparity_px.shape}: rectify it first")
     row, column = np.nonzero(np.isfinite(disparity) & (disparity > 0))
-    rays = scaled_pixels(float(step) * column, float(step) * row, floor.rectified)
+    rays = pixel_rays(float(step) * column, float(step) * row, floor.rectified)
     depth = floor.rectified.f_px * floor.rectified.baseline_mm / disparity[row, column].astype(float)
     points = depth[:, None] * rays @ floor.axes.T + [0.0, 0.0, floor.camera_height_mm]
     near = points[:, 0] < max_mm

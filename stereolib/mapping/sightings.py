@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from stereolib.measurement import SIZES, MeasuredObject
+from stereolib.measurement import SIZE_NAMES, MeasuredObject
 
 Array = np.ndarray
 _QUARTER = np.pi / 2
@@ -318,8 +318,8 @@ def _thing(kept: Sequence[Sighting], x: Array, covariance: Array) -> MeasuredObj
         outline = x[:2] + np.array([i * along + j * across for i, j in ends])
         if shape == "face":
             outline = x[:2] + size[1] / 2 * np.array([-_unit(yaw), _unit(yaw)])
-    reasons = {name: text for s in kept for name, text in s.seen.reasons.items() if name in SIZES}
-    reasons = {name: reasons.get(name, "no station saw it") for k, name in enumerate(SIZES) if np.isnan(size[k])}
+    reasons = {name: text for s in kept for name, text in s.seen.reasons.items() if name in SIZE_NAMES}
+    reasons = {name: reasons.get(name, "no station saw it") for k, name in enumerate(SIZE_NAMES) if np.isnan(size[k])}
     return MeasuredObject(
         shape, size, S[3:, 3:], x[:2], S[:2, :2], _wrapped(yaw, np.pi) if shape != "circle" else np.nan,
         float(np.sqrt(S[2, 2])) if shape != "circle" else np.nan, outline,

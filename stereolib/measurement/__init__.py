@@ -1,7 +1,8 @@
-"""From a rectified pair, and a scan, to objects: height, length, width, volume, each with a standard deviation.
+"""From a pair of pictures, and a scan, to objects: height, length, width, volume, each with a standard deviation.
 
-The floor is found as a plane, upright faces and their edges over it, the laser's lines beside them; both are brought
-together into measured objects. What cannot be measured is refused with its reason.
+The floor is found as a plane in the disparity map, what stands on it as regions with upright faces and edges, the
+laser's lines beside them; what both sensors show of an object is brought together by its covariances. What cannot be
+measured is refused, with the reason and what to do.
 """
 
 import lazy_loader as _lazy

@@ -1,40 +1,42 @@
-from .edges import Edge, vertical_edge
-from .faces import Face, find_faces
-from .floor import Floor, checked_disparity, fit_floor, floor_from_pose, scaled_pixels
-from .height_attempt import Attempt, add_specks, attempt_height, corner_width_mm
-from .instrument import Instrument, save_lidar
+from .disparity_map import add_outliers, check_disparity_map, pixel_rays
+from .face_lines import LaserOnFloor
+from .faces import Face
+from .floor import Floor, FloorLimits, fit_floor, floor_from_pose, floor_tolerance_px
+from .height_attempt import HeightAttempt, attempt_height, corner_width_mm
+from .instrument import Instrument, save_laser_pose
 from .measure import Measurement, measure_objects
-from .measured_object import SIZES, MeasuredObject
-from .object_height import GroundHeight, Uncertainty, measure_height
+from .measured_object import SIZE_NAMES, MeasuredObject
+from .object_height import GroundHeight, SystematicUncertainty, measure_height
 from .overlay import draw_objects
-from .plane_alignment import CannotMeasure
-from .regions import Region, find_objects
+from .plane_alignment import AlignedPair, CannotMeasure
+from .regions import ObjectRegion, find_objects
 
 __all__ = [
-    "SIZES",
-    "Attempt",
+    "SIZE_NAMES",
+    "AlignedPair",
     "CannotMeasure",
-    "Edge",
     "Face",
     "Floor",
+    "FloorLimits",
     "GroundHeight",
+    "HeightAttempt",
     "Instrument",
+    "LaserOnFloor",
     "MeasuredObject",
     "Measurement",
-    "Region",
-    "Uncertainty",
-    "add_specks",
+    "ObjectRegion",
+    "SystematicUncertainty",
+    "add_outliers",
     "attempt_height",
-    "checked_disparity",
+    "check_disparity_map",
     "corner_width_mm",
     "draw_objects",
-    "find_faces",
     "find_objects",
     "fit_floor",
     "floor_from_pose",
+    "floor_tolerance_px",
     "measure_height",
     "measure_objects",
-    "save_lidar",
-    "scaled_pixels",
-    "vertical_edge",
+    "pixel_rays",
+    "save_laser_pose",
 ]

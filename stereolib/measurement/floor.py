@@ -7,12 +7,44 @@ from functools import cached_property
 
 import numpy as np
 
-from stereolib.base import finite_array, set_frozen
+from stereolib.base import Bools, Float64, Floats, finite_array, set_frozen
+from stereolib.measurement.disparity_map import check_disparity_map, pixel_rays
 from stereolib.measurement.plane_alignment import AlignedPair, CannotMeasure, align, cell_of, clustered_covariance
 from stereolib.rig import RectifiedRig
 
-Array = np.ndarray
 _STEP = 7  # every seventh pixel, every seventh row
+_TRIALS = (300, 1800)  # planes tried, and tried again where none was a floor: a small floor needs more luck
+_LEAST_SUPPORT = 0.02  # share of the image that must show the floor
+_LEAST_PIXELS = 50  # of the sparse ones
+_REACHES = (2.0, 1.5, 1.5)  # Tukey's weights end at so many tolerances, from step to step of the refinement
+_UNDER = 3.0  # a pixel so many tolerances under a plane lies below it, where nothing is
+_MOST_UNDER = 0.3  # of the pixels that support a floor; more below it, and it is none
+_VOTERS = 400  # pixels that vote on each plane
+_LOWER, _LOWEST = 0.5, 0.85  # pixels come row by row and floors are low: corners are drawn below these shares
+_TRIANGLE = 1e-3  # least area of the three corners, in rays: flatter ones carry no plane
+_NO_FLOOR = (
+    "{} of the image fits a plane below the camera. Tilt the camera down or step back, see that "
+    "the floor has texture and the pictures are of one moment, left one first; in Python, floor_from_pose gives a floor"
+)
+
+
+@dataclass(frozen=True)
+class FloorLimits:
+    """How a camera may stand over a floor; tells floors from walls and ceilings.
+
+    Attributes
+    ----------
+    tilt_rad : float
+        How steeply it may look up or down.
+    roll_rad : float
+        How far it may lean aside.
+    camera_height_mm : float
+        How high it may stand.
+    """
+
+    tilt_rad: float = float(np.deg2rad(50.0))
+    roll_rad: float = float(np.deg2rad(15.0))
+    camera_height_mm: float = 1000.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,8 +58,6 @@ class Floor:
         px per px, px per px, px.
     covariance : (3, 3) float64
         Of `plane`; what the scatter of the disparities leaves open, without any common error.
-    support : float
-        Share of the image's pixels that lie on it, 0..1 (NaN if it was not fitted).
 
     Notes
     -----
@@ -36,9 +66,8 @@ class Floor:
     """
 
     rectified: RectifiedRig
-    plane: Array
-    covariance: Array
-    support: float = np.nan
+    plane: Float64
+    covariance: Float64
 
     def __post_init__(self) -> None:
         set_frozen(self, plane=finite_array(self.plane, (3,), "plane"))
@@ -47,8 +76,9 @@ class Floor:
             raise ValueError(f"the floor must lie below the camera; the plane {self.plane} has it above")
 
     @cached_property
-    def _n(self) -> Array:
-        return self.rectified.P1[:, :3].T @ self.plane / (self.rectified.f_px * self.rectified.baseline_mm)
+    def _n(self) -> Float64:
+        n: Float64 = self.rectified.P1[:, :3].T @ self.plane / (self.rectified.f_px * self.rectified.baseline_mm)
+        return n
 
     @cached_property
     def camera_height_mm(self) -> float:
@@ -56,9 +86,9 @@ class Floor:
         return float(1 / np.linalg.norm(self._n))
 
     @cached_property
-    def down(self) -> Array:
+    def down(self) -> Float64:
         """Unit vector straight down, in the rectified left camera's frame. (3,)."""
-        return self._n / np.linalg.norm(self._n)
+        return np.asarray(self._n / np.linalg.norm(self._n))
 
     @property
     def pitch_rad(self) -> float:
@@ -71,7 +101,7 @@ class Floor:
         return float(np.arctan2(self.down[0], self.down[1]))
 
     @cached_property
-    def axes(self) -> Array:
+    def axes(self) -> Float64:
         """World axes forward, left, up as rows, in the rectified left camera's frame. (3, 3).
 
         Forward is the optical axis laid flat on the floor.
@@ -81,20 +111,68 @@ class Floor:
         return np.stack([forward, np.cross(forward, self.down), -self.down])
 
     @cached_property
-    def along(self) -> Array:
+    def along(self) -> Float64:
         """Rows that give, of a pixel's (u, v, 1), how far its ray goes forward and left per unit of depth. (2, 3)."""
         return np.asarray(self.axes[:2] @ np.linalg.inv(self.rectified.P1[:, :3]))
 
-    def disparity(self, u: Array, v: Array) -> Array:
-        """Disparity of the floor at pixels, px; zero and less at and above the horizon."""
-        return self.plane[0] * u + self.plane[1] * v + self.plane[2]
+    def disparity(self, u: Floats | float, v: Floats | float) -> Floats:
+        """Disparity of the floor at pixels, px; zero and less at and above the horizon.
 
-    def height_mm(self, u: Array, v: Array, disparity_px: Array) -> Array:
-        """Height above the floor of what pixels show, ``(1 - d_floor / d) / |n|``, mm."""
-        return self.camera_height_mm * (1 - self.disparity(u, v) / disparity_px)
+        Parameters
+        ----------
+        u, v : float or arrays of one shape, px
+            Columns and rows of the rectified left image.
 
-    def pixels(self, points_mm: Array) -> Array:
-        """Pixels (N, 2) of the rectified left image of points (N, 3): forward, left, up from below the camera, mm."""
+        Returns
+        -------
+        array like `u` and `v`, px
+        """
+        disparity_px: Floats = self.plane[0] * u + self.plane[1] * v + self.plane[2]
+        return disparity_px
+
+    def height_mm(self, u: Float64, v: Float64, disparity_px: Floats) -> Floats:
+        """Height above the floor of what pixels show, ``(1 - d_floor / d) / |n|``.
+
+        Parameters
+        ----------
+        u, v : (N,) float64, px
+            Columns and rows of the rectified left image.
+        disparity_px : (N,) float, px
+
+        Returns
+        -------
+        (N,) float64, mm
+        """
+        return np.asarray(self.camera_height_mm * (1 - self.disparity(u, v) / disparity_px))
+
+    def rays(self, u: Float64, v: Float64) -> Float64:
+        """How far the rays of pixels go forward and left along the floor per unit of depth.
+
+        Parameters
+        ----------
+        u, v : (N,) float64, px
+            Columns and rows of the rectified left image.
+
+        Returns
+        -------
+        (2, N) float64
+        """
+        of_u, of_v, constant = self.along.T[..., None]
+        return np.asarray(of_u * u + of_v * v + constant)
+
+    def pixels(self, points_mm: Floats) -> Float64:
+        """Project points into the rectified left image.
+
+        Parameters
+        ----------
+        points_mm : (N, 3) float, mm
+            Forward, left, up from below the camera.
+
+        Returns
+        -------
+        (N, 2) float64, px
+            NaN for what lies behind the camera.
+        """
         ray = (np.asarray(points_mm, float) - [0.0, 0.0, self.camera_height_mm]) @ self.axes
         ahead = np.where(ray[:, 2:] > 0, ray[:, 2:], np.nan)
         return np.asarray(ray[:, :2] / ahead * self.rectified.f_px + self.rectified.P1[:2, 2])
@@ -102,7 +180,7 @@ class Floor:
 
 def floor_from_pose(
     rectified: RectifiedRig,
-    T_left_world: Array,
+    T_left_world: Float64,
     *,
     height_std_mm: float = 0.0,
     pitch_std_rad: float = 0.0,
@@ -113,10 +191,27 @@ def floor_from_pose(
     Parameters
     ----------
     rectified : RectifiedRig
-    T_left_world : (4, 4) array
-        World z = 0 is the floor.
+    T_left_world : (4, 4) float64
+        The left camera's extrinsic matrix; world z = 0 is the floor.
     height_std_mm, pitch_std_rad, roll_std_rad : float
-        How well the pose is known.
+        How well the pose is known: standard deviations.
+
+    Returns
+    -------
+    Floor
+
+    Raises
+    ------
+    ValueError
+        If the camera stands below the floor.
+
+    Examples
+    --------
+    >>> from stereolib.paper import paper_rig, rig_pose
+    >>> rig = paper_rig().rectify()
+    >>> floor = floor_from_pose(rig, rig_pose(rig, pitch_rad=-0.2, camera_height_mm=400.0))
+    >>> round(floor.camera_height_mm, 6), round(floor.pitch_rad, 6)
+    (400.0, -0.2)
     """
     down = -(rectified.R1 @ T_left_world[:3, 2])
     origin = T_left_world[:3, :3].T @ T_left_world[:3, 3]
@@ -128,29 +223,24 @@ def floor_from_pose(
     right = np.array([1.0, 0.0, 0.0]) - down[0] * down
     right /= np.linalg.norm(right)
     ahead = np.cross(right, down)
-    columns = to_plane @ np.stack(
-        [down * (height_std_mm / height), ahead * pitch_std_rad, right * roll_std_rad], axis=1
-    )
+    turns = [down * (height_std_mm / height), ahead * pitch_std_rad, right * roll_std_rad]
+    columns = to_plane @ np.stack(turns, axis=1)
     return Floor(rectified, to_plane @ down, columns @ columns.T)
 
 
 def fit_floor(
-    disparity_px: Array,
+    disparity_px: Floats,
     rectified: RectifiedRig,
     *,
     rng: np.random.Generator,
     pair: AlignedPair | None = None,
-    max_tilt_rad: float = np.deg2rad(50.0),
-    max_roll_rad: float = np.deg2rad(15.0),
-    max_camera_height_mm: float = 1000.0,
-    least_support: float = 0.02,
-    trials: int = 300,
+    limits: FloorLimits | None = None,
 ) -> Floor:
     """Find the floor in a disparity map.
 
     Planes through three random pixels compete (RANSAC): a pixel near a plane counts for it, one that would lie under
     it counts against it, as nothing lies under a floor. The best is refined by least squares with Tukey's weights and,
-    if the pictures are given, by aligning them (`stereolib.alignment.align`).
+    if the pictures are given, by aligning them over it.
 
     Parameters
     ----------
@@ -162,44 +252,67 @@ def fit_floor(
     pair : AlignedPair, optional
         The rectified pictures. On a floor seen at a grazing angle block matching errs by a pixel and more, always to
         the same side; alignment does not.
-    max_tilt_rad, max_roll_rad, max_camera_height_mm : float
-        How steeply the camera may look up or down, lean aside, and how high it may stand; tells floors from walls.
-    least_support : float
-        Share of the image that must show the floor.
-    trials : int
-        Planes tried.
+    limits : FloorLimits, optional
+        How the camera may stand; by default `FloorLimits()`.
+
+    Returns
+    -------
+    Floor
 
     Raises
     ------
     ValueError
         If the map does not fit the rig.
     CannotMeasure
-        If no floor is visible.
+        "no floor", if none is visible.
+
+    References
+    ----------
+    Fischler, Bolles: Random sample consensus. Commun. ACM 24 (1981), doi:10.1145/358669.358692.
+
+    Examples
+    --------
+    >>> from stereolib.paper import paper_rig, rig_pose
+    >>> rig = paper_rig().rectify()
+    >>> truth = floor_from_pose(rig, rig_pose(rig, pitch_rad=-0.2, camera_height_mm=400.0))
+    >>> disparity = truth.disparity(*np.meshgrid(np.arange(640.0), np.arange(480.0)))
+    >>> floor = fit_floor(disparity, rig, rng=np.random.default_rng(0))
+    >>> round(floor.camera_height_mm, 3), round(floor.pitch_rad, 6)
+    (400.0, -0.2)
     """
-    disparity = checked_disparity(disparity_px, rectified)
-    height, width = disparity.shape
+    disparity = check_disparity_map(disparity_px, rectified)
     sparse = disparity[::_STEP, ::_STEP]
     row, column = np.nonzero(np.isfinite(sparse))
     d = sparse[row, column].astype(float)
-    u, v = float(_STEP) * column, float(_STEP) * row
-    x = scaled_pixels(u, v, rectified)
-    limits = (max_tilt_rad, max_roll_rad, max_camera_height_mm)
-    least = max(50, int(least_support * height * width / _STEP**2))
+    u, v = _STEP * column.astype(float), _STEP * row.astype(float)
+    search = _Search(u, v, d, pixel_rays(u, v, rectified), rectified, limits or FloorLimits())
     try:
-        return _fit(x, d, u, v, rectified, limits, least, trials, rng, pair)
-    except CannotMeasure:  # a small floor may need more luck
-        return _fit(x, d, u, v, rectified, limits, least, 6 * trials, rng, pair)
+        return _fit(search, _TRIALS[0], rng, pair)
+    except CannotMeasure:
+        return _fit(search, _TRIALS[1], rng, pair)
 
 
-def _fit(
-    x: Array, d: Array, u: Array, v: Array, rectified: RectifiedRig, limits: tuple[float, float, float], least: int,
-    trials: int, rng: np.random.Generator, pair: AlignedPair | None,
-) -> Floor:  # fmt: skip
+@dataclass(frozen=True, eq=False)
+class _Search:
+    """Pixels u, v with their disparities d, (N,) each, and their rays (N, 3), row by row, and how a floor may lie."""
+
+    u: Float64
+    v: Float64
+    d: Float64
+    rays: Float64
+    rectified: RectifiedRig
+    limits: FloorLimits
+
+
+def _fit(search: _Search, trials: int, rng: np.random.Generator, pair: AlignedPair | None) -> Floor:
     """The best plane of some trials, refined; CannotMeasure if it is not a floor."""
-    share_of_one = _STEP**2 / (rectified.size[0] * rectified.size[1])
-    plane = _ransac(x, d, rectified, limits, trials, rng) if len(d) > 50 else None
-    tolerance = _tolerance_px(d)
-    for reach in (2.0, 1.5, 1.5):
+    x, d, rectified = search.rays, search.d, search.rectified
+    width, height = rectified.size
+    share_of_one = _STEP**2 / (width * height)
+    least = max(_LEAST_PIXELS, int(_LEAST_SUPPORT * height * width / _STEP**2))
+    plane = _ransac(search, trials, rng) if len(d) > _LEAST_PIXELS else None
+    tolerance = floor_tolerance_px(d)
+    for reach in _REACHES:
         off = np.inf if plane is None else (d - x @ plane) / (reach * tolerance)
         weight = np.maximum(1 - off**2, 0) ** 2
         count = np.count_nonzero(weight)
@@ -209,79 +322,68 @@ def _fit(
         plane = np.linalg.solve(root.T @ x, root.T @ d)
     assert plane is not None
     if pair is None:
-        covariance = clustered_covariance(x, d - x @ plane, weight, cell_of(u, v))
+        covariance = clustered_covariance(x, d - x @ plane, weight, cell_of(search.u, search.v))
     else:
         near = weight > 0
-        fit = align(pair, u[near], v[near], x[near], plane)
+        fit = align(pair, search.u[near], search.v[near], x[near], plane)
         plane, covariance = fit.parameters, fit.covariance
     expected = x @ plane
-    under = np.count_nonzero((d < expected - 3 * tolerance) & (expected > 0))
-    if not _plausible(plane[None], rectified, limits)[0] or under > 0.3 * count:
+    under = np.count_nonzero((d < expected - _UNDER * tolerance) & (expected > 0))
+    if not _plausible(plane[None], search)[0] or under > _MOST_UNDER * count:
         raise CannotMeasure("no floor", _NO_FLOOR.format("no large part"))
-    back = scaled_pixels(np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0]), rectified)
-    back = np.stack([back[0] - back[2], back[1] - back[2], back[2]])  # planes per scaled pixel -> per pixel
-    return Floor(rectified, back @ plane, back @ covariance @ back.T, count * share_of_one)
+    back = pixel_rays(np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0]), rectified)
+    back = np.stack([back[0] - back[2], back[1] - back[2], back[2]])  # planes per ray -> per pixel
+    return Floor(rectified, back @ plane, back @ covariance @ back.T)
 
 
-def scaled_pixels(u: Array, v: Array, rectified: RectifiedRig) -> Array:
-    """Rows ``((u - cx) / f, (v - cy) / f, 1)``: the rays of pixels, (N, 3)."""
-    f, (cx, cy) = rectified.f_px, rectified.P1[:2, 2]
-    return np.stack([(u - cx) / f, (v - cy) / f, np.ones(len(u))]).T
+def floor_tolerance_px(disparity_px: Floats) -> Floats:
+    """How far a pixel of a floor may lie off its plane: block matching errs more where a floor comes near.
+
+    Parameters
+    ----------
+    disparity_px : array, px
+
+    Returns
+    -------
+    array of the same shape, px
+
+    Examples
+    --------
+    >>> floor_tolerance_px(np.array([0.0, 100.0]))
+    array([0.4, 1.9])
+    """
+    return np.asarray(0.4 + 0.015 * disparity_px)
 
 
-def _tolerance_px(d: Array) -> Array:
-    """How far a disparity may lie off its plane: block matching errs more where a floor comes near. px."""
-    return 0.4 + 0.015 * d
-
-
-_NO_FLOOR = (
-    "{} of the image fits a plane below the camera. Tilt the camera down or step back, see that "
-    "the floor has texture and the pictures are of one moment, left one first; in Python, floor_from_pose gives a floor"
-)
-
-
-def checked_disparity(disparity_px: Array, rectified: RectifiedRig) -> Array:
-    """The map itself, if it is (H, W) floats of the rig's size; ValueError if not."""
-    disparity = np.asarray(disparity_px)
-    if disparity.shape != rectified.size[::-1]:
-        raise ValueError(
-            f"the disparity map has shape {disparity.shape}, the calibration is for images of "
-            f"{rectified.size[0]}x{rectified.size[1]}: use a map of that size or calibrate again"
-        )
-    if disparity.dtype.kind != "f":
-        raise ValueError(f"the disparity is {disparity.dtype}: give float pixels with NaN for invalid ones")
-    return disparity
-
-
-def _plausible(planes: Array, rectified: RectifiedRig, limits: tuple[float, float, float]) -> Array:
+def _plausible(planes: Float64, search: _Search) -> Bools:
     """Which planes (N, 3), per ray, may be a floor: below, not too steep, not too far. (N,) bool."""
+    rectified, limits = search.rectified, search.limits
     size = np.maximum(np.linalg.norm(planes, axis=1), 1e-9)
     down = planes / size[:, None]
-    allowed = (down[:, 1] > 0) & (np.abs(np.arcsin(down[:, 2])) < limits[0])
-    allowed &= np.abs(np.arctan2(down[:, 0], down[:, 1])) < limits[1]
-    return np.asarray(allowed & (rectified.f_px * rectified.baseline_mm / size < limits[2]))
+    allowed = (down[:, 1] > 0) & (np.abs(np.arcsin(down[:, 2])) < limits.tilt_rad)
+    allowed &= np.abs(np.arctan2(down[:, 0], down[:, 1])) < limits.roll_rad
+    return np.asarray(allowed & (rectified.f_px * rectified.baseline_mm / size < limits.camera_height_mm))
 
 
-def _ransac(
-    x: Array, d: Array, rectified: RectifiedRig, limits: tuple[float, float, float], trials: int,
-    rng: np.random.Generator,
-) -> Array | None:  # fmt: skip
-    """Best plane (3,) for the rays x (N, 3) and disparities d (N,), row by row of the picture, or None."""
-    some = rng.integers(len(d), size=400)
-    low, lowest = len(d) // 2, int(0.85 * len(d))  # the pixels come row by row, and floors are low
+def _ransac(search: _Search, trials: int, rng: np.random.Generator) -> Float64 | None:
+    """Best plane (3,), per ray, of some trials, or None."""
+    x, d = search.rays, search.d
+    some = rng.integers(len(d), size=_VOTERS)
+    low, lowest = int(_LOWER * len(d)), int(_LOWEST * len(d))
     first = np.array([[low, low, low], [lowest, lowest, low], [lowest, low, 0]]).repeat(trials // 3 + 1, axis=0)
     corners, xyd = rng.integers(first, len(d)).T, np.stack([x[:, 0], x[:, 1], d])
     x0, y0, d0 = start = xyd[:, corners[0]]
     (x1, y1, d1), (x2, y2, d2) = (xyd[:, k] - start for k in corners[1:])
     area = x1 * y2 - x2 * y1
-    area[np.abs(area) < 1e-3] = np.nan
+    area[np.abs(area) < _TRIANGLE] = np.nan
     a, b = (d1 * y2 - d2 * y1) / area, (x1 * d2 - x2 * d1) / area
     planes = np.stack([a, b, d0 - a * x0 - b * y0]).T
-    planes = planes[_plausible(planes, rectified, limits)]
+    planes = planes[_plausible(planes, search)]
     if not len(planes):
         return None
     voters = d[some].astype(np.float32)
     expected = planes.astype(np.float32) @ x[some].T.astype(np.float32)
-    off = (voters - expected) / _tolerance_px(voters)
-    on, under = np.abs(off) < 1, (off < -3) & (expected > 0)
-    return planes[(on @ voters - under @ voters).argmax()]
+    off = (voters - expected) / floor_tolerance_px(voters)
+    on, under = np.abs(off) < 1, (off < -_UNDER) & (expected > 0)
+    best: Float64 = planes[(on @ voters - under @ voters).argmax()]
+    return best

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from stereolib.base import write_atomic
+from stereolib.base import read_json, write_atomic
 from stereolib.calibration import LidarCamera
-from stereolib.measurement.object_height import Uncertainty
+from stereolib.measurement.object_height import SystematicUncertainty
 from stereolib.rig import RectifiedRig, StereoRig
+
+_ROTATION_TOLERANCE = 1e-6  # of R R', for which a file's digits are enough
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,29 +27,37 @@ class Instrument:
     ----------
     rectified : RectifiedRig
     lidar : LidarCamera or None
-        None where the file has none.
-    uncertainty : Uncertainty
-        That of the calibration, where the file tells it.
+        Where the laser stands to the left camera; None: nobody knows, and it is taken to stand straight below the
+        camera, within 10 mm and one degree.
+    uncertainty : SystematicUncertainty
+        That of the calibration, where it is known.
     """
 
     rectified: RectifiedRig
-    lidar: LidarCamera | None
-    uncertainty: Uncertainty
+    lidar: LidarCamera | None = None
+    uncertainty: SystematicUncertainty = field(default_factory=SystematicUncertainty)
 
     @classmethod
     def load(cls, path: str | PathLike[str]) -> Instrument:
         """Read ``calibration.json``, as ``stereolib calibrate`` and ``calibrate-laser`` write it.
+
+        Parameters
+        ----------
+        path : path
+
+        Returns
+        -------
+        Instrument
 
         Raises
         ------
         ValueError
             If it is no rig file, or what it says of the laser or the deviations cannot be used.
         """
-        rig = StereoRig.load(path)
-        text: Mapping[str, Any] = json.loads(Path(path).read_text(encoding="utf-8"))
+        rig, text = _read_rig(path)
         try:
             known = text.get("calibration", {}).get("std", {}).get("rectified", {})
-            uncertainty = Uncertainty(**{name: float(known[name]) for name in sorted(known)})
+            uncertainty = SystematicUncertainty(**{name: float(known[name]) for name in sorted(known)})
             laser = text.get("lidar")
             lidar = None if laser is None else _lidar(laser["T_left_lidar"], laser["covariance"])
         except (ValueError, LookupError, TypeError, AttributeError) as error:
@@ -55,24 +65,42 @@ class Instrument:
         return cls(rig.rectify(), lidar, uncertainty)
 
 
-def save_lidar(path: str | PathLike[str], lidar: LidarCamera) -> Path:
+def save_laser_pose(path: str | PathLike[str], lidar: LidarCamera) -> Path:
     """Write the laser's pose into a rig file; all else in it stays.
+
+    Parameters
+    ----------
+    path : path
+        Of a rig file, as ``stereolib calibrate`` writes it.
+    lidar : LidarCamera
+
+    Returns
+    -------
+    Path
+        Where it was written.
 
     Raises
     ------
     ValueError
         If the file is no rig file.
+    OSError
+        If it cannot be written.
     """
-    StereoRig.load(path)
-    rig = json.loads(Path(path).read_text(encoding="utf-8"))
+    rig = dict(_read_rig(path)[1])
     rig["lidar"] = {"T_left_lidar": lidar.T_left_lidar.tolist(), "covariance": lidar.covariance.tolist()}
     return write_atomic(path, json.dumps(rig, indent=1, allow_nan=False) + "\n")
+
+
+def _read_rig(path: str | PathLike[str]) -> tuple[StereoRig, Mapping[str, Any]]:
+    """The rig of a file, checked, and all that the file says."""
+    return StereoRig.load(path), read_json(path)
 
 
 def _lidar(pose: Any, covariance: Any) -> LidarCamera:
     T, C = np.array(pose, float), np.array(covariance, float)
     turn = T[:3, :3] if T.shape == (4, 4) else np.zeros((3, 3))
-    if C.shape != (6, 6) or not np.isfinite(C).all() or not np.allclose(turn @ turn.T, np.eye(3), atol=1e-6):
+    is_rotation = np.allclose(turn @ turn.T, np.eye(3), atol=_ROTATION_TOLERANCE)
+    if C.shape != (6, 6) or not np.isfinite(C).all() or not is_rotation:
         raise ValueError(f"T_left_lidar must be a (4, 4) pose and covariance (6, 6), got {T.shape} and {C.shape}")
     std = np.sqrt(np.diag(C))
-    return LidarCamera(T, std[:3], std[3:], C, np.zeros(0))
+    return LidarCamera(T, std_rad=std[:3], std_mm=std[3:], covariance=C, view_misses=np.zeros(0))

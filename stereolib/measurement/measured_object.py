@@ -10,15 +10,19 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from stereolib.base import Float64, direction, wrap_rad
 from stereolib.laser import Footprint
 from stereolib.measurement.face_lines import LaserOnFloor
 from stereolib.measurement.fusion import Fused, corners_mm
-from stereolib.measurement.regions import Region
+from stereolib.measurement.regions import ObjectRegion
 
-Array = np.ndarray
-SIZES = ("length", "width", "height")
+#: What `MeasuredObject.size_mm` holds, in its order.
+SIZE_NAMES = ("length", "width", "height")
+_WORST_STD = 0.05  # share of a side: one whose standard deviation is larger is not reported
 _TOO_FLAT = np.radians(8)  # a side that is seen under a flatter angle is not reported
+_CIRCLE_CORNERS = 24
 _ONE_FACE = "only one face is seen, its depth is hidden: turn the object or move the rig to see a corner"
+_HIDDEN = "an end is hidden by something nearer or lies outside the picture"
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,18 +54,18 @@ class MeasuredObject:
     """
 
     shape: str
-    size_mm: Array
-    covariance: Array
-    position_mm: Array
-    position_covariance: Array
+    size_mm: Float64
+    covariance: Float64
+    position_mm: Float64
+    position_covariance: Float64
     yaw_rad: float
     yaw_std_rad: float
-    outline_mm: Array
+    outline_mm: Float64
     sources: dict[str, str] = field(default_factory=dict)
     reasons: dict[str, str] = field(default_factory=dict)
 
     @property
-    def std_mm(self) -> Array:
+    def std_mm(self) -> Float64:
         """Standard deviations of `size_mm`, (3,)."""
         return np.sqrt(np.diag(self.covariance))
 
@@ -85,14 +89,19 @@ class MeasuredObject:
             gradient = np.array([2 * height + width, 2 * height + length, 2 * (length + width)])
         return float(area) / 1e6, self._std(gradient) / 1e6
 
-    def _std(self, gradient: Array) -> float:
+    def _std(self, gradient: Float64) -> float:
         return float(np.sqrt(gradient @ self.covariance @ gradient))
 
 
 def from_faces(
-    fused: Fused, height: tuple[float, float], reasons: dict[str, str], scale_std: float, *, worst_std: float = 0.05
+    fused: Fused,
+    height: tuple[float, float],
+    reasons: dict[str, str],
+    scale_std: float,
+    *,
+    worst_std: float = _WORST_STD,
 ) -> MeasuredObject:
-    """A box or a face from its lines and ends, through their covariance.
+    """Make a box or a face of its lines and ends, through their covariance.
 
     Parameters
     ----------
@@ -105,27 +114,23 @@ def from_faces(
         Relative standard deviation that all lengths of the calibration share.
     worst_std : float
         A side whose standard deviation is a larger share of it is not reported.
+
+    Returns
+    -------
+    MeasuredObject
     """
     n = 2 if fused.two else 1
-
-    def values(x: Array) -> Array:
-        p = corners_mm(x)
-        sides = np.hypot(*(p[:, 1:] - p[:, :-1]).T).T
-        middles = (p[:, 1:] + p[:, :-1]) / 2
-        return np.hstack([sides, (p[:, 0] + p[:, -1]) / 2, middles.reshape(len(x), -1), x[:, :1]])
-
-    at, C = fused.propagate(values)
+    at, C = fused.propagate(_sides_and_places)
     C[:n, :n] += scale_std**2 * np.outer(at[:n], at[:n])
     std, flat = np.sqrt(np.diag(C)), np.arcsin(np.cos(fused.x[3 : 3 + n] - fused.x[0] + np.arange(n) * np.pi / 2))
     refused = {}
     for k in range(n):
         if any(fused.hidden if n == 1 else fused.hidden[k : k + 1]):
-            refused[k] = "an end is hidden by something nearer or lies outside the picture"
+            refused[k] = _HIDDEN
         elif flat[k] < _TOO_FLAT or std[k] > worst_std * at[k]:
-            seen = (
-                f"seen too flat, at {np.degrees(flat[k]):.0f} degrees" if flat[k] < 2 * _TOO_FLAT else "too uncertain"
-            )
-            refused[k] = f"{seen}: {at[k]:.0f} ± {std[k]:.0f} mm; turn the object or move the rig"
+            is_flat = flat[k] < 2 * _TOO_FLAT
+            why = f"seen too flat, at {np.degrees(flat[k]):.0f} degrees" if is_flat else "too uncertain"
+            refused[k] = f"{why}: {at[k]:.0f} ± {std[k]:.0f} mm; turn the object or move the rig"
     kept = [k for k in range(n) if k not in refused]
     kept.sort(key=lambda k: -at[k])
     p, whole = corners_mm(fused.x), n == 2 and len(kept) == 2
@@ -133,51 +138,118 @@ def from_faces(
         reasons = {**reasons, "length": _ONE_FACE}
     for k, why in refused.items():
         reasons = {**reasons, ("length" if n == 2 and len(refused) < 2 else ("width", "length")[k]): why}
-    slots = (0, 1) if whole else (1,)
-    size, covariance = np.array([np.nan, np.nan, height[0]]), np.full((3, 3), np.nan)
-    known = list(slots[: len(kept)])
+    size, covariance = _with_height(height)
+    known = [0, 1] if whole else [1][: len(kept)]
     size[known] = at[kept]
     covariance[np.ix_(known, known)] = C[np.ix_(kept, kept)]
-    covariance[2, 2] = height[1] ** 2
     covariance[2, known] = covariance[known, 2] = 0.0 * height[1]
     side = kept[0] if kept else 0
     place = slice(n, n + 2) if whole else slice(n + 2 + 2 * side, n + 4 + 2 * side)
-    yaw = (fused.x[0] + (1 - side) * np.pi / 2 + np.pi / 2) % np.pi - np.pi / 2
-    outline = np.array([p[1], p[0], p[0] + p[2] - p[1], p[2]]) if whole else p[side : side + 2]
     return MeasuredObject(
-        "box" if whole else "face", size, covariance, at[place], C[place, place], float(yaw), float(std[-1]), outline,
-        {**fused.sources, **({"height": "image"} if np.isfinite(height[0]) else {})}, reasons,
-    )  # fmt: skip
+        shape="box" if whole else "face",
+        size_mm=size,
+        covariance=covariance,
+        position_mm=at[place],
+        position_covariance=C[place, place],
+        yaw_rad=float(wrap_rad(fused.x[0] + (1 - side) * np.pi / 2, np.pi)),
+        yaw_std_rad=float(std[-1]),
+        outline_mm=np.array([p[1], p[0], p[0] + p[2] - p[1], p[2]]) if whole else p[side : side + 2],
+        sources={**fused.sources, **_height_source(height)},
+        reasons=reasons,
+    )
+
+
+def _sides_and_places(x: Float64) -> Float64:
+    """Of `Fused.x` (K, 5): lengths of n sides, the outline's middle, each side's middle, the angle. (K, 3 + 3 n)."""
+    p = corners_mm(x)
+    sides = np.hypot(*(p[:, 1:] - p[:, :-1]).T).T
+    middles = (p[:, 1:] + p[:, :-1]) / 2
+    return np.hstack([sides, (p[:, 0] + p[:, -1]) / 2, middles.reshape(len(x), -1), x[:, :1]])
 
 
 def from_scan(
-    footprint: Footprint | None, region: Region | None, laser: LaserOnFloor, height: tuple[float, float],
-    reasons: dict[str, str], *, worst_std: float = 0.05,
-) -> MeasuredObject:  # fmt: skip
-    """Round and irregular outlines, and what shows no straight face: as the scan has it; `height` is (mm, std)."""
-    covariance, size = np.full((3, 3), np.nan), np.array([np.nan, np.nan, height[0]])
-    covariance[2, 2] = height[1] ** 2
-    if footprint is None:
-        assert region is not None
-        why = "no straight face was found"
-        place = np.array(region.position_mm)
-        reasons = {**reasons, "length": why, "width": why}
-        return MeasuredObject(
-            "irregular", size, covariance, place, np.full((2, 2), np.nan), np.nan, np.nan, place[None], {}, reasons
-        )
+    footprint: Footprint, laser: LaserOnFloor, height: tuple[float, float], reasons: dict[str, str]
+) -> MeasuredObject:
+    """Make an object of what has no straight face in the scan: a circle where it is one, else an irregular outline.
+
+    Parameters
+    ----------
+    footprint : Footprint
+    laser : LaserOnFloor
+    height : (mm, standard deviation)
+        NaN if unknown.
+    reasons : dict
+        Why something is unknown, so far.
+
+    Returns
+    -------
+    MeasuredObject
+    """
+    size, covariance = _with_height(height)
     centre, spread = laser.points_mm(footprint.centre_mm), np.full((2, 2), np.nan)
     outline = laser.points_mm(footprint.segment.points_mm)
     round_std = footprint.length_std_mm if footprint.shape == "circle" else np.nan
-    if round_std < worst_std * footprint.length_mm:
+    is_circle = bool(round_std < _WORST_STD * footprint.length_mm)
+    if is_circle:
         size[:2] = footprint.length_mm
         covariance[:2, :2] = footprint.length_std_mm**2
         covariance[2, :2] = covariance[:2, 2] = 0.0 if np.isfinite(height[0]) else np.nan
         spread = laser.R @ np.diag(footprint.centre_std_mm**2) @ laser.R.T + laser.covariance[:2, :2]
-        angles = np.linspace(0, 2 * np.pi, 24, endpoint=False)
-        outline = centre + footprint.length_mm / 2 * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+        angles = np.linspace(0, 2 * np.pi, _CIRCLE_CORNERS, endpoint=False)
+        outline = centre + footprint.length_mm / 2 * direction(angles)
     else:
         why = footprint.reason or f"too uncertain: round, {footprint.length_mm:.0f} ± {round_std:.0f} mm"
         reasons = {**reasons, "length": why, "width": why}
-    sources = {"lines": "scan", **({"height": "image"} if np.isfinite(height[0]) else {})}
-    shape = "circle" if np.isfinite(size[0]) else "irregular"
-    return MeasuredObject(shape, size, covariance, centre, spread, np.nan, np.nan, outline, sources, reasons)
+    return MeasuredObject(
+        shape="circle" if is_circle else "irregular",
+        size_mm=size,
+        covariance=covariance,
+        position_mm=centre,
+        position_covariance=spread,
+        yaw_rad=np.nan,
+        yaw_std_rad=np.nan,
+        outline_mm=outline,
+        sources={"lines": "scan", **_height_source(height)},
+        reasons=reasons,
+    )
+
+
+def from_region(region: ObjectRegion, height: tuple[float, float], reasons: dict[str, str]) -> MeasuredObject:
+    """Make an object of what the picture shows without a straight face: its place, and a height where there is one.
+
+    Parameters
+    ----------
+    region : ObjectRegion
+    height : (mm, standard deviation)
+        NaN if unknown.
+    reasons : dict
+        Why something is unknown, so far.
+
+    Returns
+    -------
+    MeasuredObject
+    """
+    size, covariance = _with_height(height)
+    place, why = np.array(region.position_mm), "no straight face was found"
+    return MeasuredObject(
+        shape="irregular",
+        size_mm=size,
+        covariance=covariance,
+        position_mm=place,
+        position_covariance=np.full((2, 2), np.nan),
+        yaw_rad=np.nan,
+        yaw_std_rad=np.nan,
+        outline_mm=place[None],
+        reasons={**reasons, "length": why, "width": why},
+    )
+
+
+def _with_height(height: tuple[float, float]) -> tuple[Float64, Float64]:
+    """Sizes (3,) and their covariance (3, 3) with the height alone known."""
+    covariance = np.full((3, 3), np.nan)
+    covariance[2, 2] = height[1] ** 2
+    return np.array([np.nan, np.nan, height[0]]), covariance
+
+
+def _height_source(height: tuple[float, float]) -> dict[str, str]:
+    return {"height": "image"} if np.isfinite(height[0]) else {}

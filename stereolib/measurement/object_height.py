@@ -10,31 +10,36 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stereolib.measurement.edges import locate_edge
+from stereolib.base import Float64
+from stereolib.measurement.edges import STEP_PX, EdgePrior, ParallelLines, locate_edge
 from stereolib.measurement.faces import Face, find_faces
-from stereolib.measurement.floor import Floor, fit_floor
+from stereolib.measurement.floor import Floor
 from stereolib.measurement.plane_alignment import AlignedPair, CannotMeasure, median
-from stereolib.measurement.regions import STEP, Region, find_objects, rays
-from stereolib.rig import RectifiedRig, to_light
+from stereolib.measurement.regions import STEP, ObjectRegion
 
-Array = np.ndarray
 _LEAST_CONTRAST = 1.15  # an edge against the lines around it
+_LEAST_SHARE = 1 / 3  # of the faces' pixels that must be matched: what is left of a plain or shining face is chance
+_REACH_PX = 7.0  # the top is looked for so far from where the disparities end
+_PRIOR_PX = 3.0  # standard deviation of where they end: half of SGBM's block
+_ON_FACE_PX = 1.2  # a disparity so near a face's plane is of the face
+_TRIM = 0.04  # share of a face at either end where the top edge is not looked for: corners blur
+_SAMPLES = 160  # points on the top edge
 _CUT = "the object's top lies above the picture or on its border: step back or tilt the camera up"
 
 
 @dataclass(frozen=True)
-class Uncertainty:
-    """What is not seen in the scatter of one pair, as standard deviations.
+class SystematicUncertainty:
+    """Errors that the scatter within one pair does not show, as standard deviations.
 
-    Parameters
+    Attributes
     ----------
     floor_px, floor_rows : float
         Error that all disparities of the floor have in common: px, and px for each px by which the floor's disparity
         grows from row to row (a floor seen at a grazing angle is harder).
     face_px : float
-        The same of a face.
+        Error that all disparities of a face have in common, px.
     f_px, baseline_mm : float
-        Of the calibration.
+        Of the calibration: of the focal length after rectification, and of the baseline.
     offset_px : float
         Error of the calibration that shifts every disparity of the picture alike.
     """
@@ -45,10 +50,6 @@ class Uncertainty:
     f_px: float = 0.0
     baseline_mm: float = 0.0
     offset_px: float = 0.0
-
-
-#: Common errors of planes fitted to block matching's disparities alone.
-MATCHED = Uncertainty(floor_px=0.15, floor_rows=0.4, face_px=0.15)
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,56 +65,44 @@ class GroundHeight:
         The near vertical edge on the floor (or the nearest point of a single face): forward, left.
     foot_px, top_px : (2,) float64
         Its lower and upper end in the rectified left image; may lie outside.
-    edge_std_px : float
-        How well the upper outline was located.
     parts_mm : dict
         Standard deviations that make up the whole: ``edge, floor, face, common, calibration``.
-    cut : tuple of str
-        Sides of the frame that the object touches: "left", "right", "bottom".
     """
 
     height_mm: float
     height_std_mm: float
     faces: tuple[Face, ...]
-    near_mm: Array
-    foot_px: Array
-    top_px: Array
-    edge_std_px: float
+    near_mm: Float64
+    foot_px: Float64
+    top_px: Float64
     parts_mm: dict[str, float]
-    cut: tuple[str, ...]
 
 
 def measure_height(
-    left: Array,
-    right: Array,
+    pair: AlignedPair,
     floor: Floor,
-    region: Region,
+    region: ObjectRegion,
     *,
-    pair: AlignedPair | None = None,
-    uncertainty: Uncertainty | None = None,
-    least_pixels: int = 60,
-    least_share: float = 1 / 3,
+    uncertainty: SystematicUncertainty | None = None,
     worst_std: float = 0.05,
 ) -> GroundHeight:
-    """Height of an object with upright faces.
+    """Measure the height of an object with upright faces.
 
     Parameters
     ----------
-    left, right : (H, W) or (H, W, 3) uint8
-        Rectified; the top edge is looked for in both.
+    pair : AlignedPair
+        The rectified pictures: the faces are aligned over both, and the top edge is looked for in both.
     floor : Floor
-    region : Region
+    region : ObjectRegion
         From `find_objects`.
-    pair : AlignedPair, optional
-        Aligns the faces to a few hundredths of a pixel; without it they are as good as the disparity map.
-    uncertainty : Uncertainty, optional
-        By default `Uncertainty()` with a pair, `MATCHED` without.
-    least_pixels : int
-        Matched pixels that a face needs.
-    least_share : float
-        Share of the faces' pixels that must have been matched: what is left of a plain or shining face is chance.
+    uncertainty : SystematicUncertainty, optional
+        By default that of a perfect calibration.
     worst_std : float
         Standard deviation above which nothing is returned, as a share of the height.
+
+    Returns
+    -------
+    GroundHeight
 
     Raises
     ------
@@ -126,88 +115,51 @@ def measure_height(
     all their disparities, and of the calibration, each through the derivative of ``h (1 - d_floor / d_face)``.
     """
     rectified = floor.rectified
-    uncertainty = uncertainty or (MATCHED if pair is None else Uncertainty())
     if region.bounds[1] <= 3 * STEP:
         raise CannotMeasure("cut by the frame", _CUT)
-    faces = find_faces(floor, region, pair, least=least_pixels)
+    faces = find_faces(floor, region, pair)
     top = _rough_top(floor, region, faces)
-    step_px, reach_px = 0.25, 7.0
     per_px = min(float(face.points_mm(t)[0]) for face in faces for t in face.bearing) / rectified.f_px
-    heights = top + per_px * np.arange(-reach_px, reach_px + step_px, step_px)
+    heights = top + per_px * np.arange(-_REACH_PX, _REACH_PX + STEP_PX, STEP_PX)
     lines = np.stack([_level_lines_mm(floor, face, heights) for face in faces])
     middle = lines[:, len(heights) // 2]
-    if np.mean(middle[..., 1] / middle[..., 2]) * rectified.f_px + rectified.P1[1, 2] < reach_px:
+    if np.mean(middle[..., 1] / middle[..., 2]) * rectified.f_px + rectified.P1[1, 2] < _REACH_PX:
         raise CannotMeasure("cut by the frame", _CUT)
     area = np.ptp([_row(floor, faces, height) for height in (0.0, top)]) * rectified.f_px
     area *= sum(face.bearing[1] - face.bearing[0] for face in faces)
     share = STEP**2 * sum(face.pixels for face in faces) / area
-    if share < least_share:
+    if share < _LEAST_SHARE:
         raise CannotMeasure("no texture", f"only {100 * share:.0f} % of its faces were matched; light or texture it")
-    light = (to_light(left), to_light(right)) if pair is None else pair.light
-    edge = locate_edge(light, rectified, lines, heights, (top, 3.0 * per_px), step_px, samples=160)
+    outlines, prior = ParallelLines(lines, heights, STEP_PX), EdgePrior(top, _PRIOR_PX * per_px)
+    edge = locate_edge(pair.light, rectified, outlines, prior, samples=_SAMPLES)
     if edge is None or edge.contrast < _LEAST_CONTRAST:
         raise CannotMeasure("no top edge", "the object's upper outline does not stand out; change light or background")
-    parts = _parts(floor, faces, edge.position, edge.std, uncertainty)
+    parts = _parts(floor, faces, edge.position, edge.std, uncertainty or SystematicUncertainty())
     near = _near(faces)
-    ends_px = floor.pixels(np.array([[*near, 0.0], [*near, edge.position]]))
-    width, height = rectified.size
-    x0, _, x1, y1 = region.bounds
-    touched = {"left": x0 <= STEP, "right": x1 >= width - 1 - STEP, "bottom": y1 >= height - 1 - STEP}
+    foot_px, top_px = floor.pixels(np.array([[*near, 0.0], [*near, edge.position]]))
     total = float(np.sqrt(sum(part**2 for part in parts.values())))
     if total > worst_std * edge.position:
-        text = f"{edge.position:.0f} ± {total:.0f} mm; light or texture the object"
-        raise CannotMeasure("too uncertain", text)
+        raise CannotMeasure("too uncertain", f"{edge.position:.0f} ± {total:.0f} mm; light or texture the object")
     return GroundHeight(
-        edge.position, total, faces, near, ends_px[0], ends_px[1], edge.std / per_px, parts,
-        tuple(side for side, is_cut in touched.items() if is_cut),
-    )  # fmt: skip
+        height_mm=edge.position,
+        height_std_mm=total,
+        faces=faces,
+        near_mm=near,
+        foot_px=foot_px,
+        top_px=top_px,
+        parts_mm=parts,
+    )
 
 
-def height_of_nearest(
-    left: Array,
-    right: Array,
-    disparity_px: Array,
-    rectified: RectifiedRig,
-    *,
-    rng: np.random.Generator,
-    uncertainty: Uncertainty | None = None,
-) -> GroundHeight:
-    """Floor, objects, and the height of the nearest one, in one call.
-
-    Parameters
-    ----------
-    left, right : (H, W) or (H, W, 3) uint8
-        Rectified.
-    disparity_px : (H, W) float, px
-        Matched from them, NaN where invalid.
-    rectified : RectifiedRig
-    rng : numpy.random.Generator
-    uncertainty : Uncertainty, optional
-
-    Raises
-    ------
-    CannotMeasure
-        "no floor", "no object", or as `measure_height`.
-    """
-    pair = AlignedPair.of(left, right)
-    floor = fit_floor(disparity_px, rectified, rng=rng, pair=pair)
-    objects = find_objects(disparity_px, floor)
-    if not objects:
-        raise CannotMeasure(
-            "no object", "nothing stands on the floor within 1.8 m; place the object nearer, or texture it"
-        )
-    return measure_height(left, right, floor, objects[0], pair=pair, uncertainty=uncertainty)
-
-
-def _rough_top(floor: Floor, region: Region, faces: tuple[Face, ...]) -> float:
+def _rough_top(floor: Floor, region: ObjectRegion, faces: tuple[Face, ...]) -> float:
     """Height to which the disparities follow the faces, column by column. mm."""
     scale = floor.rectified.f_px * floor.rectified.baseline_mm
-    ray = rays(floor, region.u, region.v)
+    ray = floor.rays(region.u, region.v)
     t = ray[1] / ray[0]
     tops = []
     for face in faces:
         low, high = face.bearing
-        on = (t > low) & (t < high) & (np.abs(region.disparity_px - scale * (face.line @ ray)) < 1.2)
+        on = (t > low) & (t < high) & (np.abs(region.disparity_px - scale * (face.line @ ray)) < _ON_FACE_PX)
         index = region.u[on].astype(int) // STEP
         highest = np.full(int(index.max(initial=0)) + 1, -np.inf)
         np.maximum.at(highest, index, region.height_mm[on])
@@ -215,10 +167,10 @@ def _rough_top(floor: Floor, region: Region, faces: tuple[Face, ...]) -> float:
     return median(np.concatenate(tops))
 
 
-def _level_lines_mm(floor: Floor, face: Face, heights: Array) -> Array:
+def _level_lines_mm(floor: Floor, face: Face, heights: Float64) -> Float64:
     """Both ends of level lines on a face, (heights, 2, 3) mm, in the rectified left camera's frame."""
     low, high = face.bearing
-    trim = 0.04 * (high - low)
+    trim = _TRIM * (high - low)
     ground = face.points_mm(np.array([low + trim, high - trim])) @ floor.axes[:2]
     return np.asarray(ground + (heights - floor.camera_height_mm)[:, None, None] * floor.axes[2])
 
@@ -228,16 +180,18 @@ def _row(floor: Floor, faces: tuple[Face, ...], height_mm: float) -> float:
     return float(floor.pixels(np.array([[*_near(faces), height_mm]]))[0, 1])
 
 
-def _near(faces: tuple[Face, ...]) -> Array:
+def _near(faces: tuple[Face, ...]) -> Float64:
+    """Where the near vertical edge stands on the floor, or the nearest end of a single face. (2,) mm."""
     if len(faces) == 2:
         (a, b), (c, d) = faces[0].line, faces[1].line
         return faces[0].points_mm(np.array((c - a) / (b - d)))
     ends = faces[0].points_mm(np.array(faces[0].bearing))
-    return ends[ends[:, 0].argmin()]
+    nearest: Float64 = ends[ends[:, 0].argmin()]
+    return nearest
 
 
 def _parts(
-    floor: Floor, faces: tuple[Face, ...], height: float, edge_mm: float, given: Uncertainty
+    floor: Floor, faces: tuple[Face, ...], height: float, edge_mm: float, given: SystematicUncertainty
 ) -> dict[str, float]:
     """Standard deviations of the height, part by part, mm; averaged over the faces by their widths."""
     rectified = floor.rectified

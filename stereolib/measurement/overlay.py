@@ -5,21 +5,35 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from stereolib.base import Float64, UInt8
+from stereolib.measurement.floor import Floor
 from stereolib.measurement.measure import Measurement
 from stereolib.measurement.measured_object import MeasuredObject
 
-Array = np.ndarray
 _COLORS = ((60, 220, 255), (255, 190, 70), (120, 240, 120), (220, 130, 255))  # BGR
-_FAINT = 0.55
+_READING_COLOR, _LABEL_COLOR = (80, 80, 255), (30, 30, 30)  # BGR: the laser's readings; behind a text
+_FAINT = 0.1375  # share of the picture that shines through the boxes' lines
+_LEAST_AHEAD_MM = 100.0  # nearer readings are not drawn: they project to anywhere
+_FAR_PX = 1e4  # what projects farther from the picture is not drawn: OpenCV's coordinates overflow
+_FONT, _FONT_SCALE = cv2.FONT_HERSHEY_SIMPLEX, 0.5
 
 
-def size_text(thing: MeasuredObject) -> str:
-    """``"302 x 198 x 251 mm"``; a question mark where a size is unknown."""
-    return " x ".join("?" if np.isnan(size) else f"{size:.0f}" for size in thing.size_mm) + " mm"
+def size_text(measured: MeasuredObject) -> str:
+    """Say an object's sizes, ``"302 x 198 x 251 mm"``; a question mark where one is unknown.
+
+    Parameters
+    ----------
+    measured : MeasuredObject
+
+    Returns
+    -------
+    str
+    """
+    return " x ".join("?" if np.isnan(size) else f"{size:.0f}" for size in measured.size_mm) + " mm"
 
 
-def draw_objects(measured: Measurement, *, scan: bool = True) -> Array:
-    """The rectified left picture with a wire box and the sizes (length x width x height) at each object.
+def draw_objects(measured: Measurement, *, scan: bool = True) -> UInt8:
+    """Draw a wire box and the sizes (length x width x height) of each object into the rectified left picture.
 
     Parameters
     ----------
@@ -30,49 +44,45 @@ def draw_objects(measured: Measurement, *, scan: bool = True) -> Array:
     Returns
     -------
     (H, W, 3) uint8
+        The picture alone where no floor was seen: then nothing tells where the objects stand in it.
     """
     picture = cv2.cvtColor(measured.left, cv2.COLOR_GRAY2BGR) if measured.left.ndim == 2 else measured.left.copy()
-    if measured.floor is None:
+    floor = measured.floor
+    if floor is None:
         return picture
     if scan and len(measured.scan_mm):
-        ahead = measured.scan_mm[measured.scan_mm[:, 0] > 100]
-        for u, v in _pixels(measured, ahead, 0.0):
-            if -1e4 < u < 1e4 and -1e4 < v < 1e4:
-                cv2.circle(picture, (round(u), round(v)), 2, (80, 80, 255), -1, cv2.LINE_AA)
+        for u, v in _pixels(floor, measured.scan_mm[measured.scan_mm[:, 0] > _LEAST_AHEAD_MM], 0.0):
+            if -_FAR_PX < u < _FAR_PX and -_FAR_PX < v < _FAR_PX:
+                cv2.circle(picture, (round(u), round(v)), 2, _READING_COLOR, -1, cv2.LINE_AA)
     taken: list[int] = []
-    for k, thing in enumerate(measured.objects):
-        height = thing.size_mm[2]
-        rings = [_pixels(measured, thing.outline_mm, z) for z in (0.0, 0.0 if np.isnan(height) else height)]
+    for k, entry in enumerate(measured.objects):
+        height = entry.size_mm[2]
+        rings = [_pixels(floor, entry.outline_mm, z) for z in (0.0, 0.0 if np.isnan(height) else height)]
         inside = [((ring >= 0) & (ring < picture.shape[1::-1])).all(axis=1).any() for ring in rings]
-        if not np.isfinite(rings).all() or np.abs(rings).max() > 1e4 or not any(inside):
+        if not np.isfinite(rings).all() or np.abs(rings).max() > _FAR_PX or not any(inside):
             continue  # beside the picture
         color = _COLORS[k % len(_COLORS)]
-        closed = thing.shape in ("box", "circle")
         layer = picture.copy()
-        for ring in rings:
-            cv2.polylines(layer, [np.rint(ring).astype(np.int32)], closed, color, 2, cv2.LINE_AA)
-        for low, high in zip(*rings, strict=True):
-            if thing.shape in ("box", "face"):
-                cv2.line(
-                    layer, tuple(np.rint(low).astype(int)), tuple(np.rint(high).astype(int)), color, 2, cv2.LINE_AA
-                )
-        picture = cv2.addWeighted(layer, 1 - _FAINT / 4, picture, _FAINT / 4, 0)
-        _label(picture, size_text(thing), np.concatenate(rings), color, taken)
+        bottom, top = (np.rint(ring).astype(np.int32) for ring in rings)
+        cv2.polylines(layer, [bottom, top], entry.shape in ("box", "circle"), color, 2, cv2.LINE_AA)
+        if entry.shape in ("box", "face"):
+            cv2.polylines(layer, list(np.stack([bottom, top], axis=1)), False, color, 2, cv2.LINE_AA)
+        picture = cv2.addWeighted(layer, 1 - _FAINT, picture, _FAINT, 0)
+        _label(picture, size_text(entry), np.concatenate(rings), color, taken)
     return picture
 
 
-def _pixels(measured: Measurement, points_mm: Array, z_mm: float) -> Array:
-    assert measured.floor is not None
-    return measured.floor.pixels(np.column_stack([points_mm, np.full(len(points_mm), z_mm)]))
+def _pixels(floor: Floor, points_mm: Float64, z_mm: float) -> Float64:
+    return floor.pixels(np.column_stack([points_mm, np.full(len(points_mm), z_mm)]))
 
 
-def _label(picture: Array, text: str, corners: Array, color: tuple[int, int, int], taken: list[int]) -> None:
+def _label(picture: UInt8, text: str, corners: Float64, color: tuple[int, int, int], taken: list[int]) -> None:
     """Text above an object, inside the picture and below what was written before."""
-    (width, height), _ = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, 0.5, 1)
+    (width, height), _ = cv2.getTextSize(text, _FONT, _FONT_SCALE, 1)
     x = int(np.clip(corners[:, 0].mean() - width / 2, 4, picture.shape[1] - width - 4))
     y = int(np.clip(corners[:, 1].min() - 8, height + 4, picture.shape[0] - 6))
     while any(abs(y - other) < height + 6 for other in taken):
         y += height + 6
     taken.append(y)
-    cv2.rectangle(picture, (x - 3, y - height - 4), (x + width + 3, y + 5), (30, 30, 30), -1)
-    cv2.putText(picture, text, (x, y), cv2.FONT_HERSHEY_SIMPLEX, 0.5, color, 1, cv2.LINE_AA)
+    cv2.rectangle(picture, (x - 3, y - height - 4), (x + width + 3, y + 5), _LABEL_COLOR, -1)
+    cv2.putText(picture, text, (x, y), _FONT, _FONT_SCALE, color, 1, cv2.LINE_AA)

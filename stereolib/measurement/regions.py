@@ -8,16 +8,24 @@ from functools import cached_property
 import cv2
 import numpy as np
 
-from stereolib.measurement.floor import Floor, checked_disparity
+from stereolib.base import Float64, Floats
+from stereolib.measurement.disparity_map import check_disparity_map
+from stereolib.measurement.floor import Floor
 
-Array = np.ndarray
 #: Every third pixel of every third row: faces are planes, and edges are looked for in the pictures.
 STEP = 3
+#: What is farther is background, mm: disparities of the rig's 93 mm baseline tell little beyond.
+OBJECTS_WITHIN_MM = 1800.0
+_LEAST_RISE_PX = 1.0  # what rises less above the floor's disparity belongs to the floor: SGBM's own error
+_LEAST_AHEAD = 0.2  # of a ray's depth: steeper ones meet the floor at the rig's feet
+_JUMP_PX, _JUMP = 1.5, 0.02  # neighbours whose disparities differ by more, px and share, are different objects
+_NEAREST = 50  # one in so many pixels is nearer than what is told as the place: wrong matches
+_TOP = 0.97  # share of the pixels below the rough top, for the same reason
 
 
 @dataclass(frozen=True, eq=False)
-class Region:
-    """Pixels of one thing that stands on the floor: every third of every third row.
+class ObjectRegion:
+    """Pixels of one object that stands on the floor: every third of every third row.
 
     Attributes
     ----------
@@ -29,28 +37,28 @@ class Region:
         px, both ends included.
     """
 
-    u: Array
-    v: Array
-    disparity_px: Array
-    height_mm: Array
+    u: Float64
+    v: Float64
+    disparity_px: Float64
+    height_mm: Floats
     position_mm: tuple[float, float]
     bounds: tuple[int, int, int, int]
 
     @cached_property
     def top_mm(self) -> float:
         """Height below which 97 of 100 of its pixels lie: its top, roughly."""
-        at = int(0.97 * len(self.height_mm))
+        at = int(_TOP * len(self.height_mm))
         return float(np.partition(self.height_mm, at)[at])
 
 
 def find_objects(
-    disparity_px: Array,
+    disparity_px: Floats,
     floor: Floor,
     *,
     min_height_mm: float = 20.0,
-    max_distance_mm: float = 1800.0,
+    max_distance_mm: float = OBJECTS_WITHIN_MM,
     least_px: int = 600,
-) -> list[Region]:
+) -> list[ObjectRegion]:
     """Separate what stands on the floor, from the floor, from the background and from each other.
 
     Parameters
@@ -67,25 +75,43 @@ def find_objects(
 
     Returns
     -------
-    list of Region, nearest first
+    list of ObjectRegion
+        Nearest first.
+
+    Raises
+    ------
+    ValueError
+        If the map does not fit the floor's rig.
+
+    Examples
+    --------
+    A wall of a box 700 mm ahead, over the floor of a level camera:
+
+    >>> from stereolib.measurement import floor_from_pose
+    >>> from stereolib.paper import paper_rig, rig_pose
+    >>> rig = paper_rig().rectify()
+    >>> floor = floor_from_pose(rig, rig_pose(rig, pitch_rad=0.0, camera_height_mm=200.0))
+    >>> disparity = np.array(floor.disparity(*np.meshgrid(np.arange(640.0), np.arange(480.0))))
+    >>> disparity[180:400, 250:400] = rig.f_px * rig.baseline_mm / 700
+    >>> [region] = find_objects(disparity, floor)
+    >>> round(region.position_mm[0]), region.bounds
+    (700, (252, 180, 396, 396))
     """
-    disparity = checked_disparity(disparity_px, floor.rectified)[::STEP, ::STEP].astype(np.float32)
     rectified = floor.rectified
+    disparity = check_disparity_map(disparity_px, rectified)[::STEP, ::STEP].astype(np.float32)
     rows, columns = disparity.shape
     u, v = np.arange(columns, dtype=np.float32) * STEP, np.arange(rows, dtype=np.float32)[:, None] * STEP
     ground, ahead = (a * u + (b * v + c) for a, b, c in (floor.plane.tolist(), floor.along[0].tolist()))
     least_disparity = rectified.f_px * rectified.baseline_mm / max_distance_mm
     lift = min_height_mm / floor.camera_height_mm
-    mask = (ahead > 0.2) & (disparity > least_disparity * ahead)
-    mask &= disparity - ground > np.maximum(lift * disparity, 1.0)
+    mask = (ahead > _LEAST_AHEAD) & (disparity > least_disparity * ahead)
+    mask &= disparity - ground > np.maximum(lift * disparity, _LEAST_RISE_PX)
     filled = np.where(mask, disparity, 0)
-    for first, second, kept in (
-        (filled[:-1], filled[1:], mask[:-1]),
-        (filled[:, :-1], filled[:, 1:], mask[:, :-1]),
-    ):  # neighbours of different depth are different things
-        kept &= np.abs(second - first) <= 1.5 + 0.02 * first
+    below, beside = (filled[:-1], filled[1:], mask[:-1]), (filled[:, :-1], filled[:, 1:], mask[:, :-1])
+    for first, second, kept in (below, beside):
+        kept &= np.abs(second - first) <= _JUMP_PX + _JUMP * first
     count, labels, stats, _ = cv2.connectedComponentsWithStats(mask.view(np.uint8), connectivity=4)
-    found = []
+    regions = []
     for k in range(1, count):
         x, y, w, h, area = stats[k]
         if area * STEP**2 < least_px:
@@ -94,16 +120,11 @@ def find_objects(
         row, column = np.nonzero(part)
         d = filled[y : y + h, x : x + w][part].astype(float)
         pu, pv = float(STEP) * (column + x), float(STEP) * (row + y)
-        ray = rays(floor, pu, pv)
-        ahead = d / ray[0]
-        near = int(np.argmax(ahead == np.partition(ahead, -len(d) // 50)[-len(d) // 50]))  # the first of equal ones
-        x_mm, y_mm = rectified.f_px * rectified.baseline_mm / d[near] * ray[:, near]
+        ray = floor.rays(pu, pv)
+        nearness = d / ray[0]
+        near = -(-len(d) // _NEAREST)
+        at = int(np.argmax(nearness == np.partition(nearness, -near)[-near]))  # the first of equal ones
+        x_mm, y_mm = rectified.f_px * rectified.baseline_mm / d[at] * ray[:, at]
         bounds = (int(STEP * x), int(STEP * y), int(STEP * (x + w - 1)), int(STEP * (y + h - 1)))
-        found.append(Region(pu, pv, d, floor.height_mm(pu, pv, d), (float(x_mm), float(y_mm)), bounds))
-    return sorted(found, key=lambda region: region.position_mm[0])
-
-
-def rays(floor: Floor, u: Array, v: Array) -> Array:
-    """How far the rays of pixels go forward and left along the floor per unit of depth, (2, N)."""
-    of_u, of_v, constant = floor.along.T[..., None]
-    return np.asarray(of_u * u + of_v * v + constant)
+        regions.append(ObjectRegion(pu, pv, d, floor.height_mm(pu, pv, d), (float(x_mm), float(y_mm)), bounds))
+    return sorted(regions, key=lambda region: region.position_mm[0])

@@ -8,19 +8,20 @@ from typing import Any
 import cv2
 import numpy as np
 
-from stereolib.measurement import Attempt
+from stereolib.measurement import HeightAttempt, floor_tolerance_px
 from stereolib.plotting.charts import COLORS, Array, Axes, plot_image
 from stereolib.rig import to_grey
 
 _TINTS = ((178, 114, 0), (0, 159, 230))  # blue-green-red: the floor, the object
 
 
-def plot_found(attempt: Attempt, ax: Axes, title: str = "") -> Axes:
+def plot_found(attempt: HeightAttempt, ax: Axes, title: str = "") -> Axes:
     """What the ground plane's method saw: floor (blue), object (orange), faces, near edge, and the top line."""
     picture = cv2.cvtColor(to_grey(attempt.left), cv2.COLOR_GRAY2BGR).astype(float)
     if attempt.floor is not None:
         column, row = np.meshgrid(*(np.arange(n, dtype=float) for n in attempt.disparity_px.shape[::-1]))
-        near = np.abs(attempt.disparity_px - attempt.floor.disparity(column, row)) < 0.4 + 0.015 * attempt.disparity_px
+        off_px = np.abs(attempt.disparity_px - attempt.floor.disparity(column, row))
+        near = off_px < floor_tolerance_px(attempt.disparity_px)
         masks = [near, np.zeros_like(near)]
         if attempt.region is not None:
             masks[1][attempt.region.v.astype(int), attempt.region.u.astype(int)] = True
@@ -29,9 +30,9 @@ def plot_found(attempt: Attempt, ax: Axes, title: str = "") -> Axes:
         for mask, tint in zip(masks, _TINTS, strict=True):
             picture[mask] = 0.6 * picture[mask] + 0.4 * np.array(tint)
     plot_image(picture.astype(np.uint8), ax, title)
-    if attempt.found is None or attempt.floor is None:
+    if attempt.measured is None or attempt.floor is None:
         return ax
-    found = attempt.found
+    found = attempt.measured
     for face in found.faces:
         ground = face.points_mm(np.array(face.bearing))
         upright = [[*ground[k], z] for k, z in ((0, 0), (1, 0), (1, found.height_mm), (0, found.height_mm), (0, 0))]

@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 
 from stereolib.calibration import LidarCamera, calibrate_lidar_to_camera
-from stereolib.measurement import Measurement, measure_objects
+from stereolib.measurement import Instrument, Measurement, measure_objects
 from stereolib.paper import paper_rig
 from stereolib.virtual import recordings, walk
 from stereolib.virtual.laser_boards import laser_board_views
@@ -41,10 +41,10 @@ def measure_walk(seed: int = _SEED) -> dict[str, Measurement]:
     dict
         Measurements by the stations' names, ``"room/1"`` to ``"room/5"``.
     """
-    rig, lidar = recordings.rectified(), walk_laser()
+    instrument = Instrument(recordings.rectified(), walk_laser())
     return {
         name: measure_objects(
-            *recordings.load_pair(name), recordings.scan(name), rig, lidar, rng=np.random.default_rng(seed)
+            *recordings.load_pair(name), recordings.scan(name), instrument, rng=np.random.default_rng(seed)
         )
         for name in walk.POSES
     }

@@ -1,0 +1,87 @@
+"""Commands `measure` and `calibrate-laser`: from files to sizes, and what is wrong with files."""
+
+from __future__ import annotations
+
+import json
+
+import cv2
+import numpy as np
+import pytest
+from support.instruments import LIDAR, RECT, SENSOR
+
+from stereolib.cli import commands
+from stereolib.measurement import Instrument, save_laser_pose
+from stereolib.rig import StereoRig
+from stereolib.virtual import Webcam, laser_boards, recordings, render
+
+
+@pytest.fixture
+def files(tmp_path):
+    StereoRig.save(
+        RECT.rig, tmp_path / "rig.json", calibration={"std": {"rectified": {"f_px": 0.1, "baseline_mm": 0.01}}}
+    )
+    save_laser_pose(tmp_path / "rig.json", LIDAR)
+    for side, image in zip(("left", "right"), recordings.load_pair("conditions/texture"), strict=True):
+        cv2.imwrite(str(tmp_path / f"{side}.png"), image)
+    scene = recordings.pairs()["conditions/texture"][1]
+    (tmp_path / "scan.bin").write_bytes(SENSOR.scan(scene, recordings.LASER_POSE, np.random.default_rng(1), turns=5))
+    return tmp_path
+
+
+def run(folder, *more, right="right.png", rig="rig.json", scan="scan.bin"):
+    words = ["measure", folder / "left.png", folder / right, "--calibration", folder / rig, "--scan", folder / scan]
+    return commands.main([str(word) for word in (*words, "--picture", folder / "out.png", *more)])
+
+
+def test_command_prints_json_and_draws(files, capsys):
+    assert run(files, "--json") == 0
+    facts = json.loads(capsys.readouterr().out)
+    (cube,) = [thing for thing in facts["objects"] if thing["height_mm"]]
+    for name in ("length", "width", "height"):
+        assert cube[f"{name}_mm"] == pytest.approx(300, abs=3) and 0 < cube[f"{name}_std_mm"] < 3
+    assert cube["volume_l"] == pytest.approx(27, abs=0.6) and cube["shape"] == "box"
+    assert cv2.imread(str(files / "out.png")).shape == (480, 640, 3)
+    assert run(files) == 2 and "is not overwritten" in capsys.readouterr().err
+    assert run(files, "--force") == 0 and "± one standard deviation" in capsys.readouterr().out
+
+
+@pytest.fixture
+def boards(files):
+    """Pictures and scans of the laser's boards, and the rig without its laser."""
+    StereoRig.save(RECT.rig, files / "rig.json")
+    rng, camera = np.random.default_rng(5), RECT.rig.left
+    (files / "pictures").mkdir()
+    (files / "scans").mkdir()
+    for k, pose in enumerate(laser_boards.POSES):
+        scene = laser_boards.board_scene(pose, height_mm=180.0)
+        light = render(scene, camera, recordings.setup(), samples=1, light_samples=1)
+        cv2.imwrite(str(files / "pictures" / f"{k:02d}.png"), Webcam().shoot(light, rng))
+        data = SENSOR.scan(scene, recordings.LASER_POSE, rng, turns=5)
+        (files / "scans" / f"{k:02d}.bin").write_bytes(data)
+    return files
+
+
+def test_command_finds_the_laser_from_files(boards, capsys):
+    words = ["calibrate-laser", boards / "pictures", boards / "scans", "--calibration", boards / "rig.json"]
+    words = [str(word) for word in (*words, "--board", "6x9", "--square-mm", "30")]
+    assert commands.main([*words, "--margin-mm", "24"]) == 0
+    assert "10 poses" in capsys.readouterr().out
+    found = Instrument.load(boards / "rig.json").lidar
+    off = (np.linalg.inv(LIDAR.T_left_lidar) @ found.T_left_lidar)[:3, 3]
+    assert (np.abs(off) < 4 * found.std_mm).all() and found.std_mm.max() < 5
+    (boards / "scans" / "03.bin").unlink()
+    assert commands.main(words) == 2 and "one scan for each picture" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"right": "none.png"}, "none.png"),
+        ({"rig": "left.png"}, "is not a rig file"),
+        ({"scan": "left.png"}, "no XV-11 recording"),
+        ({"scan": "none.bin"}, "no such recording"),
+    ],
+)
+def test_bad_files_are_named(files, capsys, change, message):
+    assert run(files, **change) == 2
+    assert message in capsys.readouterr().err and not (files / "out.png").exists()

@@ -1,0 +1,108 @@
+"""The floor: against the virtual rig's truth, its own covariance, and what is none."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from support.ground import GRID, RECT, recorded, rng
+
+from stereolib.measurement import (
+    AlignedPair,
+    CannotMeasure,
+    Floor,
+    FloorLimits,
+    fit_floor,
+    floor_from_pose,
+    floor_tolerance_px,
+)
+from stereolib.paper import rig_pose
+from stereolib.virtual import Scene, cube_scene, recordings, render_truth, room
+
+
+@pytest.mark.parametrize("name", ["pitched", "level"])
+def test_floor_of_a_pose_is_the_truths_floor(name):
+    pose, scene = recordings.setup(name), Scene((room(),))
+    floor, seen = floor_from_pose(RECT, pose), render_truth(scene, RECT, pose)
+    on = seen.disparity_px > 40  # the walls are farther
+    assert on.sum() > 20_000
+    assert np.abs(floor.disparity(*GRID) - seen.disparity_px)[on].max() < 1e-3
+    assert floor.camera_height_mm == pytest.approx(np.linalg.inv(pose)[2, 3])
+    assert floor.axes @ floor.axes.T == pytest.approx(np.eye(3))
+    assert floor.axes[2] == pytest.approx(-floor.down)
+
+
+def test_floor_angles_are_the_poses():
+    floor = floor_from_pose(RECT, rig_pose(RECT, -0.2, 400.0))
+    assert (floor.camera_height_mm, floor.pitch_rad, floor.roll_rad) == pytest.approx((400.0, -0.2, 0.0), abs=1e-9)
+    lean = np.array([[np.cos(0.05), np.sin(0.05), 0], [-np.sin(0.05), np.cos(0.05), 0], [0, 0, 1]])
+    K = RECT.P1[:, :3]
+    plane = RECT.f_px * RECT.baseline_mm * np.linalg.inv(K).T @ lean @ [0, 1, 0] / 300.0
+    assert Floor(RECT, plane, np.zeros((3, 3))).roll_rad == pytest.approx(0.05)
+
+
+@pytest.mark.parametrize("name", ["pitched", "level"])
+def test_floor_from_perfect_disparity(name):
+    """Cube, walls and shadowed half of the map are not floor; noise averages out."""
+    pose = recordings.setup(name)
+    disparity = render_truth(cube_scene(), RECT, pose).disparity_px
+    disparity = disparity + np.random.default_rng(1).normal(0, 0.2, disparity.shape)
+    disparity[:, :150] = np.nan
+    found, true = fit_floor(disparity, RECT, rng=rng()), floor_from_pose(RECT, pose)
+    assert found.camera_height_mm == pytest.approx(true.camera_height_mm, rel=0.004)
+    assert found.pitch_rad == pytest.approx(true.pitch_rad, abs=0.0008)
+    again = fit_floor(disparity, RECT, rng=np.random.default_rng(99))
+    assert np.abs(again.disparity(320.0, 470.0) - found.disparity(320.0, 470.0)) < 0.02
+
+
+def test_covariance_of_the_floor_is_that_of_many_draws():
+    """Blocks of 8 x 8 pixels err together, as matches do: the deviations stated are those found."""
+    true = floor_from_pose(RECT, rig_pose(RECT, -0.2, 400.0))
+    flat, draw = true.disparity(*GRID), np.random.default_rng(2)
+    found = []
+    for _ in range(60):
+        error = np.kron(draw.normal(0, 0.3, (60, 80)), np.ones((8, 8)))
+        found.append(fit_floor(np.where(flat > 20, flat + error, np.nan), RECT, rng=rng()))
+    pixel = np.array([320.0, 400.0, 1.0])
+    spread = np.std([pixel @ floor.plane for floor in found])
+    stated = np.sqrt(np.mean([pixel @ floor.covariance @ pixel for floor in found]))
+    assert stated == pytest.approx(spread, rel=0.35)
+
+
+def test_a_small_floor_is_found_whatever_pixels_are_drawn():
+    """At 0.5 m the cube leaves a strip of floor: one pixel in twelve."""
+    left, right, disparity = recorded("series/medium_500")
+    pair = AlignedPair.of(left, right)
+    heights = [fit_floor(disparity, RECT, rng=np.random.default_rng(k), pair=pair).camera_height_mm for k in range(12)]
+    assert heights == pytest.approx([85.0] * 12, abs=0.8)
+
+
+def test_a_wall_is_no_floor():
+    """A camera that sees a wall and nothing else."""
+    disparity = np.full((480, 640), 60.0) + np.random.default_rng(5).normal(0, 0.2, (480, 640))
+    with pytest.raises(CannotMeasure, match="no floor"):
+        fit_floor(disparity, RECT, rng=rng())
+
+
+def test_a_floor_beyond_its_limits_is_none():
+    floor = floor_from_pose(RECT, rig_pose(RECT, -0.2, 400.0))
+    disparity = floor.disparity(*GRID)
+    assert fit_floor(disparity, RECT, rng=rng()).camera_height_mm == pytest.approx(400.0, abs=1e-6)
+    for limits in (FloorLimits(camera_height_mm=399.0), FloorLimits(tilt_rad=0.19)):
+        with pytest.raises(CannotMeasure, match="no floor"):
+            fit_floor(disparity, RECT, rng=rng(), limits=limits)
+
+
+def test_pixels_of_a_floor_lie_on_it_and_others_do_not():
+    assert floor_tolerance_px(np.array([20.0, 80.0])) == pytest.approx([0.7, 1.6])
+
+
+def test_bad_input():
+    floor = floor_from_pose(RECT, recordings.setup("level"))
+    with pytest.raises(ValueError, match=r"shape \(240, 320\)"):
+        fit_floor(np.ones((240, 320)), RECT, rng=rng())
+    with pytest.raises(CannotMeasure, match="no floor"):
+        fit_floor(np.full((480, 640), np.nan), RECT, rng=rng())
+    with pytest.raises(ValueError, match="below the camera"):
+        Floor(RECT, -floor.plane, np.zeros((3, 3)))
+    with pytest.raises(ValueError, match="above the floor"):
+        floor_from_pose(RECT, rig_pose(RECT, 0.0, -10.0))

@@ -1,0 +1,36 @@
+"""The instrument's file: written, read, damaged."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from support.instruments import LIDAR, RECT
+
+from stereolib.measurement import Instrument, save_laser_pose
+from stereolib.rig import StereoRig
+
+
+def test_instrument_file_goes_round(tmp_path):
+    deviations = {"std": {"rectified": {"f_px": 0.1, "baseline_mm": 0.01}}}
+    StereoRig.save(RECT.rig, tmp_path / "rig.json", calibration=deviations)
+    save_laser_pose(tmp_path / "rig.json", LIDAR)
+    instrument = Instrument.load(tmp_path / "rig.json")
+    np.testing.assert_array_equal(instrument.lidar.T_left_lidar, LIDAR.T_left_lidar)
+    np.testing.assert_array_equal(instrument.lidar.covariance, LIDAR.covariance)
+    assert instrument.uncertainty.f_px == 0.1 and instrument.rectified.f_px == RECT.f_px
+    text = json.loads((tmp_path / "rig.json").read_text())
+    text["lidar"]["T_left_lidar"][0][0] = 3.0
+    (tmp_path / "rig.json").write_text(json.dumps(text))
+    with pytest.raises(ValueError, match="laser or of deviations is damaged"):
+        Instrument.load(tmp_path / "rig.json")
+
+
+def test_what_is_no_rig_file_is_refused_and_left_alone(tmp_path):
+    path = tmp_path / "rig.json"
+    path.write_text("[1, 2]")
+    for use in (Instrument.load, lambda path: save_laser_pose(path, LIDAR)):
+        with pytest.raises(ValueError, match=r"rig\.json"):
+            use(path)
+    assert path.read_text() == "[1, 2]"

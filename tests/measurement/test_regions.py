@@ -1,0 +1,44 @@
+"""What stands on the floor: against the virtual rig's truth."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from support.ground import RECT, nearest_height, rng
+
+from stereolib.measurement import CannotMeasure, find_objects, floor_from_pose
+from stereolib.virtual import Scene, box_on_floor, cube_scene, recordings, render_truth, room
+
+
+def test_objects_are_separated_and_sorted():
+    boxes = (
+        box_on_floor((200.0, 200.0, 250.0), 1100.0, 200.0, 0.4),
+        box_on_floor((200.0, 200.0, 150.0), 800.0, -150.0, 0.4),
+    )
+    pose = recordings.setup("level")
+    seen = render_truth(Scene((room(), *boxes)), RECT, pose)
+    found = find_objects(seen.disparity_px, floor_from_pose(RECT, pose))
+    assert len(found) == 2  # not the walls, not the floor
+    for region, box, height in zip(found, (2, 1), (150, 250), strict=True):
+        assert (seen.box[region.v.astype(int), region.u.astype(int)] == box).all()
+        assert region.height_mm.max() == pytest.approx(height, abs=3)
+        mine = np.argwhere(seen.box == box)
+        assert np.abs(np.array(region.bounds) - [*mine.min(0)[::-1], *mine.max(0)[::-1]])[[0, 1, 2]].max() <= 6
+    assert [r.position_mm[1] > 0 for r in found] == [False, True]
+
+
+def test_an_object_without_matches_is_refused():
+    pose = recordings.setup("level")
+    seen = render_truth(cube_scene(), RECT, pose)
+    disparity, floor = seen.disparity_px.copy(), floor_from_pose(RECT, pose)
+    disparity[(seen.box == 1) & (np.random.default_rng(4).random((480, 640)) > 0.02)] = np.nan
+    assert find_objects(disparity, floor) == []  # specks are no object
+    blank = np.zeros((480, 640), np.uint8)
+    empty = render_truth(Scene((room(),)), RECT, pose).disparity_px
+    with pytest.raises(CannotMeasure, match=r"no object|no texture|no floor"):
+        nearest_height(blank, blank, empty, RECT, rng=rng())
+
+
+def test_integer_disparities_are_refused():
+    with pytest.raises(ValueError, match="float pixels"):
+        find_objects(np.ones((480, 640), np.int16), floor_from_pose(RECT, recordings.setup("level")))

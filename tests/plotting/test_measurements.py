@@ -1,0 +1,43 @@
+"""Figures of heights: what is drawn is what was measured."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from support.attempts import attempted
+
+from stereolib import plotting
+
+
+def test_found_is_drawn_where_it_was_measured():
+    tried = attempted("conditions/level")
+    ax = plotting.plot_found(tried, plotting.panels(1)[1][0], "cube")
+    lines = {line.get_label(): line.get_xydata() for line in ax.lines}
+    assert lines["near edge"] == pytest.approx(np.stack([tried.measured.foot_px, tried.measured.top_px]))
+    (x0, y0), (x1, y1) = lines["top line"]
+    at = (tried.measured.top_px[0] - x0) / (x1 - x0)
+    assert y0 + at * (y1 - y0) == pytest.approx(tried.measured.top_px[1], abs=1.5)
+    assert ax.texts[0].get_text() == f"{tried.height_mm / 10:.2f} ± {0.196 * tried.std_mm:.2f} cm"
+    shown = ax.images[0].get_array()
+    blue, red = shown[470, 500, 2] > shown[470, 500, 0], shown[250, 300, 0] > shown[250, 300, 2]
+    assert blue and red  # the floor, the object
+
+
+def test_a_refused_attempt_is_drawn_without_lines():
+    ax = plotting.plot_found(attempted("conditions/poor_light"), plotting.panels(1)[1][0])
+    assert not ax.lines and not ax.texts
+
+
+def test_intervals_and_notes_stand_in_their_rows():
+    ax = plotting.panels(1)[1][0]
+    plotting.plot_intervals(
+        ["a", "b", "c"], [0.5, np.nan, -0.2], [0.1, np.nan, 0.3], ax, xlabel="error (mm)", notes=["", "refused", ""]
+    )
+    (container,) = ax.containers
+    assert container.lines[0].get_xydata().tolist() == [[0.5, 0], [-0.2, 2]]
+    bars = [segment[:, 0].tolist() for segment in container.lines[2][0].get_segments()]
+    assert bars == [pytest.approx([0.4, 0.6]), pytest.approx([-0.5, 0.1])]
+    assert [(t.get_position(), t.get_text()) for t in ax.texts] == [((0, 1), "refused")]
+    assert [label.get_text() for label in ax.get_yticklabels()] == ["a", "b", "c"]
+    low, high = ax.get_ylim()
+    assert low > high  # the first name is on top

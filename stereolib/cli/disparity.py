@@ -44,7 +44,7 @@ def _disparity(arguments: argparse.Namespace) -> int:
     import numpy as np
 
     from stereolib.base import write_atomic
-    from stereolib.matching import check_rectified, check_told, stereo_pipeline
+    from stereolib.matching import check_matchable, check_rectified, stereo_pipeline
     from stereolib.plotting import colored
     from stereolib.rig import StereoRig, read_pair
 
@@ -58,7 +58,7 @@ def _disparity(arguments: argparse.Namespace) -> int:
         if path.exists() and not arguments.force:
             raise FileExistsError(f"{path} exists and is not overwritten: name another with --out, or pass --force")
     pair = read_pair(arguments.left, arguments.right)
-    check_told(*pair, (str(arguments.left), str(arguments.right)))
+    check_matchable(*pair, (str(arguments.left), str(arguments.right)))
     if arguments.calibration:
         pair = StereoRig.load(arguments.calibration).rectify().rectify(*pair)
     with _named_as_options():

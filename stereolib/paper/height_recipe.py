@@ -53,7 +53,7 @@ def height_by_maximum(
     tolerance_px : float
         How far below the maximum a disparity still counts.
     dilate_px : odd int
-        Side of the square kernel of the dilation before (`stereolib.smoothing.dilate`); 1 is none.
+        Side of the square kernel of the dilation before (`stereolib.matching.dilate`); 1 is none.
 
     Raises
     ------

@@ -18,7 +18,7 @@ import numpy as np
 from stereolib import laser, paper
 from stereolib.base import datasets, write_atomic
 from stereolib.calibration import Checkerboard
-from stereolib.matching import View, near_edge
+from stereolib.matching import KnownView, near_edge_mask
 from stereolib.rig import Camera, RectifiedRig, read_pair, rigid
 from stereolib.virtual import lidar, walk
 from stereolib.virtual.ray_casting import Truth, render_pair, truth
@@ -104,7 +104,7 @@ def load_truth(name: str) -> Truth:
     return _truth(scene, where)
 
 
-def view(name: str) -> View:
+def view(name: str) -> KnownView:
     """A recorded pair, rectified, with its truth: regions ``"cube"`` and ``"edge"`` (the near one), both visible."""
     left, right = rectified().rectify(*load_pair(name))
     return _view(name, left, right, load_truth(name))
@@ -112,7 +112,7 @@ def view(name: str) -> View:
 
 def render_view(
     name: str, scene: Scene, *, light: float = 1.0, seed: int = 4, about: dict[str, float | str] | None = None
-) -> View:
+) -> KnownView:
     """A scene seen from the pitched set-up, one ray a pixel and some light, with the regions of `view`.
 
     The same scene in another light is not rendered again.
@@ -143,10 +143,10 @@ def _truth(scene: Scene, where: str = "pitched") -> Truth:
     return found
 
 
-def _view(name: str, left: Array, right: Array, true: Truth, about: dict[str, float | str] | None = None) -> View:
+def _view(name: str, left: Array, right: Array, true: Truth, about: dict[str, float | str] | None = None) -> KnownView:
     cube = true.box == 1
-    regions = {"cube": true.visible & cube, "edge": true.visible & near_edge(true.disparity_px, cube)}
-    return View(name, left, right, true.disparity_px, true.visible, regions, about or {})
+    regions = {"cube": true.visible & cube, "edge": true.visible & near_edge_mask(true.disparity_px, cube)}
+    return KnownView(name, left, right, true.disparity_px, true.visible, regions, about or {})
 
 
 def load_boards() -> tuple[list[tuple[Array, Array]], list[str]]:

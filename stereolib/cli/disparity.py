@@ -45,7 +45,7 @@ def _disparity(arguments: argparse.Namespace) -> int:
 
     from stereolib.base import write_atomic
     from stereolib.matching import check_matchable, check_rectified, stereo_pipeline
-    from stereolib.plotting import colored
+    from stereolib.plotting import color_disparity
     from stereolib.rig import StereoRig, read_pair
 
     with _named_as_options():
@@ -75,7 +75,7 @@ def _disparity(arguments: argparse.Namespace) -> int:
             stream = io.BytesIO()
             np.save(stream, array.astype(np.float32), allow_pickle=False)
             write_atomic(path, stream.getvalue())
-    shown = colored(found.disparity_px, low, max(high, low + 1))
+    shown = color_disparity(found.disparity_px, low, max(high, low + 1))
     write_atomic(picture, cv2.imencode(".png", shown)[1].tobytes())
     print(f"{out}: {100 * valid.mean():.1f} % of the pixels matched, disparities {low:.1f} to {high:.1f} px")
     return 0

@@ -11,7 +11,7 @@ import numpy as np
 
 from stereolib import paper
 from stereolib.mapping import disturbed, refine_poses
-from stereolib.matching import SGBMParams, compute_disparity, repair, score
+from stereolib.matching import SGBMParams, compute_disparity, score, score_repair, smooth
 from stereolib.paper import HeightResult, height_by_maximum, height_of_top
 from stereolib.rig import Camera, StereoRig, rigid
 
@@ -23,20 +23,20 @@ Array = np.ndarray
 
 def draw_verdicts(verdict: str) -> tuple[Array, str]:
     """Notebook 00: how many rows of each notebook got a verdict."""
-    from stereolib.plotting import panels, picture_of, plot_bars
+    from stereolib.plotting import figure_to_image, panels, plot_bars
 
     rows = paper.recorded()
     chosen = rows[rows["verdict"] == verdict]
     figure, axes = panels(1, width_in=7, aspect=0.45)
     counts = chosen["notebook"].value_counts(sort=False).sort_index()
     plot_bars({str(name): int(n) for name, n in counts.items()}, axes[0], xlabel="rows", title=verdict)
-    return picture_of(figure), ", ".join(chosen["id"])
+    return figure_to_image(figure), ", ".join(chosen["id"])
 
 
 def draw_sweep(turns: int, albedo: float, distance_mm: int, yaw_deg: int) -> tuple[Array, str]:
     """Notebook 05: the laser's sweep over a cube of some darkness, and the error on its faces."""
     from stereolib import laser, virtual
-    from stereolib.plotting import panels, picture_of, plot_scan
+    from stereolib.plotting import figure_to_image, panels, plot_scan
     from stereolib.virtual import VirtualLidar, recordings
 
     cube = virtual.cube_scene(distance_mm, yaw_rad=np.radians(yaw_deg))
@@ -52,7 +52,7 @@ def draw_sweep(turns: int, albedo: float, distance_mm: int, yaw_deg: int) -> tup
     axes[0].set(xlim=(-700, 700), ylim=(-100, distance_mm + 600))
     error, lost = np.abs(found.ranges_mm - true_mm)[on_cube], np.isnan(found.ranges_mm[on_cube]).mean()
     median = f"{np.nanmedian(error):.1f} mm" if lost < 1 else "unknown"
-    return picture_of(figure), f"{on_cube.sum()} beams meet the cube, {lost:.0%} lost; median error {median}"
+    return figure_to_image(figure), f"{on_cube.sum()} beams meet the cube, {lost:.0%} lost; median error {median}"
 
 
 def draw_lens(k1: float, k2: float, k3: float, p1: float) -> tuple[Array, str]:
@@ -99,14 +99,14 @@ def draw_motorcycle(num_disparities: int, block_size: int, uniqueness_ratio: int
     """Notebook 09: the real pair, matched."""
     from skimage.data import stereo_motorcycle
 
-    from stereolib.plotting import colored
+    from stereolib.plotting import color_disparity
 
     left, right, truth = stereo_motorcycle()
     params = SGBMParams(num_disparities, block_size, uniqueness_ratio=uniqueness_ratio)
     disparity = compute_disparity(left, right, params, whole=True)
     quality = score(disparity, np.where(np.isfinite(truth), truth, np.nan))
     text = f"bad 2: {quality.bad2_pct:.1f} % of the pixels; returned: {quality.density_pct:.0f} %"
-    return np.hstack([left[..., ::-1], colored(disparity, 0, 70)]), text
+    return np.hstack([left[..., ::-1], color_disparity(disparity, 0, 70)]), text
 
 
 def _pixel_grid(camera: Camera) -> Array:
@@ -155,7 +155,7 @@ _RECORDED = {"pitched": "texture", "level": "level"}
 def draw_heights(distance_mm: float, yaw_deg: float, lateral_mm: float, height_mm: float) -> tuple[Array, str]:
     """Notebook 06: a box of some height is moved; the paper's reading and the ground plane's beside the truth."""
     from stereolib.measurement import attempt_height
-    from stereolib.plotting import panels, picture_of, plot_found
+    from stereolib.plotting import figure_to_image, panels, plot_height_attempt
     from stereolib.virtual import recordings
 
     rectified = recordings.rectified()
@@ -169,11 +169,12 @@ def draw_heights(distance_mm: float, yaw_deg: float, lateral_mm: float, height_m
     )  # fmt: skip
     attempt = attempt_height(left, right, rectified)
     figure, axes = panels(1, width_in=6.4)
-    plot_found(attempt, axes[0], f"floor, faces, near edge, top: {attempt.refused or 'measured'} (virtual rig)")
+    title = f"floor, faces, near edge, top: {attempt.refused or 'measured'} (virtual rig)"
+    plot_height_attempt(attempt, axes[0], title)
     ours = f"{attempt.height_mm / 10:.2f} ± {0.196 * attempt.std_mm:.2f} cm (95 %)"
     ours = f"refused, {attempt.refused}" if attempt.refused else ours
     text = f"true height {height_mm / 10:.1f} cm; the paper's recipe reads {recipe.height_mm / 10:.1f} cm, "
-    return np.hstack([_marked(left, recipe), picture_of(figure)]), text + f"the ground plane {ours}"
+    return np.hstack([_marked(left, recipe), figure_to_image(figure)]), text + f"the ground plane {ours}"
 
 
 def _marked(left: Array, found: HeightResult) -> Array:
@@ -207,20 +208,20 @@ def draw_width(distance_mm: float, yaw_deg: float, pitch_deg: float) -> tuple[Ar
 
 def draw_sgbm(condition: str, num_disparities: int, block_size: int, uniqueness_ratio: int) -> tuple[Array, str]:
     """Notebook 03: one of Fig. 4's recordings, matched; bad settings are refused with the library's own words."""
-    from stereolib.plotting import colored
+    from stereolib.plotting import color_disparity
 
     left, right, disparity_px, cube = _condition(condition)
     params = SGBMParams(num_disparities, block_size, uniqueness_ratio=uniqueness_ratio)
     disparity = compute_disparity(left, right, params)
     quality = score(disparity, disparity_px, cube)
     text = f"bad 2 on the cube: {quality.bad2_pct:.1f} %; matched: {quality.density_pct:.0f} %; "
-    return np.hstack([left, colored(disparity, 0, 160)]), text + f"columns lost at the left: {num_disparities}"
+    return np.hstack([left, color_disparity(disparity, 0, 160)]), text + f"columns lost at the left: {num_disparities}"
 
 
 def draw_surface(distance_mm: float, contrast: float, scale_mm: float, light: float) -> tuple[Array, str]:
     """Notebook 03: the cube rendered and matched, one ray a pixel; only a new scene is rendered again."""
     from stereolib import virtual
-    from stereolib.plotting import colored
+    from stereolib.plotting import color_disparity
     from stereolib.virtual import recordings
 
     lights, disparity_px, cube = _surface(distance_mm, contrast, scale_mm)
@@ -230,21 +231,20 @@ def draw_surface(distance_mm: float, contrast: float, scale_mm: float, light: fl
     quality = score(disparity, disparity_px, cube)
     text = f"largest disparity of the cube {disparity_px[cube].max():.1f} px; "
     text += f"bad 2: {quality.bad2_pct:.1f} %; matched: {quality.density_pct:.0f} %"
-    return np.hstack([left, colored(disparity, 0, 192)]), text
+    return np.hstack([left, color_disparity(disparity, 0, 192)]), text
 
 
 def draw_dilation(condition: str, method: str, size_px: int) -> tuple[Array, str]:
     """Notebook 04: one of Fig. 4's maps before and after a filter."""
-    from stereolib.matching import filters
-    from stereolib.plotting import colored
+    from stereolib.plotting import color_disparity
 
     left, right, disparity_px, cube = _condition(condition)
     before = compute_disparity(left, right)
-    after = filters.smooth(before, method, size_px=size_px, image=left)
-    done = repair(before, after, disparity_px, cube)
+    after = smooth(before, method, size_px=size_px, image=left)
+    done = score_repair(before, after, disparity_px, cube)
     text = f"holes {done.holes_pct:.0f} % of the cube, filled {done.filled_pct:.0f} %; of the filled pixels "
     text += f"{done.wrong2_pct:.0f} % are off by more than 2 px; good pixels move by {done.shift_px:+.2f} px"
-    return np.hstack([colored(before, 0, 128), colored(after, 0, 128)]), text
+    return np.hstack([color_disparity(before, 0, 128), color_disparity(after, 0, 128)]), text
 
 
 def draw_map_view(azimuth_deg: int, elevation_deg: int, show: str) -> tuple[Array, str]:
@@ -261,7 +261,7 @@ def draw_map_view(azimuth_deg: int, elevation_deg: int, show: str) -> tuple[Arra
 
 def draw_matching(off_mm: int, off_deg: float, chance: int) -> tuple[Array, str]:
     """Notebook 08: scans of the walk at poses that are off, and after matching."""
-    from stereolib.plotting import panels, picture_of, plot_scans
+    from stereolib.plotting import figure_to_image, panels, plot_scans
 
     stations = _walk_map()[0].stations
     start = disturbed(stations, np.random.default_rng(chance), off_mm, np.radians(off_deg))
@@ -272,7 +272,7 @@ def draw_matching(off_mm: int, off_deg: float, chance: int) -> tuple[Array, str]
     errors = np.abs([a.pose - b.pose for a, b in zip(match.stations, stations, strict=True)])
     text = f"{match.pairs} pairs, {match.rms_before_mm:.0f} mm apart before and {match.rms_after_mm:.1f} mm after; "
     worst = f"{errors[:, :2].max():.1f} mm and {np.degrees(errors[:, 2].max()):.2f} degrees"
-    return picture_of(figure), text + f"the worst pose is off by {worst}"
+    return figure_to_image(figure), text + f"the worst pose is off by {worst}"
 
 
 @lru_cache(maxsize=1)

@@ -84,7 +84,7 @@ def test_specks_are_counted_and_the_map_is_left_alone():
 
 def test_found_is_drawn_where_it_was_measured():
     tried = attempted("conditions/level")
-    ax = plotting.plot_found(tried, plotting.panels(1)[1][0], "cube")
+    ax = plotting.plot_height_attempt(tried, plotting.panels(1)[1][0], "cube")
     lines = {line.get_label(): line.get_xydata() for line in ax.lines}
     assert lines["near edge"] == pytest.approx(np.stack([tried.found.foot_px, tried.found.top_px]))
     (x0, y0), (x1, y1) = lines["top line"]
@@ -97,7 +97,7 @@ def test_found_is_drawn_where_it_was_measured():
 
 
 def test_a_refused_attempt_is_drawn_without_lines():
-    ax = plotting.plot_found(attempted("conditions/poor_light"), plotting.panels(1)[1][0])
+    ax = plotting.plot_height_attempt(attempted("conditions/poor_light"), plotting.panels(1)[1][0])
     assert not ax.lines and not ax.texts
 
 

@@ -9,6 +9,7 @@ import subprocess
 import sys
 from types import SimpleNamespace
 
+import matplotlib
 import numpy as np
 import pandas as pd
 import pytest
@@ -84,6 +85,30 @@ def test_no_global_state_is_touched():
     assert (done.returncode, done.stderr) == (0, "")
 
 
+def everything_drawn() -> list[bytes]:
+    """One figure with a map, curves, a legend and a bar chart, as PNG and as a slider's image."""
+    figure = drawing()
+    bars, (ax,) = plotting.panels(1)
+    plotting.plot_bars({"a": 1, "b": 2}, ax, xlabel="n", title="t")
+    return [plotting.save_figure(None, figure).data, plotting.figure_to_image(bars).tobytes()]
+
+
+def test_the_users_matplotlibrc_does_not_show():
+    expected = everything_drawn()
+    theirs = {"axes.facecolor": "red", "font.size": 20.0, "lines.linewidth": 9.0, "savefig.transparent": True}
+    with matplotlib.rc_context(theirs):
+        assert everything_drawn() == expected
+        assert {name: matplotlib.rcParams[name] for name in theirs} == theirs
+
+
+def test_a_curves_last_bit_is_not_drawn(ax):
+    x = np.linspace(0, 1, 50)
+    plotting.plot_curves({"a": (x, x**2), "b": (x, np.nextafter(x**2, 2))}, ax, xlabel="x", ylabel="y")
+    one, other = (line.get_ydata() for line in ax.lines)
+    assert one.dtype == np.float32
+    np.testing.assert_array_equal(one, other)
+
+
 def test_panels_have_the_size_asked_for():
     figure, axes = plotting.panels(3, 2, width_in=9.0, aspect=0.5)
     assert isinstance(figure, Figure)
@@ -126,7 +151,7 @@ def test_unmatched_pixels_are_light_grey(ax):
 
 
 def test_map_as_a_picture():
-    picture = plotting.colored(np.array([[0.0, 50, 100, 200, -5, np.nan]]), 0, 100)
+    picture = plotting.color_disparity(np.array([[0.0, 50, 100, 200, -5, np.nan]]), 0, 100)
     assert picture.shape == (1, 6, 3) and picture.dtype == np.uint8
     assert picture[0, 5].tolist() == [217] * 3
     np.testing.assert_array_equal(picture[0, 3], picture[0, 2])
@@ -170,7 +195,7 @@ def test_height_and_box_show_their_numbers(ax):
     mask = np.zeros((60, 80), bool)
     mask[10:40, 30:33] = True
     before = image.copy()
-    plotting.plot_height(image, mask, 10, 40, 31, ax)
+    plotting.plot_height(image, SimpleNamespace(mask=mask, top_row=10, foot_row=40, column=31), ax)
     texts = [text.get_text() for text in ax.texts]
     assert any(t.endswith(": 10") for t in texts) and any(t.endswith(": 40") for t in texts)
     other = plotting.panels(1)[1][0]
@@ -196,7 +221,8 @@ def test_rows_and_corners(ax):
 def test_map_shows_the_values_over_the_image_and_keeps_gaps(ax):
     values = np.add.outer(np.arange(4.0), np.arange(5.0))
     values[0, 0] = np.nan
-    plotting.plot_map(values, np.linspace(0, 99, 5), np.linspace(0, 59, 4), (100, 60), ax, "map", label="mm")
+    quantity = plotting.ImageQuantity(values, np.linspace(0, 99, 5), np.linspace(0, 59, 4), (100, 60), "mm")
+    plotting.plot_quantity(quantity, ax, "map")
     mesh = ax.collections[0]
     np.testing.assert_array_equal(np.ma.filled(mesh.get_array(), np.nan).reshape(4, 5), values)
     assert ax.get_xlim() == (-0.5, 99.5) and ax.get_ylim() == (59.5, -0.5)  # rows run down
@@ -208,7 +234,7 @@ def test_map_hatches_what_was_not_seen_and_ends_its_colours_where_told(ax):
     unseen = np.zeros((6, 10), bool)
     unseen[:, :3] = True
     where = np.linspace(0, 99, 5), np.linspace(0, 59, 4)
-    plotting.plot_map(values, *where, (100, 60), ax, "map", label="mm", high=4.0, unseen=unseen)
+    plotting.plot_quantity(plotting.ImageQuantity(values, *where, (100, 60), "mm", unseen), ax, "map", high=4.0)
     mesh, _, hatched = ax.collections
     assert mesh.get_clim() == (0, 4)
     assert {float(text.get_text()) for text in ax.texts} <= {1.0, 2.0, 3.0}  # round numbers within the colours
@@ -218,7 +244,7 @@ def test_map_hatches_what_was_not_seen_and_ends_its_colours_where_told(ax):
 
 @pytest.mark.parametrize("values", [np.full((3, 3), np.nan), np.zeros((3, 3))])
 def test_map_of_nothing_and_of_a_constant(ax, values):
-    plotting.plot_map(values, np.arange(3), np.arange(3), (3, 3), ax, "map", label="px")
+    plotting.plot_quantity(plotting.ImageQuantity(values, np.arange(3), np.arange(3), (3, 3), "px"), ax, "map")
     plotting.save_figure(None, ax.figure)
 
 

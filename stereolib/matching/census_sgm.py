@@ -243,7 +243,8 @@ def _refined(total: Int16, disparity: Ints) -> Float32:
     slope = np.maximum(np.maximum(low - here, high - here), 1)
     inner = (disparity > 0) & (disparity < total.shape[1] - 1)
     offset = np.where(inner, 0.5 * (low - high) / slope, 0).clip(-0.5, 0.5)
-    return (disparity + offset).astype(np.float32)
+    refined: Float32 = (disparity + offset).astype(np.float32)
+    return refined
 
 
 def _right(total: Int16) -> Float32:

@@ -216,8 +216,8 @@ def plot_sizes(labels: Sequence[str], series: Mapping[str, tuple[Float64, Float6
     """
     for k, (name, (errors_mm, std_mm)) in enumerate(series.items()):
         rows = np.arange(len(labels)) + _ROW_STEP * (k - (len(series) - 1) / 2)
-        style = {"fmt": "o", "ms": 4, "lw": 1.2, "capsize": 2, "color": _SERIES_COLORS[k], "label": name}
-        ax.errorbar(errors_mm, rows, xerr=1.96 * np.asarray(std_mm), **style)
+        look: dict[str, Any] = {"fmt": "o", "ms": 4, "lw": 1.2, "capsize": 2, "color": _SERIES_COLORS[k], "label": name}
+        ax.errorbar(errors_mm, rows, xerr=1.96 * np.asarray(std_mm), **look)
         ax.axvline(0, color="0.4", lw=0.8)
     ax.set_yticks(np.arange(len(labels)), labels, fontsize=8)
     ax.set(ylim=(len(labels) - 0.4, -0.6), xlabel="error, with 95 % interval (mm)")

@@ -103,8 +103,8 @@ def plot_intervals(
     """
     rows, values = np.arange(len(names)), np.asarray(values, float)
     known = np.isfinite(values)
-    style = {"fmt": "o", "ms": 4, "lw": 1.2, "capsize": 2, "color": COLORS[0]} | style
-    ax.errorbar(values[known], rows[known], xerr=np.asarray(halves, float)[known], **style)
+    look: dict[str, Any] = {"fmt": "o", "ms": 4, "lw": 1.2, "capsize": 2, "color": COLORS[0]} | style
+    ax.errorbar(values[known], rows[known], xerr=np.asarray(halves, float)[known], **look)
     ax.axvline(0, color="0.4", lw=0.8)
     box = {"facecolor": "white", "lw": 0, "pad": 1}
     for row in rows[~known]:

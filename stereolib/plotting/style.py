@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import Any, ParamSpec, TypeVar
 
 import matplotlib.style
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
@@ -70,7 +71,7 @@ def panels(columns: int, rows: int = 1, *, width_in: float = 10.0, aspect: float
     return figure, figure.subplots(rows, columns, squeeze=False, **subplots).ravel()
 
 
-def image_axes(size: tuple[int, int], ax: Any, title: str) -> Any:
+def image_axes(size: tuple[int, int], ax: Axes, title: str) -> Axes:
     """Give axes the frame of an image, in pixels.
 
     Parameters

@@ -6,7 +6,7 @@ import pytest
 
 from stereolib.matching import SGBMParams, compute_disparity, score, score_repair
 from stereolib.matching.filters import close
-from stereolib.notebook import drawings
+from stereolib.notebook import draw_dilation, draw_sgbm
 from stereolib.virtual import recordings
 
 
@@ -17,10 +17,10 @@ def test_sliders_say_what_the_library_measures(condition: str) -> None:
     pair = recordings.rectified().rectify(*recordings.load_pair(f"conditions/{condition}"))
     before = compute_disparity(*pair, SGBMParams(128, 5))
     quality = score(before, truth.disparity_px, cube)
-    picture, text = drawings.draw_sgbm(condition, 128, 5, 10)
+    picture, text = draw_sgbm(condition, 128, 5, 10)
     assert picture.shape == (480, 1280, 3) and f"{quality.bad2_pct:.1f} %" in text
-    picture, text = drawings.draw_dilation(condition, "closing", 9)
+    picture, text = draw_dilation(condition, "closing", 9)
     done = score_repair(before, close(before, 9), truth.disparity_px, cube)
     assert picture.shape == (480, 1280, 3) and f"{done.shift_px:+.2f} px" in text
     with pytest.raises(ValueError, match="multiple of 16"):
-        drawings.draw_sgbm(condition, 100, 5, 10)
+        draw_sgbm(condition, 100, 5, 10)

@@ -1,119 +1,18 @@
-"""Figures: the same bytes from the same data, and what is drawn is what was given."""
+"""Pictures show what was given, in its colours and at its place."""
 
 from __future__ import annotations
 
-import base64
-import io
-import os
-import subprocess
-import sys
 from types import SimpleNamespace
 
-import matplotlib
 import numpy as np
-import pandas as pd
 import pytest
-from matplotlib.figure import Figure
-from PIL import Image
 
 from stereolib import plotting
-from stereolib.base import ROOT
 
 
 @pytest.fixture
 def ax():
     return plotting.panels(1)[1][0]
-
-
-def drawing(noise=0.0):
-    figure, (left, right) = plotting.panels(2, width_in=6)
-    rng = np.random.default_rng(0)
-    disparity = np.where(rng.random((40, 60)) < 0.1, np.nan, rng.uniform(0, 100, (40, 60)) + noise)
-    plotting.plot_disparity(disparity, left, "a map", high=100)
-    plotting.plot_curves({"ours": ([1, 2, 3], [1, 4, 9]), "paper": ([1, 3], [2, 2])}, right, xlabel="x", ylabel="y")
-    return figure
-
-
-def test_png_is_the_same_bytes_each_time(figures_in_temporary_folder):
-    path = figures_in_temporary_folder / "fig.png"
-    shown = plotting.save_figure("fig", drawing())
-    first = path.read_bytes()
-    assert shown.data == first
-    plotting.save_figure("fig", drawing())
-    assert path.read_bytes() == first
-    plotting.save_figure("fig", drawing(noise=3))
-    assert path.read_bytes() != first
-    image = Image.open(io.BytesIO(first))
-    assert (image.format, image.mode) == ("PNG", "P")
-    assert not {"Software", "Creation Time", "date"} & set(image.info)
-
-
-def test_svg_is_the_same_bytes_each_time(figures_in_temporary_folder):
-    path = figures_in_temporary_folder / "fig.svg"
-    plotting.save_figure("fig", drawing(), svg=True)
-    first = path.read_bytes()
-    plotting.save_figure("fig", drawing(), svg=True)
-    assert path.read_bytes() == first
-    assert b"<svg" in first and b"dc:date" not in first
-
-
-def test_without_a_name_nothing_is_written(figures_in_temporary_folder):
-    shown = plotting.save_figure(None, drawing())
-    assert not figures_in_temporary_folder.exists()
-    bundle = shown._repr_mimebundle_()
-    assert base64.b64decode(bundle["image/png"]) == shown.data
-    assert Image.open(io.BytesIO(shown.data)).size == (600, 225)
-
-
-def test_table(figures_in_temporary_folder):
-    table = pd.DataFrame({"distance_mm": [500, 700], "note": ["a, b", "±"]})
-    assert plotting.save_table("distances", table) is table
-    written = (figures_in_temporary_folder / "tables" / "distances.csv").read_bytes()
-    assert written == 'distance_mm,note\n500,"a, b"\n700,±\n'.encode()
-
-
-def test_no_global_state_is_touched():
-    """No figures that pile up in pyplot, and no default of the user's changed."""
-    code = (
-        "import matplotlib; before = dict(matplotlib.rcParams); import stereolib.plotting as p;"
-        "figure = p.panels(2)[0]; p.save_figure('fig', figure, svg=True);"
-        "after = dict(matplotlib.rcParams); assert after == before, set(after.items()) ^ set(before.items());"
-        "from matplotlib._pylab_helpers import Gcf; assert not Gcf.figs"
-    )
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    done = subprocess.run([sys.executable, "-W", "error", "-c", code], env=environment, capture_output=True, text=True)
-    assert (done.returncode, done.stderr) == (0, "")
-
-
-def everything_drawn() -> list[bytes]:
-    """One figure with a map, curves, a legend and a bar chart, as PNG and as a slider's image."""
-    figure = drawing()
-    bars, (ax,) = plotting.panels(1)
-    plotting.plot_bars({"a": 1, "b": 2}, ax, xlabel="n", title="t")
-    return [plotting.save_figure(None, figure).data, plotting.figure_to_image(bars).tobytes()]
-
-
-def test_the_users_matplotlibrc_does_not_show():
-    expected = everything_drawn()
-    theirs = {"axes.facecolor": "red", "font.size": 20.0, "lines.linewidth": 9.0, "savefig.transparent": True}
-    with matplotlib.rc_context(theirs):
-        assert everything_drawn() == expected
-        assert {name: matplotlib.rcParams[name] for name in theirs} == theirs
-
-
-def test_a_curves_last_bit_is_not_drawn(ax):
-    x = np.linspace(0, 1, 50)
-    plotting.plot_curves({"a": (x, x**2), "b": (x, np.nextafter(x**2, 2))}, ax, xlabel="x", ylabel="y")
-    one, other = (line.get_ydata() for line in ax.lines)
-    assert one.dtype == np.float32
-    np.testing.assert_array_equal(one, other)
-
-
-def test_panels_have_the_size_asked_for():
-    figure, axes = plotting.panels(3, 2, width_in=9.0, aspect=0.5)
-    assert isinstance(figure, Figure)
-    assert axes.shape == (6,)
-    np.testing.assert_allclose(figure.get_size_inches(), [9, 3])
 
 
 def rendered(ax):
@@ -158,36 +57,6 @@ def test_map_as_a_picture():
     np.testing.assert_array_equal(picture[0, 4], picture[0, 0])
     brightness = picture[0, :3].astype(float) @ [0.114, 0.587, 0.299]
     assert brightness[0] + 30 < brightness[1] < brightness[2] - 30  # grows also in grey print
-
-
-def test_curves_differ_without_colour_too(ax):
-    plotting.plot_curves(
-        {c: ([1, 2], [1, k]) for k, c in enumerate("abcd")}, ax, xlabel="Z (mm)", ylabel="d (px)", title="t"
-    )
-    assert (ax.get_xlabel(), ax.get_ylabel(), ax.get_title()) == ("Z (mm)", "d (px)", "t")
-    assert len({line.get_linestyle() for line in ax.lines}) == 4
-    assert len({line.get_color() for line in ax.lines}) == 4
-    assert [text.get_text() for text in ax.get_legend().get_texts()] == list("abcd")
-    np.testing.assert_array_equal(ax.lines[3].get_ydata(), [1, 3])
-
-
-def test_triangulation_prints_the_formula(ax):
-    plotting.plot_triangulation(763.7, 93.1, 700.0, ax)
-    assert f"{763.7 * 93.1 / 700:.1f} px" in ax.get_title()
-    texts = " ".join(text.get_text() for text in ax.texts)
-    left, right = (763.7 * (0.35 * 93.1 - x) / 700 for x in (0, 93.1))
-    assert f"{left:+.1f} px" in texts and f"{right:+.1f} px" in texts
-
-
-def test_scan_from_above_has_left_on_the_left(ax):
-    plotting.plot_scan(np.array([[1000.0, 300.0]]), ax, label="room")  # ahead, to the left
-    np.testing.assert_allclose(ax.collections[0].get_offsets(), [[-300, 1000]])
-
-
-def test_polar_scan_marks_dropouts():
-    ax = plotting.panels(1, subplot_kw={"projection": "polar"})[1][0]
-    plotting.plot_scan_polar(np.radians([0.0, 90, 180]), np.array([1000.0, np.nan, 500]), ax)
-    np.testing.assert_allclose(ax.collections[1].get_offsets(), [[np.pi / 2, 1050]])
 
 
 def test_height_and_box_show_their_numbers(ax):

@@ -95,7 +95,7 @@ def correlation_length_px(image: UInt8, where: Bools) -> float:
     --------
     >>> stripes = np.tile(np.uint8([0, 0, 0, 200, 200, 200]), (4, 20))
     >>> round(correlation_length_px(stripes, np.ones(stripes.shape, bool)), 2)
-    0.95
+    0.96
     """
     grey = to_grey(image).astype(float)
     where = check_mask(where, grey.shape)

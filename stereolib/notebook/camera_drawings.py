@@ -11,7 +11,20 @@ from stereolib.rig import Camera, StereoRig
 
 
 def draw_lens(k1: float, k2: float, k3: float, p1: float) -> tuple[UInt8, str]:
-    """Notebook 01: straight lines through a lens with the right camera's K and p2."""
+    """Notebook 01: straight lines through a lens with the right camera's K and p2.
+
+    Parameters
+    ----------
+    k1 : float
+    k2 : float
+    k3 : float
+    p1 : float
+
+    Returns
+    -------
+    picture : (H, W, 3) uint8, blue-green-red
+    text : str
+    """
     right = paper.paper_rig().right
     K = right.K
     camera = Camera(K, np.array([k1, k2, p1, right.dist[3], k3]), right.size)
@@ -31,7 +44,18 @@ def draw_lens(k1: float, k2: float, k3: float, p1: float) -> tuple[UInt8, str]:
 
 
 def draw_rectification(alpha: float, roll_error_deg: float) -> tuple[UInt8, str]:
-    """Notebook 02: the cube pair rectified by a rig whose right camera is believed to be rolled."""
+    """Notebook 02: the cube pair rectified by a rig whose right camera is believed to be rolled.
+
+    Parameters
+    ----------
+    alpha : float
+    roll_error_deg : float
+
+    Returns
+    -------
+    picture : (H, W, 3) uint8, blue-green-red
+    text : str
+    """
     from stereolib.virtual import recordings
 
     true = paper.paper_rig()

@@ -18,7 +18,20 @@ _RECORDED = {"pitched": "texture", "level": "level"}
 
 
 def draw_recipe(set_up: str, rows: int, tolerance_px: float, dilate_px: int) -> tuple[UInt8, str]:
-    """Notebook 06: the paper's recipe with its knobs, on a recording of either set-up."""
+    """Notebook 06: the paper's recipe with its knobs, on a recording of either set-up.
+
+    Parameters
+    ----------
+    set_up : str
+    rows : int
+    tolerance_px : float
+    dilate_px : int
+
+    Returns
+    -------
+    picture : (H, W, 3) uint8, blue-green-red
+    text : str
+    """
     from stereolib.virtual import recordings
 
     left, right = recordings.rectified().rectify(*recordings.load_pair(f"conditions/{_RECORDED[set_up]}"))
@@ -36,7 +49,20 @@ def draw_recipe(set_up: str, rows: int, tolerance_px: float, dilate_px: int) -> 
 
 
 def draw_heights(distance_mm: float, yaw_deg: float, lateral_mm: float, height_mm: float) -> tuple[UInt8, str]:
-    """Notebook 06: a box of some height is moved; the paper's reading and the ground plane's beside the truth."""
+    """Notebook 06: a box of some height is moved; the paper's reading and the ground plane's beside the truth.
+
+    Parameters
+    ----------
+    distance_mm : float
+    yaw_deg : float
+    lateral_mm : float
+    height_mm : float
+
+    Returns
+    -------
+    picture : (H, W, 3) uint8, blue-green-red
+    text : str
+    """
     from stereolib.measurement import attempt_height
     from stereolib.plotting import figure_to_image, panels, plot_height_attempt
     from stereolib.virtual import recordings
@@ -63,7 +89,19 @@ def draw_heights(distance_mm: float, yaw_deg: float, lateral_mm: float, height_m
 
 
 def draw_width(distance_mm: float, yaw_deg: float, pitch_deg: float) -> tuple[UInt8, str]:
-    """Notebook 07: width of the cube in pixels, and what a pixel stands for, over distance."""
+    """Notebook 07: width of the cube in pixels, and what a pixel stands for, over distance.
+
+    Parameters
+    ----------
+    distance_mm : float
+    yaw_deg : float
+    pitch_deg : float
+
+    Returns
+    -------
+    picture : (H, W, 3) uint8, blue-green-red
+    text : str
+    """
     from stereolib.virtual import recordings
 
     left = _cube(distance_mm, yaw_deg, pitch_deg, "left")

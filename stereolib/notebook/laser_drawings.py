@@ -16,7 +16,20 @@ if TYPE_CHECKING:
 
 
 def draw_sweep(turns: int, albedo: float, distance_mm: int, yaw_deg: int) -> tuple[UInt8, str]:
-    """Notebook 05: the laser's sweep over a cube of some darkness, and the error on its faces."""
+    """Notebook 05: the laser's sweep over a cube of some darkness, and the error on its faces.
+
+    Parameters
+    ----------
+    turns : int
+    albedo : float
+    distance_mm : int
+    yaw_deg : int
+
+    Returns
+    -------
+    picture : (H, W, 3) uint8, blue-green-red
+    text : str
+    """
     from stereolib import laser, virtual
     from stereolib.plotting import figure_to_image, panels, plot_scan
     from stereolib.virtual import VirtualLidar, recordings
@@ -38,7 +51,19 @@ def draw_sweep(turns: int, albedo: float, distance_mm: int, yaw_deg: int) -> tup
 
 
 def draw_map_view(azimuth_deg: int, elevation_deg: int, show: str) -> tuple[UInt8, str]:
-    """Notebook 08: the walk's map in space, as solids or as coloured points."""
+    """Notebook 08: the walk's map in space, as solids or as coloured points.
+
+    Parameters
+    ----------
+    azimuth_deg : int
+    elevation_deg : int
+    show : str
+
+    Returns
+    -------
+    picture : (H, W, 3) uint8, blue-green-red
+    text : str
+    """
     from stereolib.mapping import view_map
 
     found, made, points = _walk_map()
@@ -50,7 +75,19 @@ def draw_map_view(azimuth_deg: int, elevation_deg: int, show: str) -> tuple[UInt
 
 
 def draw_matching(off_mm: int, off_deg: float, chance: int) -> tuple[UInt8, str]:
-    """Notebook 08: scans of the walk at poses that are off, and after matching."""
+    """Notebook 08: scans of the walk at poses that are off, and after matching.
+
+    Parameters
+    ----------
+    off_mm : int
+    off_deg : float
+    chance : int
+
+    Returns
+    -------
+    picture : (H, W, 3) uint8, blue-green-red
+    text : str
+    """
     from stereolib.plotting import figure_to_image, panels, plot_scans
 
     stations = _walk_map()[0].stations

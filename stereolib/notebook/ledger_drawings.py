@@ -7,7 +7,17 @@ from stereolib.base import UInt8
 
 
 def draw_verdicts(verdict: str) -> tuple[UInt8, str]:
-    """Notebook 00: how many rows of each notebook got a verdict."""
+    """Notebook 00: how many rows of each notebook got a verdict.
+
+    Parameters
+    ----------
+    verdict : str
+
+    Returns
+    -------
+    picture : (H, W, 3) uint8, blue-green-red
+    text : str
+    """
     from stereolib.plotting import figure_to_image, panels, plot_bars
 
     rows = paper.recorded()

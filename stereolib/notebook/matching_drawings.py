@@ -13,7 +13,20 @@ from stereolib.matching import SGBMParams, compute_disparity, score, score_repai
 
 
 def draw_sgbm(condition: str, num_disparities: int, block_size: int, uniqueness_ratio: int) -> tuple[UInt8, str]:
-    """Notebook 03: one of Fig. 4's recordings, matched; bad settings are refused with the library's own words."""
+    """Notebook 03: one of Fig. 4's recordings, matched; bad settings are refused with the library's own words.
+
+    Parameters
+    ----------
+    condition : str
+    num_disparities : int
+    block_size : int
+    uniqueness_ratio : int
+
+    Returns
+    -------
+    picture : (H, W, 3) uint8, blue-green-red
+    text : str
+    """
     from stereolib.plotting import color_disparity
 
     left, right, disparity_px, cube = _condition(condition)
@@ -25,7 +38,20 @@ def draw_sgbm(condition: str, num_disparities: int, block_size: int, uniqueness_
 
 
 def draw_surface(distance_mm: float, contrast: float, scale_mm: float, light: float) -> tuple[UInt8, str]:
-    """Notebook 03: the cube rendered and matched, one ray a pixel; only a new scene is rendered again."""
+    """Notebook 03: the cube rendered and matched, one ray a pixel; only a new scene is rendered again.
+
+    Parameters
+    ----------
+    distance_mm : float
+    contrast : float
+    scale_mm : float
+    light : float
+
+    Returns
+    -------
+    picture : (H, W, 3) uint8, blue-green-red
+    text : str
+    """
     from stereolib import virtual
     from stereolib.plotting import color_disparity
     from stereolib.virtual import recordings
@@ -41,7 +67,19 @@ def draw_surface(distance_mm: float, contrast: float, scale_mm: float, light: fl
 
 
 def draw_dilation(condition: str, method: str, size_px: int) -> tuple[UInt8, str]:
-    """Notebook 04: one of Fig. 4's maps before and after a filter."""
+    """Notebook 04: one of Fig. 4's maps before and after a filter.
+
+    Parameters
+    ----------
+    condition : str
+    method : str
+    size_px : int
+
+    Returns
+    -------
+    picture : (H, W, 3) uint8, blue-green-red
+    text : str
+    """
     from stereolib.plotting import color_disparity
 
     left, right, disparity_px, cube = _condition(condition)
@@ -54,7 +92,19 @@ def draw_dilation(condition: str, method: str, size_px: int) -> tuple[UInt8, str
 
 
 def draw_motorcycle(num_disparities: int, block_size: int, uniqueness_ratio: int) -> tuple[UInt8, str]:
-    """Notebook 09: the real pair, matched."""
+    """Notebook 09: the real pair, matched.
+
+    Parameters
+    ----------
+    num_disparities : int
+    block_size : int
+    uniqueness_ratio : int
+
+    Returns
+    -------
+    picture : (H, W, 3) uint8, blue-green-red
+    text : str
+    """
     from skimage.data import stereo_motorcycle
 
     from stereolib.plotting import color_disparity

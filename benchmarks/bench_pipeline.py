@@ -13,22 +13,22 @@ from tqdm import tqdm
 from virtual_pairs import CHECKED_ON, CHOSEN_ON, Pair, bad2_pct, cluttered, recorded
 
 from stereolib import paper
-from stereolib.matching import compute_disparity, filter_comparison, motorcycle, pipelines
+from stereolib.matching import FilterCase, compare_filters, compute_disparity, motorcycle_view, pipelines
 from stereolib.virtual import recordings
 
 Array = np.ndarray
 
 
 def calibrate(pairs: list[Pair]) -> dict[str, list]:
-    """`pipeline.MARGINS` and `pipeline.SIGMA_PX` anew."""
+    """`pipelines.MARGINS` and `pipelines.BEST_SIGMA_PX` anew."""
     matches = [
         pipelines.match_best(p.left, p.right, p.num_disparities) for p in tqdm(pairs, "calibrating", unit="pair")
     ]
-    matched = [m.margin[pipelines.features(m)[1] < 2] for m in matches]
+    matched = [m.margin[pipelines.fill_and_classify(m)[1] < 2] for m in matches]
     margins = [round(float(x)) for x in np.percentile(np.concatenate(matched), (10, 25, 45, 65, 85))]
     errors: dict[tuple[int, int], list[Array]] = {}
     for pair, match in zip(pairs, matches, strict=True):
-        disparity, kind, level = pipelines.features(match, margins=tuple(margins))
+        disparity, kind, level = pipelines.fill_and_classify(match, margins=tuple(margins))
         off = np.abs(disparity - pair.truth_px)
         for k in range(3):
             for n in range(6):
@@ -36,7 +36,7 @@ def calibrate(pairs: list[Pair]) -> dict[str, list]:
     pooled = {key: np.concatenate(parts) for key, parts in errors.items()}
     found = [[round(float(np.percentile(pooled[k, n], 68)), 2) for n in range(6)] for k in range(2)]
     found.append(filled_std_px([pooled[2, n] for n in range(6)]))
-    return {"margins": margins, "sigma_px": dict(zip(pipelines.SIGMA_PX, found, strict=True))}
+    return {"margins": margins, "sigma_px": dict(zip(pipelines.BEST_SIGMA_PX, found, strict=True))}
 
 
 def filled_std_px(errors: list[Array]) -> list[float]:
@@ -79,7 +79,7 @@ def speed(pairs: list[Pair]) -> dict[str, float]:
 
 def on_photographs() -> dict[str, float]:
     """The motorcycle: bad-2 over all pixels of known truth with 128 disparities, and honesty."""
-    view = motorcycle()
+    view = motorcycle_view()
     best = pipelines.stereo_pipeline("best")(view.left, view.right)
     known = np.isfinite(view.truth_px)
     inside = (np.abs(best.disparity_px - view.truth_px) <= best.std_px)[known].mean()
@@ -94,8 +94,8 @@ def filters_ms() -> dict[str, float]:
     """Each filter on the map of poor light, best of three, with a kernel of 9 px."""
     true = recordings.load_truth("conditions/poor_light")
     pair = recordings.rectified().rectify(*recordings.load_pair("conditions/poor_light"))
-    one = {"poor_light": filter_comparison.case(pair, true.disparity_px, true.visible & (true.box == 1), true.box == 1)}
-    tables = [filter_comparison.measure(one, cm_per_px=paper.printed_value("scale.cm_per_px")) for _ in range(3)]
+    one = {"poor_light": FilterCase.from_pair(pair, true.disparity_px, true.visible & (true.box == 1), true.box == 1)}
+    tables = [compare_filters(one, cm_per_px=paper.printed_value("scale.cm_per_px")) for _ in range(3)]
     return {m: round(min(t["time_ms"][k] for t in tables), 1) for k, m in enumerate(tables[0]["method"])}
 
 

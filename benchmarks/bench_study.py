@@ -11,13 +11,14 @@ import numpy as np
 from common import ratio, save
 
 from stereolib.matching import (
+    KnownView,
     SGBMParams,
-    View,
+    Workers,
     compute_disparity,
     compute_disparity_guided,
     expected_disparity,
-    grid,
     score,
+    settings_grid,
     sweep,
 )
 from stereolib.virtual import recordings
@@ -59,9 +60,9 @@ def guided(threads: int) -> dict[str, float]:
     }
 
 
-def sweeps(views: list[View], rounds: int = 3) -> dict[str, float]:
+def sweeps(views: list[KnownView], rounds: int = 3) -> dict[str, float]:
     """What a sweep takes beyond the time inside OpenCV's matcher, in one run; and one worker against two."""
-    settings = grid(block_size=(3, 5, 7, 9), uniqueness_ratio=range(0, 24, 2), disp12_max_diff=(-1, 1))
+    settings = settings_grid(block_size=(3, 5, 7, 9), uniqueness_ratio=range(0, 24, 2), disp12_max_diff=(-1, 1))
     cv2.setNumThreads(1)
     inside = [0.0]
     make = SGBMParams.matcher
@@ -81,14 +82,14 @@ def sweeps(views: list[View], rounds: int = 3) -> dict[str, float]:
         function(*arguments, **keywords)  # type: ignore[operator]
         return time.perf_counter() - wall, time.process_time() - spent
 
-    sweep(views, settings[:1], n_jobs=2, progress=False)  # its imports are no part of a sweep
+    sweep(views, settings[:1], workers=Workers(2), progress=False)  # its imports are no part of a sweep
     costs, gains = [], []
     for _ in range(rounds):
         inside[0] = 0.0
         with mock.patch.object(SGBMParams, "matcher", lambda params: Timed(params)):
-            _, spent = clocked(sweep, views, settings, n_jobs=1, progress=False)
+            _, spent = clocked(sweep, views, settings, workers=Workers(1), progress=False)
         costs.append(spent / inside[0])  # the processor's time: other programs do not count
-        one, two = (clocked(sweep, views, settings, n_jobs=n, progress=False) for n in (1, 2))
+        one, two = (clocked(sweep, views, settings, workers=Workers(n), progress=False) for n in (1, 2))
         gains.append(one[0] / two[0])
     return {
         "matches": len(views) * len(settings),

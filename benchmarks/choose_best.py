@@ -10,7 +10,7 @@ The procedure was settled on these scenes alone, before its result met any photo
 3. Again, until a whole round changes nothing.
 
 Every setting tried becomes a line of ``results/choose_best.csv`` as soon as it is measured; called again, the script
-goes on from there. The defaults of `sgm.CensusSGM` and the constants of `pipeline` are copied from what it prints; a
+goes on from there. The defaults of `CensusSGM` and the constants of `pipelines` are copied from what it prints; a
 test goes through the file by the same procedure and holds them equal. No photograph is read here.
 """
 
@@ -58,7 +58,7 @@ def measure(pair: Pair, setting: Setting) -> float:
     params = CensusSGM(pair.num_disparities, **{k: v for k, v in setting.items() if k not in own})
     blur = own.pop("blur_from_grey")
     matched = pipelines.match_best(pair.left, pair.right, pair.num_disparities, params, blur_from_grey=blur)
-    return bad2_pct(pipelines.features(matched, **own)[0], pair.truth_px)
+    return bad2_pct(pipelines.fill_and_classify(matched, **own)[0], pair.truth_px)
 
 
 def key_of(row: Setting) -> str:

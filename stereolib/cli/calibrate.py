@@ -68,7 +68,7 @@ def _run(arguments: argparse.Namespace) -> int:
     pairs = pair_files(arguments.left, arguments.right)
 
     from stereolib.calibration import LENS_MODELS, detection, diagnosis, wording
-    from stereolib.plotting import calibration_report
+    from stereolib.plotting import write_calibration_report
     from stereolib.rig import formats
 
     if arguments.model not in LENS_MODELS:  # before the boards are searched for
@@ -88,7 +88,7 @@ def _run(arguments: argparse.Namespace) -> int:
     result = diagnosis.diagnose(views, model=arguments.model, ruler_mm=arguments.ruler_mm, at_mm=arguments.at_mm)
     facts = wording.facts(result)
     notes = {name: entry for name, entry in facts.items() if name not in ("K", "dist", "R", "T")}  # the file has them
-    calibration_report.build(written[1], result, dict(zip((path.name for path in left), pairs, strict=True)))
+    write_calibration_report(written[1], result, dict(zip((path.name for path in left), pairs, strict=True)))
     result.rig.save(written[0], calibration=notes)
     for kind, paths in others.items():
         getattr(formats, f"save_{kind}")(*paths, result.rig)

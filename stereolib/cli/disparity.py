@@ -41,8 +41,8 @@ def _run(arguments: argparse.Namespace) -> int:
     import numpy as np
 
     from stereolib.base import write_atomic
-    from stereolib.matching import check_rectified, check_told, stereo_pipeline
-    from stereolib.plotting import colored
+    from stereolib.matching import check_matchable, check_rectified, stereo_pipeline
+    from stereolib.plotting import color_disparity
     from stereolib.rig import StereoRig, read_pair
 
     with _named_as_options():
@@ -53,7 +53,7 @@ def _run(arguments: argparse.Namespace) -> int:
     written = [out, picture, *([deviation] if arguments.pipeline == "best" else [])]
     check_outputs(written, force=arguments.force, option="--out")
     pair = read_pair(arguments.left, arguments.right)
-    check_told(*pair, (str(arguments.left), str(arguments.right)))
+    check_matchable(*pair, (str(arguments.left), str(arguments.right)))
     if arguments.calibration:
         pair = StereoRig.load(arguments.calibration).rectify().rectify(*pair)
     with _named_as_options():
@@ -70,7 +70,7 @@ def _run(arguments: argparse.Namespace) -> int:
             stream = io.BytesIO()
             np.save(stream, array.astype(np.float32), allow_pickle=False)
             write_atomic(path, stream.getvalue())
-    shown = colored(found.disparity_px, low, max(high, low + 1))
+    shown = color_disparity(found.disparity_px, low, max(high, low + 1))
     write_atomic(picture, cv2.imencode(".png", shown)[1].tobytes())
     print(f"{out}: {100 * valid.mean():.1f} % of the pixels matched, disparities {low:.1f} to {high:.1f} px")
     return DONE

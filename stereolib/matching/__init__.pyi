@@ -1,50 +1,33 @@
-from .census_sgm import CensusSGM, SGMResult, census
-from .disparity import (
-    check_rectified,
-    check_told,
-    compute_disparity,
-    depth_to_disparity,
-    disparity_to_depth,
-    left_right_check,
-    raw_disparity,
-)
-from .filling import fill_background, inpaint, least_squares, left_right, remove_speckles, weighted_median
-from .filter_comparison import case, growth_px, measure
-from .filters import METHODS, close, dilate, dilate_set, median, open_close, smooth
-from .ground_truth import Ready, View, motorcycle
-from .guided import Expected, compute_disparity_guided, expected_disparity
-from .pipelines import SIGMA_PX, Estimate, features, match_best, stereo_pipeline
-from .scoring import (
-    Repair,
-    Score,
-    correlation_length_px,
-    fattening_px,
-    near_edge,
-    overreach_px,
-    repair,
-    score,
-    smallest_window,
-)
+from .census_sgm import CensusSGM, SGMResult, census_transform, match_census_sgm
+from .disparity import compute_disparity, depth_to_disparity, disparity_to_depth, left_right_check
+from .filter_comparison import FilterCase, compare_filters, outline_growth_px
+from .filters import SMOOTHING_METHODS, dilate, dilate_set, median_filter, smooth
+from .ground_truth import KnownView, motorcycle_view
+from .guided import ExpectedDisparity, compute_disparity_guided, expected_disparity
+from .pair_checks import check_matchable, check_rectified
+from .pipelines import BEST_SIGMA_PX, DisparityEstimate, fill_and_classify, match_best, stereo_pipeline
+from .scenes import correlation_length_px, near_edge_mask, smallest_window
+from .scoring import RepairScore, Score, fattening_px, overreach_px, score, score_repair
 from .sgbm import SGBMParams
-from .sweeps import grid, random, sweep
+from .sweeps import Workers, settings_grid, sweep
 
 __all__ = [
-    "METHODS",
-    "SIGMA_PX",
+    "BEST_SIGMA_PX",
+    "SMOOTHING_METHODS",
     "CensusSGM",
-    "Estimate",
-    "Expected",
-    "Ready",
-    "Repair",
+    "DisparityEstimate",
+    "ExpectedDisparity",
+    "FilterCase",
+    "KnownView",
+    "RepairScore",
     "SGBMParams",
     "SGMResult",
     "Score",
-    "View",
-    "case",
-    "census",
+    "Workers",
+    "census_transform",
+    "check_matchable",
     "check_rectified",
-    "check_told",
-    "close",
+    "compare_filters",
     "compute_disparity",
     "compute_disparity_guided",
     "correlation_length_px",
@@ -54,29 +37,20 @@ __all__ = [
     "disparity_to_depth",
     "expected_disparity",
     "fattening_px",
-    "features",
-    "fill_background",
-    "grid",
-    "growth_px",
-    "inpaint",
-    "least_squares",
-    "left_right",
+    "fill_and_classify",
     "left_right_check",
     "match_best",
-    "measure",
-    "median",
-    "motorcycle",
-    "near_edge",
-    "open_close",
+    "match_census_sgm",
+    "median_filter",
+    "motorcycle_view",
+    "near_edge_mask",
+    "outline_growth_px",
     "overreach_px",
-    "random",
-    "raw_disparity",
-    "remove_speckles",
-    "repair",
     "score",
+    "score_repair",
+    "settings_grid",
     "smallest_window",
     "smooth",
     "stereo_pipeline",
     "sweep",
-    "weighted_median",
 ]

@@ -7,22 +7,24 @@ and the whole cost volume is at hand afterwards, so that the right view's dispar
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Any, TypeAlias
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
+from stereolib.base import Float32, Ints, UInt8
 from stereolib.rig import check_pair, to_grey
 
-Array = np.ndarray
+Int16: TypeAlias = npt.NDArray[np.int16]
 _BAND_ROWS = 32  # rows that are turned at once for the paths along rows
 _NEVER = np.int16(32000)  # dearer than any sum of eight paths
 
 
 @dataclass(frozen=True)
 class CensusSGM:
-    """Parameters of `match`; the defaults were chosen on virtual scenes by `benchmarks/choose_best.py`.
+    """Parameters of `match_census_sgm`; the defaults were chosen on virtual scenes by `benchmarks/choose_best.py`.
 
     Parameters
     ----------
@@ -42,6 +44,14 @@ class CensusSGM:
     Raises
     ------
     ValueError
+        If a window is even or too large, a penalty is none, or the costs add up to more than 16 bits hold.
+
+    Examples
+    --------
+    >>> CensusSGM(p1=30, p2=20)
+    Traceback (most recent call last):
+    ...
+    ValueError: need 0 < p1 < p2 and edge > 0, got p1=30, p2=20, edge=16.0
     """
 
     num_disparities: int = 128
@@ -68,23 +78,31 @@ class CensusSGM:
 
 @dataclass(frozen=True, eq=False)
 class SGMResult:
-    """Both views' disparity, (H, W) float32 px, every pixel returned; and how clear the left one's minimum was.
+    """Disparity of both views, every pixel returned, and how clear the left one's minimum was.
 
-    ``margin`` (H, W) float32: summed cost of the best disparity at least two pixels away, less that of the best one.
+    Parameters
+    ----------
+    left_px, right_px : (H, W) float32, px
+    margin : (H, W) float32
+        Summed cost of the best disparity at least two pixels away, less that of the best one.
     """
 
-    left_px: Array
-    right_px: Array
-    margin: Array
+    left_px: Float32
+    right_px: Float32
+    margin: Float32
 
 
-def match(left: Array, right: Array, params: CensusSGM | None = None) -> SGMResult:
-    """Disparity of a rectified pair along eight paths.
+def match_census_sgm(left: UInt8, right: UInt8, params: CensusSGM | None = None) -> SGMResult:
+    """Match a rectified pair along eight paths.
 
     Parameters
     ----------
     left, right : (H, W) or (H, W, 3) uint8
     params : CensusSGM, optional
+
+    Returns
+    -------
+    SGMResult
 
     Raises
     ------
@@ -102,6 +120,13 @@ def match(left: Array, right: Array, params: CensusSGM | None = None) -> SGMResu
     ----------
     H. Hirschmueller, Stereo processing by semiglobal matching and mutual information, doi:10.1109/TPAMI.2007.1166;
     R. Zabih and J. Woodfill, Non-parametric local transforms, doi:10.1007/BFb0028345
+
+    Examples
+    --------
+    >>> left = np.random.default_rng(0).integers(0, 256, (20, 60), np.uint8)
+    >>> result = match_census_sgm(left, np.roll(left, -7, axis=1), CensusSGM(num_disparities=16))
+    >>> float(np.median(result.left_px))
+    7.0
     """
     params = params or CensusSGM()
     check_pair(left, right)
@@ -115,8 +140,24 @@ def match(left: Array, right: Array, params: CensusSGM | None = None) -> SGMResu
     return SGMResult(_refined(total, disparity), _right(total), _margin(total, disparity))
 
 
-def census(grey: Array, size_px: tuple[int, int]) -> Array:
-    """Which neighbours are darker than the pixel, one bit each: (H, W) uint64; invariant to gain and offset."""
+def census_transform(grey: UInt8, size_px: tuple[int, int]) -> npt.NDArray[np.uint64]:
+    """Tell which neighbours are darker than each pixel, one bit each; invariant to gain and offset.
+
+    Parameters
+    ----------
+    grey : (H, W) uint8
+    size_px : (rows, columns)
+        Odd edges of the window, px; at most 64 pixels.
+
+    Returns
+    -------
+    (H, W) uint64
+
+    Examples
+    --------
+    >>> census_transform(np.array([[1, 2, 3]], np.uint8), (1, 3))
+    array([[0, 2, 2]], dtype=uint64)
+    """
     half = size_px[0] // 2, size_px[1] // 2
     height, width = grey.shape
     roomy = np.pad(grey, ((half[0], half[0]), (half[1], half[1])), mode="edge")
@@ -128,11 +169,13 @@ def census(grey: Array, size_px: tuple[int, int]) -> Array:
     return bits
 
 
-def _cost(left: Array, right: Array, params: CensusSGM) -> Array:
+def _cost(left: UInt8, right: UInt8, params: CensusSGM) -> Int16:
     """Cost volume (H, D, W) int16: census distance plus capped colour difference, averaged over the block."""
-    bits = [census(to_grey(image), params.census_px) for image in (left, right)]
+    bits = [census_transform(to_grey(image), params.census_px) for image in (left, right)]
     height, width = left.shape[:2]
-    channels = list(zip(_channels(left), _channels(right), strict=True))
+    channels = list(
+        zip(*(np.ascontiguousarray(np.atleast_3d(i).transpose(2, 0, 1)) for i in (left, right)), strict=True)
+    )
     cost = np.empty((height, params.num_disparities, width), np.int16)
     for d in range(params.num_disparities):
         unlike = sum(cv2.absdiff(a[:, d:], b[:, : width - d]).astype(np.float32) for a, b in channels) / len(channels)
@@ -143,31 +186,30 @@ def _cost(left: Array, right: Array, params: CensusSGM) -> Array:
     return cost
 
 
-def _channels(image: Array) -> list[Array]:
-    return [image] if image.ndim == 2 else list(cv2.split(image))
-
-
-def _aggregate(cost: Array, grey: Array, params: CensusSGM) -> Array:
+def _aggregate(cost: Int16, grey: UInt8, params: CensusSGM) -> Int16:
     """Sum of the eight paths, (H, D, W) int16."""
     fall = np.maximum(params.p2 / (1 + np.arange(256) / params.edge), params.p1 + 1).astype(np.int16)
-    grey, total = grey.astype(np.int16), np.zeros_like(cost)
+    shades, total = grey.astype(np.int16), np.zeros_like(cost)
     for shift in (0, 1, -1):
-        _walk(cost, total, grey, np.int16(params.p1), fall, shift)
+        _walk(cost, total, shades, (np.int16(params.p1), fall), shift)
     for top in range(0, len(cost), _BAND_ROWS):
         band = slice(top, top + _BAND_ROWS)
         turned = np.ascontiguousarray(cost[band].T)
         along = np.zeros_like(turned)
-        _walk(turned, along, np.ascontiguousarray(grey[band].T), np.int16(params.p1), fall, 0)
+        _walk(turned, along, np.ascontiguousarray(shades[band].T), (np.int16(params.p1), fall), 0)
         total[band] += along.T
     return total
 
 
-def _walk(cost: Array, total: Array, grey: Array, p1: np.int16, fall: Array, shift: int) -> None:
-    """Add the two paths that run along the first axis, there and back, moving by `shift` on the last one a step."""
-    count = len(cost)
-    orders: Iterable[range] = (range(count), range(count - 1, -1, -1))
-    for order in orders:
-        before = shade = None
+def _walk(cost: Int16, total: Int16, grey: Int16, penalties: tuple[np.int16, Int16], shift: int) -> None:
+    """Add the two paths that run along the first axis, there and back, moving by `shift` on the last one a step.
+
+    The penalties are ``P1``, and ``P2`` by the step of the picture in grey levels.
+    """
+    (p1, fall), count = penalties, len(cost)
+    for order in (range(count), range(count - 1, -1, -1)):
+        before: Int16 | None = None
+        shade: Int16 | None = None
         for k in order:
             path = cost[k]
             if before is not None and shade is not None:
@@ -183,7 +225,7 @@ def _walk(cost: Array, total: Array, grey: Array, p1: np.int16, fall: Array, shi
             before, shade = path, grey[k]
 
 
-def _moved(values: Array, shift: int) -> Array:
+def _moved(values: Int16, shift: int) -> Int16:
     if shift == 0:
         return values
     if shift > 0:
@@ -191,19 +233,21 @@ def _moved(values: Array, shift: int) -> Array:
     return np.concatenate([values[..., 1:], values[..., -1:]], axis=-1)
 
 
-def _at(total: Array, disparity: Array) -> Array:
+def _at(total: Int16, disparity: Ints) -> Float32:
     inside = np.clip(disparity, 0, total.shape[1] - 1)
     return np.take_along_axis(total, inside[:, None], axis=1)[:, 0].astype(np.float32)
 
 
-def _refined(total: Array, disparity: Array) -> Array:
+def _refined(total: Int16, disparity: Ints) -> Float32:
     low, here, high = (_at(total, disparity + k) for k in (-1, 0, 1))
     slope = np.maximum(np.maximum(low - here, high - here), 1)
     inner = (disparity > 0) & (disparity < total.shape[1] - 1)
-    return (disparity + np.where(inner, 0.5 * (low - high) / slope, 0).clip(-0.5, 0.5)).astype(np.float32)
+    offset = np.where(inner, 0.5 * (low - high) / slope, 0).clip(-0.5, 0.5)
+    refined: Float32 = (disparity + offset).astype(np.float32)
+    return refined
 
 
-def _right(total: Array) -> Array:
+def _right(total: Int16) -> Float32:
     count, width = total.shape[1:]
     turned = np.full_like(total, _NEVER)
     for d in range(count):
@@ -211,9 +255,10 @@ def _right(total: Array) -> Array:
     return _refined(turned, turned.argmin(axis=1))
 
 
-def _margin(total: Array, disparity: Array) -> Array:
+def _margin(total: Int16, disparity: Ints) -> Float32:
     here = _at(total, disparity)
-    far = np.full(disparity.shape, _NEVER)
+    far: Any = np.full(disparity.shape, _NEVER)
     for d in range(total.shape[1]):
         np.copyto(far, np.minimum(far, total[:, d]), where=np.abs(disparity - d) > 1)
-    return far - here
+    margin: Float32 = far - here
+    return margin

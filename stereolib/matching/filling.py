@@ -2,18 +2,42 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import cv2
 import numpy as np
+import numpy.typing as npt
 
-from stereolib.matching.disparity import left_right_check
+from stereolib.base import Float32, Float64, Floats, UInt8
+from stereolib.matching.sgbm import STEPS_PER_PX
 from stereolib.rig import to_grey
 
-Array = np.ndarray
-_SOLVERS = ("telea", "navier_stokes", "biharmonic")
+_SOLVERS = {"telea": cv2.INPAINT_TELEA, "navier_stokes": cv2.INPAINT_NS, "biharmonic": -1}  # the last is no flag
+_SPECKLE_RANGE_PX = 1.0  # neighbours that differ by no more are one patch
+_HOLE = -32768  # of 16 bits, in OpenCV's search for specks
+_GREY_STEP = 10.0  # grey levels: steps of the picture clearly above it separate
+_ROUNDS = 3  # of the least squares solution, along rows and columns in turn
 
 
-def checked(disparity_px: Array, size_px: int = 1) -> tuple[Array, int]:
-    """A map as (H, W) float32 and an odd kernel's edge; ValueError for anything else."""
+def check_map(disparity_px: npt.ArrayLike, size_px: float = 1) -> tuple[Float32, int]:
+    """Refuse what is no disparity map, or no kernel.
+
+    Parameters
+    ----------
+    disparity_px : (H, W) array_like, px
+    size_px : int
+        The kernel's edge.
+
+    Returns
+    -------
+    disparity_px : (H, W) float32, px
+    size_px : int
+
+    Raises
+    ------
+    ValueError
+        If the map has another shape or is empty, or the edge is no odd whole number from 1 on.
+    """
     disparity = np.asarray(disparity_px, np.float32)
     if disparity.ndim != 2 or disparity.size == 0:
         raise ValueError(f"expected a disparity map of shape (H, W), got {disparity.shape}")
@@ -22,99 +46,138 @@ def checked(disparity_px: Array, size_px: int = 1) -> tuple[Array, int]:
     return disparity, int(size_px)
 
 
-def remove_speckles(disparity_px: Array, size_px: int, *, range_px: float = 1.0) -> Array:
-    """Patches of fewer than ``size_px ** 2`` pixels become holes; neighbours within `range_px` are one patch."""
-    disparity, size = checked(disparity_px, size_px)
+def remove_speckles(disparity_px: npt.ArrayLike, size_px: int) -> Float32:
+    """Make holes of patches of fewer than ``size_px ** 2`` pixels; neighbours within 1 px are one patch.
+
+    Parameters
+    ----------
+    disparity_px : (H, W) float, px, NaN is a hole
+    size_px : int
+        Odd edge of the largest square that goes.
+
+    Returns
+    -------
+    (H, W) float32, px
+
+    Raises
+    ------
+    ValueError
+        If the map or the edge is none, or a disparity is 2047 px or more, which 16 bits do not hold.
+    """
+    disparity, size = check_map(disparity_px, size_px)
     valid = np.isfinite(disparity)
     if disparity[valid].size and np.abs(disparity[valid]).max() >= 2047:
         raise ValueError("speckles are looked for in steps of 1/16 px in 16 bits: disparities must be below 2047 px")
-    steps = np.where(valid, np.rint(np.nan_to_num(disparity) * 16), -32768).astype(np.int16)
-    kept, _ = cv2.filterSpeckles(steps, -32768, size * size - 1, round(16 * range_px))[:2]
-    return np.where(kept == -32768, np.float32(np.nan), disparity)
+    steps = np.where(valid, np.rint(np.nan_to_num(disparity) * STEPS_PER_PX), _HOLE).astype(np.int16)
+    kept, _ = cv2.filterSpeckles(steps, _HOLE, size * size - 1, round(STEPS_PER_PX * _SPECKLE_RANGE_PX))[:2]
+    return np.where(kept == _HOLE, np.float32(np.nan), disparity)
 
 
-def fill_background(disparity_px: Array) -> Array:
-    """Holes take the smaller of the nearest valid disparities left and right in their row, then the row above or below.
+def fill_background(disparity_px: npt.ArrayLike) -> Float32:
+    """Fill holes with the smaller of the nearest valid disparities left and right in their row.
 
     What one camera alone sees lies behind what hides it from the other, so the farther neighbour is the better guess.
-    NaN is left only if nothing was valid at all.
+    Rows without any valid disparity take that of the row above or below, likewise.
+
+    Parameters
+    ----------
+    disparity_px : (H, W) float, px, NaN is a hole
+
+    Returns
+    -------
+    (H, W) float32, px
+        NaN only if nothing was valid at all.
+
+    Raises
+    ------
+    ValueError
+        If the map is none.
+
+    Examples
+    --------
+    >>> fill_background([[np.nan, 5, np.nan, 3]])
+    array([[5., 5., 3., 3.]], dtype=float32)
     """
-    disparity, _ = checked(disparity_px)
-    rows = np.fmin(*neighbours(disparity))
+    disparity, _ = check_map(disparity_px)
+    rows: Float32 = np.fmin(*neighbours(disparity))
     if not np.isnan(rows).any():
         return rows
     above, below = (side.T for side in neighbours(rows.T))
     return np.where(np.isnan(rows), np.fmin(above, below), rows)
 
 
-def neighbours(disparity_px: Array) -> tuple[Array, Array]:
-    """The nearest valid disparity at or left of each pixel, and at or right of it; NaN where there is none."""
+def neighbours(disparity_px: Float32) -> tuple[Float32, Float32]:
+    """Find each pixel's nearest valid disparities in its row.
+
+    Parameters
+    ----------
+    disparity_px : (H, W) float32, px, NaN is a hole
+
+    Returns
+    -------
+    before, after : (H, W) float32, px
+        At or left of the pixel, and at or right of it; NaN where there is none.
+    """
     return _last_valid(disparity_px), _last_valid(disparity_px[:, ::-1])[:, ::-1]
 
 
-def left_right(disparity_px: Array, right_px: Array, *, tolerance_px: float = 1.0) -> Array:
-    """Left-right check, then background fill.
+def inpaint(disparity_px: npt.ArrayLike, size_px: int = 5, *, method: str = "telea") -> Float32:
+    """Continue holes from their rim.
 
     Parameters
     ----------
-    disparity_px, right_px : (H, W) float, px
-        Disparity of the left and of the right view.
-
-    Raises
-    ------
-    ValueError
-    """
-    disparity, _ = checked(disparity_px)
-    if np.shape(right_px) != disparity.shape:
-        raise ValueError(f"the right view's map has shape {np.shape(right_px)}, the left one's {disparity.shape}")
-    return fill_background(left_right_check(disparity, np.asarray(right_px, np.float32), tolerance_px))
-
-
-def inpaint(disparity_px: Array, size_px: int = 5, *, method: str = "telea") -> Array:
-    """Holes continued from their rim.
-
-    Parameters
-    ----------
-    disparity_px : (H, W) float, NaN is a hole
+    disparity_px : (H, W) float, px, NaN is a hole
     size_px : int
         Odd edge of the neighbourhood of OpenCV's methods; the biharmonic one has none.
     method : {"telea", "navier_stokes", "biharmonic"}
         `cv2.inpaint` twice, and `skimage.restoration.inpaint_biharmonic` (slow: a linear system over all holes).
 
+    Returns
+    -------
+    (H, W) float32, px
+
     Raises
     ------
     ValueError
+        If the map or the edge is none, or the method is unknown.
     """
-    disparity, size = checked(disparity_px, size_px)
-    hole = np.isnan(disparity)
+    disparity, size = check_map(disparity_px, size_px)
     if method not in _SOLVERS:
         raise ValueError(f"unknown method {method!r}; choose one of {', '.join(_SOLVERS)}")
+    hole = np.isnan(disparity)
     if hole.all() or not hole.any():
         return disparity.copy()
+    filled: Floats
     if method == "biharmonic":
         from skimage.restoration import inpaint_biharmonic
 
         low, high = np.nanmin(disparity), np.nanmax(disparity)
-        unit = np.nan_to_num((disparity - low) / max(high - low, 1e-6)).astype(np.float64)
-        found = low + inpaint_biharmonic(unit, hole, split_into_regions=True) * (high - low)
+        unit = np.nan_to_num((disparity - low) / np.maximum(high - low, 1e-6)).astype(np.float64)
+        filled = low + inpaint_biharmonic(unit, hole, split_into_regions=True) * (high - low)
     else:
-        flag = cv2.INPAINT_TELEA if method == "telea" else cv2.INPAINT_NS
-        found = cv2.inpaint(np.nan_to_num(disparity), hole.astype(np.uint8), max(size // 2, 1), flag)
-    return np.where(hole, found, disparity).astype(np.float32)
+        filled = cv2.inpaint(np.nan_to_num(disparity), hole.astype(np.uint8), max(size // 2, 1), _SOLVERS[method])
+    return np.where(hole, filled, disparity).astype(np.float32)
 
 
-def weighted_median(disparity_px: Array, image: Array, size_px: int = 15, *, grey_step: float = 10.0) -> Array:
-    """Median of the valid disparities around a pixel, those that look like it in the picture counting more.
+def weighted_median(disparity_px: npt.ArrayLike, image: UInt8, size_px: int = 15) -> Float32:
+    """Take the median of the valid disparities around a pixel, those that look like it in the picture counting more.
 
     Parameters
     ----------
-    disparity_px : (H, W) float, NaN is a hole
+    disparity_px : (H, W) float, px, NaN is a hole
     image : (H, W) or (H, W, 3) uint8
         The rectified left picture.
     size_px : int
         Odd edge of the window.
-    grey_step : float
-        Steps of the picture clearly above it separate.
+
+    Returns
+    -------
+    (H, W) float32, px
+
+    Raises
+    ------
+    ValueError
+        If the map or the edge is none, or the picture is no uint8 of the map's shape.
 
     Notes
     -----
@@ -122,13 +185,13 @@ def weighted_median(disparity_px: Array, image: Array, size_px: int = 15, *, gre
     half is the median, taken as the mean of the layer's values (Ma et al., Constant time weighted median filtering,
     doi:10.1109/ICCV.2013.13).
     """
-    disparity, size = checked(disparity_px, size_px)
+    disparity, size = check_map(disparity_px, size_px)
     guide = _guide(disparity, image)
     box = (size, size)
     mean = cv2.blur(guide, box)
-    variance = cv2.blur(guide * guide, box) - mean * mean + np.float32(grey_step**2)
+    variance = cv2.blur(guide * guide, box) - mean * mean + np.float32(_GREY_STEP**2)
 
-    def guided(layer: Array) -> Array:
+    def guided(layer: Float32) -> Any:
         level = cv2.blur(layer, box)
         slope = (cv2.blur(layer * guide, box) - level * mean) / variance
         return cv2.blur(slope, box) * guide + cv2.blur(level - slope * mean, box)
@@ -148,38 +211,46 @@ def weighted_median(disparity_px: Array, image: Array, size_px: int = 15, *, gre
     return np.where(np.isnan(out) & met, disparity, out)
 
 
-def least_squares(disparity_px: Array, image: Array, size_px: int = 15, *, grey_step: float = 10.0) -> Array:
-    """The smooth map nearest to the valid disparities, smooth except across edges of the picture.
+def least_squares(disparity_px: npt.ArrayLike, image: UInt8, size_px: int = 15) -> Float32:
+    """Find the map nearest to the valid disparities that is smooth except across edges of the picture.
 
     Parameters
     ----------
-    disparity_px, image : see `weighted_median`
+    disparity_px : (H, W) float, px, NaN is a hole
+    image : (H, W) or (H, W, 3) uint8
+        The rectified left picture.
     size_px : int
         Reach on a surface without edges, about the width over which it averages.
-    grey_step : float
-        Step of the picture at which neighbours are coupled by 1/e.
+
+    Returns
+    -------
+    (H, W) float32, px
+
+    Raises
+    ------
+    ValueError
+        As `weighted_median`.
 
     Notes
     -----
-    ``min_u sum_p c_p (u_p - d_p)^2 + lambda sum_pq exp(-|I_p - I_q| / grey_step) (u_p - u_q)^2``, c = 1 where valid,
+    ``min_u sum_p c_p (u_p - d_p)^2 + lambda sum_pq exp(-|I_p - I_q| / 10) (u_p - u_q)^2``, c = 1 where valid,
     solved along rows and columns in turn (Min et al., Fast global image smoothing, doi:10.1109/TIP.2014.2366600);
     ``lambda = size_px^2 / 4``.
     """
-    disparity, size = checked(disparity_px, size_px)
+    disparity, size = check_map(disparity_px, size_px)
     guide, valid = _guide(disparity, image), np.isfinite(disparity)
     if not valid.any():
         return disparity.copy()
-    couple = [np.exp(-np.abs(np.diff(guide, axis=axis)) / np.float32(grey_step)) for axis in (0, 1)]
+    couple = [np.exp(-np.abs(np.diff(guide, axis=axis)) / np.float32(_GREY_STEP)) for axis in (0, 1)]
     u = np.stack([np.nan_to_num(disparity), valid.astype(np.float32)]).astype(np.float64)
-    rounds = 3
-    for k in range(rounds):
-        strength = 3 * size**2 / 4 * 4 ** (rounds - 1 - k) / (4**rounds - 1)
+    for k in range(_ROUNDS):
+        strength = 3 * size**2 / 4 * 4 ** (_ROUNDS - 1 - k) / (4**_ROUNDS - 1)
         u = _tridiagonal(u, strength * couple[0])
         u = _tridiagonal(u.transpose(0, 2, 1), strength * couple[1].T).transpose(0, 2, 1)
     return np.where(u[1] > 1e-9, u[0] / np.maximum(u[1], 1e-9), np.nan).astype(np.float32)
 
 
-def _tridiagonal(right: Array, weight: Array) -> Array:
+def _tridiagonal(right: Float64, weight: Floats) -> Float64:
     """Solve ``u_i + sum_j w_ij (u_i - u_j) = right_i`` down the columns; right (2, N, M), weight (N-1, M)."""
     count = right.shape[1]
     edge = np.zeros((1, weight.shape[1]))
@@ -195,8 +266,8 @@ def _tridiagonal(right: Array, weight: Array) -> Array:
     return out
 
 
-def _guide(disparity: Array, image: Array) -> Array:
-    if image is None or not isinstance(image, np.ndarray) or image.dtype != np.uint8:
+def _guide(disparity: Float32, image: Any) -> Float32:
+    if not isinstance(image, np.ndarray) or image.dtype != np.uint8:
         kind = getattr(image, "dtype", type(image).__name__)
         raise ValueError(f"this method is guided by the rectified left picture: pass image=, uint8; got {kind}")
     if image.shape[:2] != disparity.shape:
@@ -204,7 +275,7 @@ def _guide(disparity: Array, image: Array) -> Array:
     return to_grey(image).astype(np.float32)
 
 
-def _last_valid(values: Array) -> Array:
+def _last_valid(values: Float32) -> Float32:
     columns = np.arange(values.shape[1], dtype=np.intp)
     where = np.maximum.accumulate(np.where(np.isnan(values), np.intp(-1), columns), axis=1)
     return np.where(where < 0, np.float32(np.nan), np.take_along_axis(values, np.maximum(where, 0), axis=1))

@@ -2,87 +2,29 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import cv2
 import numpy as np
+import numpy.typing as npt
 
-from stereolib.matching import filling
-from stereolib.matching.filling import checked as _checked
+from stereolib.base import Bools, Float32, Floats, UInt8
+from stereolib.matching.disparity import left_right_check
+from stereolib.matching.filling import (
+    check_map,
+    fill_background,
+    inpaint,
+    least_squares,
+    remove_speckles,
+    weighted_median,
+)
 
-Array = np.ndarray
-_NO_KERNEL = ("speckle", "background", "inpaint_biharmonic")
+_FAR, _NEAR = np.float32(-1e9), np.float32(1e9)  # px; stand for holes where OpenCV takes the largest or the least
 _SHAPES = {"rect": cv2.MORPH_RECT, "ellipse": cv2.MORPH_ELLIPSE, "cross": cv2.MORPH_CROSS}
 
 
-#: What `smooth` knows: name -> what it needs beside the map.
-METHODS = {
-    "dilation": "",
-    "closing": "",
-    "opening_closing": "",
-    "median": "",
-    "speckle": "",
-    "background": "",
-    "inpaint_telea": "",
-    "inpaint_navier_stokes": "",
-    "inpaint_biharmonic": "",
-    "left_right": "right_px",
-    "weighted_median": "image",
-    "least_squares": "image",
-}
-
-
-def smooth(
-    disparity_px: Array, method: str, *, size_px: int = 9, image: Array | None = None, right_px: Array | None = None
-) -> Array:
-    """Repair a disparity map by a method's name.
-
-    Parameters
-    ----------
-    disparity_px : (H, W) float, px, NaN is a hole
-    method : str
-        One of `METHODS`.
-    size_px : int
-        Odd edge of the kernel or window. Of ``"speckle"``: patches below ``size_px ** 2`` pixels go. Of
-        ``"left_right"``: of the median at the end. ``"background"`` and ``"inpaint_biharmonic"`` have no kernel.
-    image : (H, W) or (H, W, 3) uint8
-        The rectified left picture, for ``"weighted_median"`` and ``"least_squares"``.
-    right_px : (H, W) float, px
-        The right view's disparity, for ``"left_right"``.
-
-    Returns
-    -------
-    (H, W) float32, px
-
-    Raises
-    ------
-    ValueError
-        If the method is unknown (the text lists the names), lacks what it needs, shapes differ, or the kernel is larger
-        than the map.
-    """
-    if method not in METHODS:
-        raise ValueError(f"unknown method {method!r}; choose one of {', '.join(METHODS)}")
-    disparity, size = _checked(disparity_px, size_px)
-    if method not in _NO_KERNEL and size > min(disparity.shape):
-        raise ValueError(f"a kernel of {size} px is larger than the map {disparity.shape}: every pixel would see all "
-                         f"of it; take at most {min(disparity.shape)}")  # fmt: skip
-    if METHODS[method] == "right_px":
-        if right_px is None:
-            raise ValueError(f'"{method}" compares both views: pass right_px=, the disparity of the right view')
-        return median(filling.left_right(disparity, right_px), size)
-    if METHODS[method] == "image":
-        if image is None:
-            raise ValueError(f'"{method}" is guided by the picture: pass image=, the rectified left one, uint8')
-        guided = filling.weighted_median if method == "weighted_median" else filling.least_squares
-        return guided(disparity, image, size)
-    if method.startswith("inpaint_"):
-        return filling.inpaint(disparity, size, method=method.removeprefix("inpaint_"))
-    if method == "background":
-        return filling.fill_background(disparity)
-    kernels = {"dilation": dilate, "closing": close, "opening_closing": open_close, "median": median}
-    return filling.remove_speckles(disparity, size) if method == "speckle" else kernels[method](disparity, size)
-
-
-def dilate(disparity_px: Array, size_px: int, *, shape: str = "rect") -> Array:
-    """Grey dilation: every pixel takes the largest disparity under the kernel.
+def dilate(disparity_px: npt.ArrayLike, size_px: int, *, shape: str = "rect") -> Float32:
+    """Dilate a disparity map: every pixel takes the largest disparity under the kernel.
 
     Parameters
     ----------
@@ -98,18 +40,24 @@ def dilate(disparity_px: Array, size_px: int, *, shape: str = "rect") -> Array:
     Raises
     ------
     ValueError
+        If the map is none, the edge is not odd, or the shape is unknown.
 
     Notes
     -----
     ``out(p) = max_{b in B} d(p + b)``. The paper prints the set operation ``union of A_b`` (section II.D), which is
     defined for binary images; for grey values its counterpart is this maximum, and it grows near objects by the
     kernel's radius on every side.
+
+    Examples
+    --------
+    >>> dilate([[np.nan, 3, np.nan, np.nan, 9, 2]], 3)
+    array([[3., 3., 3., 9., 9., 9.]], dtype=float32)
     """
     return _morphology(cv2.MORPH_DILATE, disparity_px, size_px, shape)
 
 
-def dilate_set(pixels: Array, size_px: int, *, shape: str = "rect") -> Array:
-    """Dilation of a set of pixels, as section II.D prints it: the union of its translates over the kernel.
+def dilate_set(pixels: Bools, size_px: int, *, shape: str = "rect") -> Bools:
+    """Dilate a set of pixels as section II.D prints it: the union of its translates over the kernel.
 
     Parameters
     ----------
@@ -127,10 +75,16 @@ def dilate_set(pixels: Array, size_px: int, *, shape: str = "rect") -> Array:
     Raises
     ------
     ValueError
+        If `pixels` is no mask, the edge is not odd, or the shape is unknown.
+
+    Examples
+    --------
+    >>> dilate_set(np.array([[False, False, True, False]]), 3).astype(int)
+    array([[0, 1, 1, 1]])
     """
     if np.asarray(pixels).dtype != bool or np.ndim(pixels) != 2:
         raise ValueError("the set operation needs a set: a mask (H, W) of bool, for example disparity_px >= 90")
-    size, (height, width) = _checked(np.zeros((1, 1)), size_px)[1], pixels.shape
+    size, (height, width) = check_map(np.zeros((1, 1)), size_px)[1], pixels.shape
     r = size // 2
     roomy, grown = np.pad(pixels, r), np.zeros_like(pixels)
     for row, column in np.argwhere(_kernel(shape, size)):
@@ -138,27 +92,67 @@ def dilate_set(pixels: Array, size_px: int, *, shape: str = "rect") -> Array:
     return grown
 
 
-def close(disparity_px: Array, size_px: int, *, shape: str = "rect") -> Array:
-    """Grey closing, dilation then erosion: fills holes as dilation does and gives the outlines back."""
+def close(disparity_px: npt.ArrayLike, size_px: int, *, shape: str = "rect") -> Float32:
+    """Close a disparity map: dilation, which fills holes, then erosion, which gives the outlines back.
+
+    Parameters
+    ----------
+    disparity_px, size_px, shape
+        As `dilate`.
+
+    Returns
+    -------
+    (H, W) float32, px
+    """
     return _morphology(cv2.MORPH_CLOSE, disparity_px, size_px, shape)
 
 
-def open_close(disparity_px: Array, size_px: int, *, shape: str = "rect") -> Array:
-    """Grey opening, then closing: small near specks go first, so that the closing does not spread them.
+def open_close(disparity_px: npt.ArrayLike, size_px: int) -> Float32:
+    """Open a disparity map, then close it: small near specks go first, so that the closing does not spread them.
 
     A hole takes part in neither: the opening leaves out what is no value, then gives each pixel its own hole back.
+
+    Parameters
+    ----------
+    disparity_px, size_px
+        As `dilate`.
+
+    Returns
+    -------
+    (H, W) float32, px
     """
-    disparity, size = _checked(disparity_px, size_px)
-    kernel, high = _kernel(shape, size), np.float32(1e9)
-    hole = np.isnan(disparity)
-    lowest = cv2.erode(np.where(hole, high, disparity), kernel)
-    opened = cv2.dilate(np.where(lowest >= high, -high, lowest), kernel)
-    return close(np.where(hole, np.float32(np.nan), opened), size, shape=shape)
+    disparity, size = check_map(disparity_px, size_px)
+    kernel, hole = _kernel("rect", size), np.isnan(disparity)
+    lowest = cv2.erode(np.where(hole, _NEAR, disparity), kernel)
+    opened = cv2.dilate(np.where(lowest >= _NEAR, _FAR, lowest), kernel)
+    return close(np.where(hole, np.float32(np.nan), opened), size)
 
 
-def median(disparity_px: Array, size_px: int) -> Array:
-    """Median of the valid disparities under a square kernel; NaN where the kernel met none."""
-    disparity, size = _checked(disparity_px, size_px)
+def median_filter(disparity_px: npt.ArrayLike, size_px: int) -> Float32:
+    """Take the median of the valid disparities under a square kernel.
+
+    Parameters
+    ----------
+    disparity_px : (H, W) float, px, NaN is a hole
+    size_px : int
+        Odd edge of the kernel.
+
+    Returns
+    -------
+    (H, W) float32, px
+        NaN where the kernel met no valid disparity.
+
+    Raises
+    ------
+    ValueError
+        If the map is none or the edge is not odd.
+
+    Examples
+    --------
+    >>> median_filter([[4, 90, 5, np.nan]], 3)
+    array([[47. ,  5. , 47.5,  5. ]], dtype=float32)
+    """
+    disparity, size = check_map(disparity_px, size_px)
     roomy = np.pad(np.where(np.isnan(disparity), np.float32(np.inf), disparity), size // 2, constant_values=np.inf)
     windows = np.lib.stride_tricks.sliding_window_view(roomy, (size, size))
     out = np.empty_like(disparity)
@@ -171,15 +165,101 @@ def median(disparity_px: Array, size_px: int) -> Array:
     return out
 
 
-def _morphology(operation: int, disparity_px: Array, size_px: int, shape: str) -> Array:
-    disparity, size = _checked(disparity_px, size_px)
+def smooth(
+    disparity_px: npt.ArrayLike,
+    method: str,
+    *,
+    size_px: int = 9,
+    image: UInt8 | None = None,
+    right_px: Floats | None = None,
+) -> Float32:
+    """Repair a disparity map by a method's name.
+
+    Parameters
+    ----------
+    disparity_px : (H, W) float, px, NaN is a hole
+    method : str
+        One of `SMOOTHING_METHODS`.
+    size_px : int
+        Odd edge of the kernel or window. Of ``"speckle"``: patches below ``size_px ** 2`` pixels go. Of
+        ``"left_right"``: of the median at the end. ``"background"`` and ``"inpaint_biharmonic"`` have no kernel.
+    image : (H, W) or (H, W, 3) uint8
+        The rectified left picture, for ``"weighted_median"`` and ``"least_squares"``.
+    right_px : (H, W) float, px
+        The right view's disparity, for ``"left_right"``.
+
+    Returns
+    -------
+    (H, W) float32, px
+
+    Raises
+    ------
+    ValueError
+        If the method is unknown (the text lists the names), lacks what it needs, shapes differ, or the kernel is larger
+        than the map.
+
+    Examples
+    --------
+    >>> smooth([[7, np.nan, 7], [np.nan, 7, 7]], "closing", size_px=1)
+    array([[ 7., nan,  7.],
+           [nan,  7.,  7.]], dtype=float32)
+    """
+    if method not in SMOOTHING_METHODS:
+        raise ValueError(f"unknown method {method!r}; choose one of {', '.join(SMOOTHING_METHODS)}")
+    disparity, size = check_map(disparity_px, size_px)
+    if method not in _NO_KERNEL and size > min(disparity.shape):
+        raise ValueError(
+            f"a kernel of {size} px is larger than the map {disparity.shape}: every pixel would see all of it; take at "
+            f"most {min(disparity.shape)}"
+        )
+    needed: Any = {"": None, "image": image, "right_px": right_px}[SMOOTHING_METHODS[method]]
+    if SMOOTHING_METHODS[method] and needed is None:
+        raise ValueError(f'"{method}" {_WHY[SMOOTHING_METHODS[method]]}')
+    if method == "left_right":
+        return median_filter(_checked_and_filled(disparity, needed), size)
+    if method.startswith("inpaint_"):
+        return inpaint(disparity, size, method=method.removeprefix("inpaint_"))
+    if method == "background":
+        return fill_background(disparity)
+    return _GUIDED[method](disparity, needed, size) if method in _GUIDED else _KERNELS[method](disparity, size)
+
+
+_KERNELS = {
+    "dilation": dilate,
+    "closing": close,
+    "opening_closing": open_close,
+    "median": median_filter,
+    "speckle": remove_speckles,
+}
+_GUIDED = {"weighted_median": weighted_median, "least_squares": least_squares}
+_NO_KERNEL = ("speckle", "background", "inpaint_biharmonic")
+_WHY = {
+    "right_px": "compares both views: pass right_px=, the disparity of the right view",
+    "image": "is guided by the picture: pass image=, the rectified left one, uint8",
+}
+#: What `smooth` knows: the method's name, and what it needs beside the map.
+SMOOTHING_METHODS = {
+    **dict.fromkeys(_KERNELS, ""),
+    **dict.fromkeys(("background", "inpaint_telea", "inpaint_navier_stokes", "inpaint_biharmonic"), ""),
+    "left_right": "right_px",
+    **dict.fromkeys(_GUIDED, "image"),
+}
+
+
+def _checked_and_filled(disparity: Float32, right_px: Floats) -> Float32:
+    if np.shape(right_px) != disparity.shape:
+        raise ValueError(f"the right view's map has shape {np.shape(right_px)}, the left one's {disparity.shape}")
+    return fill_background(left_right_check(disparity, np.asarray(right_px, np.float32)))
+
+
+def _morphology(operation: int, disparity_px: npt.ArrayLike, size_px: int, shape: str) -> Float32:
+    disparity, size = check_map(disparity_px, size_px)
     kernel = _kernel(shape, size)
-    low = np.float32(-1e9)
-    out = cv2.morphologyEx(np.where(np.isnan(disparity), low, disparity), operation, kernel)
-    return np.where(out == low, np.float32(np.nan), out)
+    out = cv2.morphologyEx(np.where(np.isnan(disparity), _FAR, disparity), operation, kernel)
+    return np.where(out == _FAR, np.float32(np.nan), out)
 
 
-def _kernel(shape: str, size: int) -> Array:
+def _kernel(shape: str, size: int) -> UInt8:
     if shape not in _SHAPES:
         raise ValueError(f"unknown kernel shape {shape!r}; choose one of {', '.join(_SHAPES)}")
     return np.asarray(cv2.getStructuringElement(_SHAPES[shape], (size, size)))

@@ -1,27 +1,30 @@
-"""Pairs with a known truth, made ready to be compared with many maps."""
+"""Pairs with a known truth, and how they are compared with many maps in one go."""
 
 from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
+from typing import Any
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
-from stereolib.matching.scoring import Score, beside_jumps, check_mask
-from stereolib.matching.sgbm import SGBMParams
+from stereolib.base import Bools, Float32, Floats, Ints, UInt8
+from stereolib.matching.scoring import RIM_PX, Score, beside_jumps, check_mask
+from stereolib.matching.sgbm import STEPS_PER_PX, SGBMParams
 from stereolib.rig import check_pair, to_grey
 
-Array = np.ndarray
+#: The settings that a sweep varies, by name.
 FIELDS = tuple(f.name for f in fields(SGBMParams))
-#: What is measured in each region: the fields of `Score`, and `metrics.fattening_px` (of the whole map).
+#: What is measured in each region: the fields of `Score`, and `fattening_px` (of the whole map).
 METRICS = (*(f.name for f in fields(Score)), "fattening_px")
 
 
 @dataclass(frozen=True, eq=False)
-class View:
-    """A rectified pair whose truth is known.
+class KnownView:
+    """A rectified pair whose true disparity is known.
 
     Parameters
     ----------
@@ -44,11 +47,11 @@ class View:
     """
 
     name: str
-    left: Array
-    right: Array
-    truth_px: Array
-    visible: Array | None = None
-    regions: Mapping[str, Array] = field(default_factory=dict)
+    left: UInt8
+    right: UInt8
+    truth_px: Floats
+    visible: Bools | None = None
+    regions: Mapping[str, Bools] = field(default_factory=dict)
     about: Mapping[str, float | str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -59,8 +62,10 @@ class View:
                 f"{self.name}: the images are {shape}, the truth is {truth.shape}: they must have one shape"
             )
         if not np.isfinite(truth).any() or np.isinf(truth).any():
-            raise ValueError(f"{self.name}: the truth must be in px, NaN where unknown, and known somewhere; "
-                             f"{np.isinf(truth).sum()} pixels are infinite, {np.isnan(truth).sum()} NaN")  # fmt: skip
+            raise ValueError(
+                f"{self.name}: the truth must be in px, NaN where unknown, and known somewhere; "
+                f"{np.isinf(truth).sum()} pixels are infinite, {np.isnan(truth).sum()} NaN"
+            )
         for name, mask in self.masks().items():
             check_mask(mask, shape, f"{self.name}: region {name!r}")
             if not (mask & np.isfinite(truth)).any():
@@ -71,37 +76,76 @@ class View:
                 f"{self.name}: {', '.join(sorted(clash))} cannot be told in `about`: a column is called so"
             )
 
-    def masks(self) -> dict[str, Array]:
-        """The regions by name: all, visible, and the view's own."""
+    def masks(self) -> dict[str, Bools]:
+        """Collect the regions by name: all, visible, and the view's own.
+
+        Returns
+        -------
+        dict of str to (H, W) bool
+        """
         everywhere = {"all": np.isfinite(self.truth_px)}
         return everywhere | ({} if self.visible is None else {"visible": self.visible}) | dict(self.regions)
 
     def digest(self) -> str:
-        """Fingerprint of everything in it."""
-        found = hashlib.blake2b(repr((self.name, sorted(self.about.items()))).encode(), digest_size=16)
+        """Make a fingerprint of everything in it.
+
+        Returns
+        -------
+        str
+            32 hexadecimal digits.
+        """
+        fingerprint = hashlib.blake2b(repr((self.name, sorted(self.about.items()))).encode(), digest_size=16)
         truth = np.asarray(self.truth_px, np.float64)
-        for name, array in {"left": self.left, "right": self.right, "truth": truth, **self.masks()}.items():
-            found.update(f"{name} {array.shape}".encode())
-            found.update(np.ascontiguousarray(array).data)
-        return found.hexdigest()
+        arrays: dict[str, npt.NDArray[Any]] = {"left": self.left, "right": self.right, "truth": truth, **self.masks()}
+        for name, array in arrays.items():
+            fingerprint.update(f"{name} {array.shape}".encode())
+            fingerprint.update(np.ascontiguousarray(array).data)
+        return fingerprint.hexdigest()
 
 
 @dataclass(frozen=True, eq=False)
-class Ready:
-    """A view made ready for many comparisons: its pixels in one row, those of the same regions together."""
+class ReadyView:
+    """A view made ready for many comparisons: its pixels in one row, those of the same regions (a class) together.
 
-    left: Array
-    right: Array
-    order: Array  # index of every known pixel, class after class
-    ends: Array  # where the classes end
-    member: Array  # (regions, classes) bool
-    truth: Array  # 1/16 px
-    swing: tuple[Array, Array]
-    beside: Array  # background beside jumps, and from which raw disparity on it is wrong
-    border: Array
+    Parameters
+    ----------
+    left, right : (H, W) uint8
+    order : (n,) int32
+        Index of every known pixel, class after class.
+    ends : (classes,) int
+        Where the classes end.
+    member : (regions, classes) bool
+    truth : (n,) float32, 1/16 px
+    swing : two (n,) float32
+        Cosine and sine of the truth's fraction, for `Score.locking_px`.
+    beside : (m,) int32
+        Background beside jumps.
+    border : (m,) float32, 1/16 px
+        The disparity from which it is wrong.
+    """
+
+    left: UInt8
+    right: UInt8
+    order: Ints
+    ends: Ints
+    member: Bools
+    truth: Float32
+    swing: tuple[Float32, Float32]
+    beside: Ints
+    border: Float32
 
     @classmethod
-    def of(cls, view: View) -> Ready:
+    def of(cls, view: KnownView) -> ReadyView:
+        """Sort a view's pixels.
+
+        Parameters
+        ----------
+        view : KnownView
+
+        Returns
+        -------
+        ReadyView
+        """
         truth, known = np.asarray(view.truth_px, np.float32).ravel(), np.isfinite(view.truth_px)
         flags = np.stack([(mask & known).ravel() for mask in view.masks().values()])
         bits = 1 << np.arange(len(flags))
@@ -117,15 +161,36 @@ class Ready:
         visible = known if view.visible is None else view.visible
         where, border = beside_jumps(view.truth_px, visible)
         beside = np.flatnonzero(where).astype(np.int32)
-        return cls(to_grey(view.left), to_grey(view.right), order, np.cumsum(counts), member, 16 * truth,
-                   (np.cos(angle), np.sin(angle)), beside, (16 * border[where]).astype(np.float32))  # fmt: skip
+        return cls(
+            left=to_grey(view.left),
+            right=to_grey(view.right),
+            order=order,
+            ends=np.cumsum(counts),
+            member=member,
+            truth=STEPS_PER_PX * truth,
+            swing=(np.cos(angle), np.sin(angle)),
+            beside=beside,
+            border=(STEPS_PER_PX * border[where]).astype(np.float32),
+        )
 
-    def measure(self, raw: Array, min_disparity: int) -> list[list[float]]:
-        """`METRICS` of every region from OpenCV's 1/16 px: as `metrics.score` and `metrics.fattening_px`, in one go."""
-        raw, least = raw.ravel(), 16 * min_disparity
-        found, first = raw.take(self.order), (0, *self.ends[:-1])
+    def score(self, steps: npt.NDArray[np.int16], min_disparity: int) -> list[list[float]]:
+        """Score OpenCV's answer in every region: as `score` and `fattening_px`, in one go.
+
+        Parameters
+        ----------
+        steps : (H, W) int16, 1/16 px
+        min_disparity : int, px
+            Where the search window began: below it there is no match.
+
+        Returns
+        -------
+        list of list of float
+            `METRICS` of each region.
+        """
+        steps, least = steps.ravel(), STEPS_PER_PX * min_disparity
+        known, first = steps.take(self.order), (0, *self.ends[:-1])
         parts = [slice(a, b) for a, b in zip(first, self.ends, strict=True)]
-        per_class = np.array([_sums(found[p], least, self.truth[p], *(w[p] for w in self.swing)) for p in parts])
+        per_class = np.array([_sums(known[p], least, self.truth[p], *(w[p] for w in self.swing)) for p in parts])
         pixels = np.diff(self.ends, prepend=0)
         lost, o1, o2, o4, n, absolute, square, s, s2, a, b = per_class.T @ self.member.T
         all_of = pixels @ self.member.T
@@ -135,18 +200,20 @@ class Ready:
             means = [s / n, np.sqrt(s2 / n), absolute / returned, np.sqrt(square / returned), 2 * np.hypot(a, b) / n]
         wide = float("nan")
         if self.beside.size:
-            over = raw.take(self.beside) > np.maximum(self.border, least - 1)
-            wide = 8 * np.count_nonzero(over) / self.beside.size
+            over = steps.take(self.beside) > np.maximum(self.border, least - 1)
+            wide = RIM_PX * np.count_nonzero(over) / self.beside.size
         return [[float(x) for x in one] + [wide] for one in np.transpose(shares + means)]
 
 
-def _sums(raw: Array, least: int, truth: Array, cosine: Array, sine: Array) -> tuple[float, ...]:
-    """What the measures of some pixels are made of, px; disparities come in 1/16 px.
+def _sums(
+    steps: npt.NDArray[np.int16], least: int, truth: Float32, cosine: Float32, sine: Float32
+) -> tuple[float, ...]:
+    """Sums over some pixels of which their measures are made, px; disparities come in 1/16 px.
 
     The sums are not made by BLAS, whose results depend on its number of threads.
     """
-    missing = raw < least
-    error = np.subtract(raw, truth, dtype=np.float32)
+    missing = steps < least
+    error = np.subtract(steps, truth, dtype=np.float32)
     np.copyto(error, 0, where=missing)
     off = np.abs(error)
     far = off > 64
@@ -154,18 +221,27 @@ def _sums(raw: Array, least: int, truth: Array, cosine: Array, sine: Array) -> t
     absolute, square = cv2.norm(off, cv2.NORM_L1), cv2.norm(off, cv2.NORM_L2SQR)
     np.copyto(error, 0, where=far)  # what is left are the errors within 4 px
     swing = (float(np.einsum("i,i->", error, wave)) / 16 for wave in (cosine, sine))
-    return (*counts, len(raw) - counts[-1], absolute / 16, square / 256, cv2.sumElems(error)[0] / 16,
-            cv2.norm(error, cv2.NORM_L2SQR) / 256, *swing)  # fmt: skip
+    near = cv2.sumElems(error)[0] / 16, cv2.norm(error, cv2.NORM_L2SQR) / 256
+    return (*counts, len(steps) - counts[-1], absolute / 16, square / 256, *near, *swing)
 
 
-def motorcycle() -> View:
-    """The Middlebury 2014 motorcycle at quarter size: photographs with measured truth, in every install.
+def motorcycle_view() -> KnownView:
+    """Load the Middlebury 2014 motorcycle at quarter size: photographs with measured truth, in every install.
 
-    ``visible`` are the pixels whose truth, carried into the right view, is not covered by something nearer.
+    Returns
+    -------
+    KnownView
+        ``visible`` are the pixels whose truth, carried into the right view, is not covered by a nearer surface.
+
+    References
+    ----------
+    D. Scharstein et al., High-resolution stereo datasets with subpixel-accurate ground truth,
+    doi:10.1007/978-3-319-11752-2_3
     """
     from skimage.data import stereo_motorcycle
 
-    left, right, truth = stereo_motorcycle()
+    load: Any = stereo_motorcycle
+    left, right, truth = load()
     truth = np.where(np.isfinite(truth), truth, np.nan).astype(np.float64)
     rows, columns = np.nonzero(np.isfinite(truth))
     target = np.rint(columns - truth[rows, columns]).astype(int)
@@ -175,4 +251,4 @@ def motorcycle() -> View:
     visible = np.zeros(truth.shape, bool)
     visible[rows[inside], columns[inside]] = truth[rows, columns][inside] > nearest[rows[inside], target[inside]] - 1
     left, right = (np.ascontiguousarray(image[..., ::-1]) for image in (left, right))
-    return View("motorcycle", left, right, truth, visible)
+    return KnownView("motorcycle", left, right, truth, visible)

@@ -4,41 +4,48 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import cv2
 import numpy as np
 
+from stereolib.base import Float32, Float64, UInt8, turn_2d
 from stereolib.laser import LaserScan, points_mm
 from stereolib.matching.sgbm import SGBMParams
 from stereolib.rig import RectifiedRig, check_pair, rigid, to_grey
 
-Array = np.ndarray
 _CELLS = 4096  # of the table over the tangent of the bearing, 0.5 px apart
 _TANGENTS = (-2.0, 2.0)  # its ends: 63 degrees to either side
 _CLEARLY = 2  # grey levels by which the room has to look more alike
 _ROOM = 4  # the room is matched in pictures so many times smaller
-_JUMP_PX = 6.0  # neighbouring beams that differ by more stand on different things
+_JUMP_PX = 6.0  # neighbouring beams that differ by more stand on different surfaces
+_AHEAD_MM = 50.0  # readings nearer before the camera, or behind it, are of the rig
 
 
 @dataclass(frozen=True, eq=False)
-class Expected:
+class ExpectedDisparity:
     """What the laser and the floor lead one to expect in the rectified left image.
 
-    ``near_px`` (H, W) float32 is the disparity of the nearest thing that a pixel can show: what the scan met, thought
-    upright and endless, and the floor before it. ``room_px`` (H // 4, W // 4) is the same without the things that
-    stand free in the room, for every fourth pixel: what shows above and beside them. ``free`` is the box (top, bottom,
-    left, right) in which the two differ, or None.
+    Parameters
+    ----------
+    near_px : (H, W) float32
+        Disparity of the nearest surface that a pixel can show: what the scan met, thought upright and endless, and
+        the floor before it.
+    room_px : (H // 4, W // 4) float32
+        The same without what stands free in the room, for every fourth pixel: what shows above and beside it.
+    free : (top, bottom, left, right) or None
+        The box in which the two differ, px.
     """
 
-    near_px: Array
-    room_px: Array
+    near_px: Float32
+    room_px: Float32
     free: tuple[int, int, int, int] | None
 
 
 def expected_disparity(
-    scan: LaserScan, rectified: RectifiedRig, T_left_world: Array, laser_pose: Sequence[float] = (0.0, 0.0, 0.0)
-) -> Expected:
-    """Disparity that the scan and the ground plane predict for every pixel.
+    scan: LaserScan, rectified: RectifiedRig, T_left_world: Float64, laser_pose: Sequence[float] = (0.0, 0.0, 0.0)
+) -> ExpectedDisparity:
+    """Predict every pixel's disparity from a scan and the ground plane.
 
     Parameters
     ----------
@@ -50,6 +57,10 @@ def expected_disparity(
     laser_pose : (x_mm, y_mm, yaw_rad)
         Where the laser stands in the world and where its beam 0 looks.
 
+    Returns
+    -------
+    ExpectedDisparity
+
     Raises
     ------
     ValueError
@@ -59,8 +70,8 @@ def expected_disparity(
     -----
     The ray of a pixel has the direction ``D`` in the world, scaled to reach depth 1. It meets the floor at depth
     ``h / -D_z``, h the camera's height, and an upright surface ``X`` forward of the camera at ``X / D_x``. So
-    ``d = f B max(-D_z / h, D_x / X)``, with X looked up by the tangent ``D_y / D_x``. Between beams on one thing X is
-    interpolated in 1 / X, which is exact for planes; between things the nearer one is taken.
+    ``d = f B max(-D_z / h, D_x / X)``, with X looked up by the tangent ``D_y / D_x``. Between beams on one surface X is
+    interpolated in 1 / X, which is exact for planes; between surfaces the nearer one is taken.
     """
     T = rigid(rectified.R1, np.zeros(3)) @ T_left_world
     R, origin = T[:3, :3], -T[:3, :3].T @ T[:3, 3]
@@ -79,19 +90,19 @@ def expected_disparity(
     differ = nearest[n // 2 :: n, n // 2 :: n][: height // n, : width // n] > behind + 1
     rows, columns = n * np.flatnonzero(differ.any(axis=1)), n * np.flatnonzero(differ.any(axis=0))
     free = (int(rows[0]), int(rows[-1]) + n, int(columns[0]), int(columns[-1]) + n) if rows.size else None
-    return Expected(nearest, behind, free)
+    return ExpectedDisparity(nearest, behind, free)
 
 
 def compute_disparity_guided(
-    left: Array, right: Array, expected: Expected, params: SGBMParams | None = None, *, margin_px: int = 8
-) -> Array:
-    """Disparity of a rectified pair, searched only around what the laser leads one to expect.
+    left: UInt8, right: UInt8, expected: ExpectedDisparity, params: SGBMParams | None = None, *, margin_px: int = 8
+) -> Float32:
+    """Match a rectified pair only around the disparity that the laser leads one to expect.
 
     Parameters
     ----------
     left, right : (H, W) or (H, W, 3) uint8
         Rectified.
-    expected : Expected
+    expected : ExpectedDisparity
         From `expected_disparity`.
     params : SGBMParams, optional
         Its window is not used: the laser sets it. By default three paths and no search for specks, the quickest: in
@@ -113,8 +124,8 @@ def compute_disparity_guided(
     Notes
     -----
     The right image's rows are shifted by whole pixels, so that what is expected has disparity 0; then one narrow
-    window serves every pixel, and nothing is interpolated. Twice: the room in quarter size, where things in front are
-    taken away, and the box that holds those things in full size. Where both return something, the one whose
+    window serves every pixel, and nothing is interpolated. Twice: the room in quarter size, where what stands in front
+    is taken away, and the box that holds it in full size. Where both return something, the one whose
     neighbourhoods look more alike wins. What it costs: fewer pixels are wrong by more than 2 px, but those within 4 px
     are less exact. On the virtual cube their rms error is about twice that of the full window, their pull towards
     whole pixels four to five times (notebook 03).
@@ -133,10 +144,12 @@ def compute_disparity_guided(
         for n in (2, _ROOM)
     )
     patches = params.speckle_window_size // _ROOM**2
-    room = _around(quarter[0], quarter[1], expected.room_px / _ROOM, replace(params, speckle_window_size=patches))
+    room = _around(
+        quarter[0], quarter[1], expected.room_px / np.float32(_ROOM), replace(params, speckle_window_size=patches)
+    )
     # What differs from the expectation is enlarged in steps, the expectation itself smoothly: the floor is steep.
     surprise = cv2.resize(_ROOM * room - expected.room_px, (width, height), interpolation=cv2.INTER_NEAREST)
-    found = surprise + cv2.resize(expected.room_px, (width, height), interpolation=cv2.INTER_LINEAR)
+    disparity: Float32 = surprise + cv2.resize(expected.room_px, (width, height), interpolation=cv2.INTER_LINEAR)
     if expected.free is not None:
         top, bottom, first, last = expected.free
         rim = params.block_size + 2
@@ -144,30 +157,29 @@ def compute_disparity_guided(
         first, last = max(0, first - rim), min(width, last + rim)
         box = (slice(top, bottom), slice(first, last))
         near = _around(left[box], right[top:bottom], expected.near_px[box], params, first)
-        found[box] = _nearer_wins(half, near, found[box], (top, first))
-    return found
+        disparity[box] = _nearer_wins(half, near, disparity[box], (top, first))
+    return disparity
 
 
-def _profile(scan: LaserScan, origin: Array, laser_pose: Sequence[float]) -> tuple[Array, Array]:
+def _profile(scan: LaserScan, origin: Float64, laser_pose: Sequence[float]) -> tuple[Float64, Float64]:
     """Tangents of the bearings seen from the camera, ascending, and 1 / forward distance (1/mm)."""
     x, y, yaw = laser_pose
-    c, s = np.cos(yaw), np.sin(yaw)
-    points = points_mm(scan) @ np.array([[c, s], [-s, c]]) + [x, y] - origin[:2]
-    ahead = points[points[:, 0] > 50.0]
+    points = points_mm(scan) @ turn_2d(yaw).T + [x, y] - origin[:2]
+    ahead = points[points[:, 0] > _AHEAD_MM]
     tangent = ahead[:, 1] / ahead[:, 0]
     order = np.argsort(tangent, kind="stable")
     tangent, inverse = tangent[order], 1 / ahead[order, 0]
-    seen = (tangent > _TANGENTS[0]) & (tangent < _TANGENTS[1])
-    if seen.sum() < 2:
+    in_view = (tangent > _TANGENTS[0]) & (tangent < _TANGENTS[1])
+    if in_view.sum() < 2:
         raise ValueError(
-            f"only {seen.sum()} of {len(scan.ranges_mm)} beams met something in the cameras' view: no window can be "
+            f"only {in_view.sum()} of {len(scan.ranges_mm)} beams met something in the cameras' view: no window can be "
             f"set from this scan. Check the laser's pose, or use compute_disparity"
         )
-    return tangent[seen], inverse[seen]
+    return tangent[in_view], inverse[in_view]
 
 
-def _tables(tangent: Array, inverse: Array, grid: Array, jump: float) -> tuple[Array, Array]:
-    """1 / forward distance over the grid of tangents: of the nearest thing, and of the room behind what stands free."""
+def _tables(tangent: Float64, inverse: Float64, grid: Float64, jump: float) -> tuple[Float64, Float64]:
+    """Look up 1 / forward distance over a grid of tangents: of the nearest surface, of the room behind what is free."""
     steps = np.diff(inverse)
     after = np.clip(np.searchsorted(tangent, grid), 1, len(tangent) - 1)
     beside = np.maximum(inverse[after - 1], inverse[after])
@@ -180,17 +192,18 @@ def _tables(tangent: Array, inverse: Array, grid: Array, jump: float) -> tuple[A
     return near, np.interp(grid, tangent[~free], inverse[~free])
 
 
-def _nearest_px(table: Array, rays: Array, u: Array, v: Array) -> Array:
+def _nearest_px(table: Float64, rays: Float64, u: Any, v: Any) -> Float32:
     """Disparity (H, W) float32 at columns u (W,) and rows v (H, 1), of what stands there or the floor before it."""
     forward, side, floor = ((a * u).astype(np.float32) + (b * v + c).astype(np.float32) for a, b, c in rays.T)
     side /= forward
     side -= np.float32(_TANGENTS[0])
     side *= np.float32((_CELLS - 1) / (_TANGENTS[1] - _TANGENTS[0]))
     forward *= np.take(table.astype(np.float32), side.astype(np.int32), mode="clip")
-    return np.maximum(forward, floor, out=forward)
+    nearest: Float32 = np.maximum(forward, floor, out=forward)
+    return nearest
 
 
-def _around(left: Array, right: Array, expected: Array, params: SGBMParams, first: int = 0) -> Array:
+def _around(left: UInt8, right: UInt8, expected: Float32, params: SGBMParams, first: int = 0) -> Float32:
     """Match `left`, which begins at column `first`, around an expected disparity; `right` is as wide as the image."""
     height, width = left.shape
     shift = np.rint(expected).astype(np.int16)
@@ -201,7 +214,7 @@ def _around(left: Array, right: Array, expected: Array, params: SGBMParams, firs
     rim = params.num_disparities // 2
     roomy = (cv2.copyMakeBorder(image, 0, 0, rim, rim, cv2.BORDER_REPLICATE) for image in (left, aligned))
     raw = params.matcher().compute(*roomy)[:, rim:-rim]
-    disparity = raw.astype(np.float32)
+    disparity: Float32 = raw.astype(np.float32)
     disparity *= 1 / 16
     disparity += shift
     outside = disparity > np.arange(first, first + width, dtype=np.float32)
@@ -209,7 +222,7 @@ def _around(left: Array, right: Array, expected: Array, params: SGBMParams, firs
     return disparity
 
 
-def _nearer_wins(small: list[Array], near: Array, room: Array, corner: tuple[int, int]) -> Array:
+def _nearer_wins(small: list[UInt8], near: Float32, room: Float32, corner: tuple[int, int]) -> Float32:
     """`near` where it has a match that looks no worse than the room's, compared in half size."""
     top, first = corner
     a, b = top % 2, first % 2
@@ -222,8 +235,8 @@ def _nearer_wins(small: list[Array], near: Array, room: Array, corner: tuple[int
         at = column + (first + b) // 2 - layer / 2
         at[np.isnan(at)] = -1e4
         rows = np.broadcast_to(row + (top + a) // 2, at.shape)
-        seen = cv2.remap(small[1], at, rows, cv2.INTER_LINEAR, borderValue=255)
-        unlike.append(cv2.blur(cv2.absdiff(seen, part[:height, :width]), (3, 3)))
+        matched = cv2.remap(small[1], at, rows, cv2.INTER_LINEAR, borderValue=255)
+        unlike.append(cv2.blur(cv2.absdiff(matched, part[:height, :width]), (3, 3)))
     worse = (cv2.subtract(unlike[0], unlike[1]) > _CLEARLY).view(np.uint8)
     # single pixels look alike by chance, neighbourhoods do not: the majority of 9 x 9
     worse = cv2.boxFilter(worse, -1, (9, 9), normalize=False, borderType=cv2.BORDER_REPLICATE)

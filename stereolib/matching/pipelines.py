@@ -8,16 +8,20 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import TypeAlias, cast
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
-from stereolib.matching import census_sgm, filling, filters
+from stereolib.base import Float32, Floats, UInt8
+from stereolib.matching.census_sgm import CensusSGM, SGMResult, match_census_sgm
 from stereolib.matching.disparity import compute_disparity, left_right_check
+from stereolib.matching.filling import fill_background, neighbours, remove_speckles
+from stereolib.matching.filters import dilate
 from stereolib.matching.sgbm import SGBMParams, check_window
 from stereolib.rig import check_pair, to_grey
 
-Array = np.ndarray
 _SPECKLE_PX = 11  # patches below 11 x 11 px go
 _MEDIAN_PX = 5
 _BLUR_FROM_GREY = 1.0  # grey levels of noise from which on the pictures are blurred before matching
@@ -30,7 +34,7 @@ _BLUR_FROM_GREY = 1.0  # grey levels of noise from which on the pictures are blu
 #: 85th percentile.
 MARGINS = (50.0, 90.0, 136.0, 187.0, 259.0)
 GAPS_PX = (0.5, 1.0, 4.0, 16.0, 1000.0)
-SIGMA_PX = {
+BEST_SIGMA_PX = {
     "smooth": (0.99, 0.85, 0.6, 0.38, 0.26, 0.24),
     "step": (2.36, 2.54, 2.66, 1.68, 0.67, 0.33),
     "filled": (8.94, 8.94, 8.94, 9.39, 13.99, 30.83),
@@ -38,21 +42,29 @@ SIGMA_PX = {
 
 
 @dataclass(frozen=True, eq=False)
-class Estimate:
+class DisparityEstimate:
     """What a pipeline returns.
 
-    ``disparity_px`` (H, W) float32, NaN where unknown. ``std_px`` (H, W) float32, standard deviation of each disparity,
-    or None: only ``"best"`` has one. It is the error of pixels of the same kind in virtual scenes (`SIGMA_PX`): of
-    matched pixels the half width that holds 68 % of the errors, at most 3 px; of filled ones the root mean square,
-    9 px and more. Most filled pixels are off by less, some by far more: above 5 px read it as "a guess".
+    Parameters
+    ----------
+    disparity_px : (H, W) float32
+        NaN where unknown.
+    std_px : (H, W) float32 or None
+        Standard deviation of each disparity; only ``"best"`` has one. It is the error of pixels of the same kind in
+        virtual scenes (`BEST_SIGMA_PX`): of matched pixels the half width that holds 68 % of the errors, at most 3 px;
+        of filled ones the root mean square, 9 px and more. Most filled pixels are off by less, some by far more: above
+        5 px read it as "a guess".
     """
 
-    disparity_px: Array
-    std_px: Array | None = None
+    disparity_px: Float32
+    std_px: Float32 | None = None
 
 
-def stereo_pipeline(name: str = "best", num_disparities: int = 128) -> Callable[[Array, Array], Estimate]:
-    """A function of a rectified pair, (H, W) or (H, W, 3) uint8 each, that returns an `Estimate`.
+Pipeline: TypeAlias = Callable[[UInt8, UInt8], DisparityEstimate]
+
+
+def stereo_pipeline(name: str = "best", num_disparities: int = 128) -> Pipeline:
+    """Choose a way from a rectified pair to its disparity.
 
     Parameters
     ----------
@@ -60,32 +72,52 @@ def stereo_pipeline(name: str = "best", num_disparities: int = 128) -> Callable[
         - ``"paper"``: `cv2.StereoSGBM` and one 9 x 9 dilation (sections II.C and II.D; the paper prints no kernel).
         - ``"fast"``: matched in half size from left and from right, checked, holes filled from the background, and
           enlarged. A quarter of the pixels, half of the disparities: several times faster than plain SGBM.
-        - ``"best"``: `sgm.match`, checked from right to left, specks removed, holes filled from the background, 5 x 5
-          median; a standard deviation for each pixel. Noisy pictures are blurred first. Dense; some seconds.
+        - ``"best"``: `match_census_sgm`, checked from right to left, specks removed, holes filled from the background,
+          5 x 5 median; a standard deviation for each pixel. Noisy pictures are blurred first. Dense; some seconds.
     num_disparities : int, px
         Disparities from 0 to this are looked for; a multiple of 16, of 32 for ``"fast"``.
+
+    Returns
+    -------
+    callable
+        Takes the left and the right picture, (H, W) or (H, W, 3) uint8, and returns a `DisparityEstimate`.
 
     Raises
     ------
     ValueError
         If the name or the number is wrong; when called, what `check_pair` says of the pair.
+
+    Examples
+    --------
+    >>> left = np.random.default_rng(0).integers(0, 256, (40, 120), np.uint8)
+    >>> estimate = stereo_pipeline("fast", 32)(left, np.roll(left, -8, axis=1))
+    >>> float(np.median(estimate.disparity_px)), estimate.std_px
+    (8.0, None)
     """
-    steps = {"paper": 16, "fast": 32, "best": 16}
-    if name not in steps:
-        raise ValueError(f"unknown pipeline {name!r}; choose one of {', '.join(steps)}")
-    step = steps[name]
+    pipelines = {"paper": (_paper, 16), "fast": (_fast, 32), "best": (_best, 16)}
+    if name not in pipelines:
+        raise ValueError(f"unknown pipeline {name!r}; choose one of {', '.join(pipelines)}")
+    run, step = pipelines[name]
     if num_disparities < step or num_disparities % step:
         below = max(step, num_disparities // step * step)
         raise ValueError(
             f'"{name}" looks for a multiple of {step} disparities, got {num_disparities}; near are {below}, '
             f"{below + step}"
         )
-    run = {"paper": _paper, "fast": _fast, "best": _best}[name]
     return lambda left, right: run(left, right, num_disparities)
 
 
-def noise_grey(image: Array) -> float:
-    """Noise of a picture in grey levels, where it is flattest: the tenth percentile over blocks of 16 x 16 px.
+def noise_grey(image: UInt8) -> float:
+    """Estimate a picture's noise where it is flattest: the tenth percentile over blocks of 16 x 16 px.
+
+    Parameters
+    ----------
+    image : (H, W) or (H, W, 3) uint8
+
+    Returns
+    -------
+    float, grey levels
+        Standard deviation.
 
     References
     ----------
@@ -98,16 +130,24 @@ def noise_grey(image: Array) -> float:
     return float(np.percentile(np.median(blocks, axis=(1, 3)), 10) / 0.6745 / 6)
 
 
-def features(
-    matched: census_sgm.SGMResult,
+def fill_and_classify(
+    matched: SGMResult,
     *,
     speckle_px: int = _SPECKLE_PX,
     median_px: int = _MEDIAN_PX,
     margins: tuple[float, ...] = MARGINS,
-) -> tuple[Array, Array, Array]:
-    """The dense map of ``"best"``, and what its standard deviation is told from.
+) -> tuple[Floats, npt.NDArray[np.int8], npt.NDArray[np.int8]]:
+    """Make the dense map of ``"best"``, and sort its pixels into classes of equal standard deviation.
 
-    Patches of fewer than ``speckle_px ** 2`` pixels are removed; `median_px` is 3 or 5.
+    Parameters
+    ----------
+    matched : SGMResult
+    speckle_px : int
+        Patches of fewer than ``speckle_px ** 2`` pixels are removed.
+    median_px : {3, 5}
+        Edge of the median at the end.
+    margins : tuple of float
+        Limits between the classes of matched pixels.
 
     Returns
     -------
@@ -119,13 +159,13 @@ def features(
     """
     checked = left_right_check(matched.left_px, matched.right_px)
     checked[checked > np.arange(checked.shape[1])] = np.nan
-    checked = filling.remove_speckles(checked, speckle_px)
-    dense = filling.fill_background(checked)
+    checked = remove_speckles(checked, speckle_px)
+    dense = fill_background(checked)
     if np.isnan(dense).any():  # nothing was accepted anywhere
         dense = matched.left_px
     disparity = cv2.medianBlur(dense, median_px)
     # a neighbour that is missing counts as far off, both in one row too
-    near, far = (np.nan_to_num(s, nan=x) for s, x in zip(filling.neighbours(checked), (1e4, -1e4), strict=True))
+    near, far = (np.nan_to_num(s, nan=x) for s, x in zip(neighbours(checked), (1e4, -1e4), strict=True))
     window = np.ones((5, 5), np.uint8)
     step = cv2.dilate(disparity, window) - cv2.erode(disparity, window) > 2
     kind = np.where(np.isnan(checked), 2, step).astype(np.int8)
@@ -134,32 +174,51 @@ def features(
 
 
 def match_best(
-    left: Array,
-    right: Array,
+    left: UInt8,
+    right: UInt8,
     num_disparities: int,
-    params: census_sgm.CensusSGM | None = None,
+    params: CensusSGM | None = None,
     *,
     blur_from_grey: float = _BLUR_FROM_GREY,
-) -> census_sgm.SGMResult:
-    """The match inside ``"best"``: `sgm.match`, of blurred pictures where their noise reaches `blur_from_grey`."""
+) -> SGMResult:
+    """Match as ``"best"`` does: `match_census_sgm`, of blurred pictures where they are noisy.
+
+    Parameters
+    ----------
+    left, right : (H, W) or (H, W, 3) uint8
+    num_disparities : int, px
+        In place of that of `params`.
+    params : CensusSGM, optional
+    blur_from_grey : float
+        Noise in grey levels from which on the pictures are blurred.
+
+    Returns
+    -------
+    SGMResult
+
+    Raises
+    ------
+    ValueError
+        As `match_census_sgm`.
+    """
     check_pair(left, right)
     noise = max(noise_grey(left), noise_grey(right))
     if noise >= blur_from_grey:
-        left, right = (cv2.GaussianBlur(image, (0, 0), noise) for image in (left, right))
-    return census_sgm.match(left, right, replace(params or census_sgm.CensusSGM(), num_disparities=num_disparities))
+        left, right = (cast(UInt8, cv2.GaussianBlur(image, (0, 0), noise)) for image in (left, right))
+    return match_census_sgm(left, right, replace(params or CensusSGM(), num_disparities=num_disparities))
 
 
-def _best(left: Array, right: Array, num_disparities: int) -> Estimate:
-    disparity, kind, level = features(match_best(left, right, num_disparities))
-    sigma = np.array([SIGMA_PX[name] for name in ("smooth", "step", "filled")], np.float32)
-    return Estimate(disparity, sigma[kind, level])
+def _best(left: UInt8, right: UInt8, num_disparities: int) -> DisparityEstimate:
+    disparity, kind, level = fill_and_classify(match_best(left, right, num_disparities))
+    sigma = np.array(list(BEST_SIGMA_PX.values()), np.float32)
+    return DisparityEstimate(disparity, sigma[kind, level])
 
 
-def _paper(left: Array, right: Array, num_disparities: int) -> Estimate:
-    return Estimate(filters.dilate(compute_disparity(left, right, SGBMParams(num_disparities)), 9))
+def _paper(left: UInt8, right: UInt8, num_disparities: int) -> DisparityEstimate:
+    return DisparityEstimate(dilate(compute_disparity(left, right, SGBMParams(num_disparities)), 9))
 
 
-def _fast(left: Array, right: Array, num_disparities: int) -> Estimate:
+def _fast(left: UInt8, right: UInt8, num_disparities: int) -> DisparityEstimate:
     check_pair(left, right)
     height, width = left.shape[:2]
     check_window(SGBMParams(num_disparities, 9), width)  # said in pixels of the whole picture
@@ -167,8 +226,8 @@ def _fast(left: Array, right: Array, num_disparities: int) -> Estimate:
     params = SGBMParams(
         num_disparities // 2, 5, disp12_max_diff=-1, uniqueness_ratio=0, speckle_window_size=0, mode="3way"
     )
-    found = compute_disparity(half[0], half[1], params, whole=True)
+    matched = compute_disparity(half[0], half[1], params, whole=True)
     mirrored = compute_disparity(half[1][:, ::-1], half[0][:, ::-1], params, whole=True)[:, ::-1]
-    kept = filling.remove_speckles(left_right_check(found, mirrored), 5)
-    dense = cv2.medianBlur(filling.fill_background(kept), 5)
-    return Estimate(2 * cv2.resize(dense, (width, height), interpolation=cv2.INTER_NEAREST))
+    kept = remove_speckles(left_right_check(matched, mirrored), 5)
+    dense = cv2.medianBlur(fill_background(kept), 5)
+    return DisparityEstimate(2 * cv2.resize(dense, (width, height), interpolation=cv2.INTER_NEAREST))

@@ -1,17 +1,24 @@
-"""Settings of OpenCV's semi-global block matching, refused where it would round them, run over or find nothing."""
+"""OpenCV's semi-global block matching: its settings, refused where it would round them or run over, and its answer."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import Any, cast
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
+from stereolib.base import Float32, UInt8
 from stereolib.rig import RectifiedRig
 
-_MODES = {"sgbm": cv2.STEREO_SGBM_MODE_SGBM, "hh": cv2.STEREO_SGBM_MODE_HH, "3way": cv2.STEREO_SGBM_MODE_SGBM_3WAY}
-_MODES["hh4"] = cv2.STEREO_SGBM_MODE_HH4
+STEPS_PER_PX = 16  # OpenCV returns disparities in these steps
+_MODES = {
+    "sgbm": cv2.STEREO_SGBM_MODE_SGBM,
+    "hh": cv2.STEREO_SGBM_MODE_HH,
+    "3way": cv2.STEREO_SGBM_MODE_SGBM_3WAY,
+    "hh4": cv2.STEREO_SGBM_MODE_HH4,
+}
 _LARGEST = 32767  # OpenCV adds up costs in 16 bits
 _LEAST_ROOM = 88  # grey levels; see SGBMParams.room
 _WIDEST = 1024  # disparities; more than any picture that fits a matcher's memory asks for
@@ -61,10 +68,25 @@ class SGBMParams:
     mode: str = "sgbm"
 
     def __post_init__(self) -> None:
-        n, block = self.num_disparities, self.block_size
         for name, value in ((f.name, getattr(self, f.name)) for f in fields(self) if f.name != "mode"):
             if not (isinstance(value, int | np.integer) or (value is None and name in ("p1", "p2"))):
                 raise ValueError(f"{name} must be a whole number, got {value!r}")
+        if self.mode not in _MODES:
+            raise ValueError(f"unknown mode {self.mode!r}; choose one of {', '.join(_MODES)}")
+        self._check_window_and_block()
+        if not 0 <= self.uniqueness_ratio <= 100:
+            raise ValueError(f"uniqueness_ratio is a percentage, got {self.uniqueness_ratio}")
+        if not 1 <= self.pre_filter_cap <= 63:
+            raise ValueError(f"pre_filter_cap must be 1 to 63, got {self.pre_filter_cap}")
+        if self.speckle_window_size < 0 or self.speckle_range < 0:
+            raise ValueError(
+                f"speckle_window_size and speckle_range must be 0 (no search for specks) or more, got "
+                f"{self.speckle_window_size} and {self.speckle_range}"
+            )
+        self._check_penalties()
+
+    def _check_window_and_block(self) -> None:
+        n, block = self.num_disparities, self.block_size
         if n < 16 or n % 16:
             below = max(16, n // 16 * 16)
             raise ValueError(
@@ -73,25 +95,18 @@ class SGBMParams:
         if block < 1 or block % 2 == 0:
             near = max(1, block - 1 if block % 2 == 0 else 1)
             raise ValueError(f"block_size must be odd and at least 1, got {block}; near are {near}, {near + 2}")
+
+    def _check_penalties(self) -> None:
         p1, p2 = self.penalties
         if not 0 < p1 < p2:
             raise ValueError(f"the penalties must satisfy 0 < p1 < p2, got p1={p1}, p2={p2}")
-        if self.mode not in _MODES:
-            raise ValueError(f"unknown mode {self.mode!r}; choose one of {', '.join(_MODES)}")
-        if not 0 <= self.uniqueness_ratio <= 100:
-            raise ValueError(f"uniqueness_ratio is a percentage, got {self.uniqueness_ratio}")
-        if not 1 <= self.pre_filter_cap <= 63:
-            raise ValueError(f"pre_filter_cap must be 1 to 63, got {self.pre_filter_cap}")
-        if self.speckle_window_size < 0 or self.speckle_range < 0:
-            raise ValueError(f"speckle_window_size and speckle_range must be 0 (no search for specks) or more, got "
-                             f"{self.speckle_window_size} and {self.speckle_range}")  # fmt: skip
         if self.room < _LEAST_ROOM:
-            most = _LARGEST - _LEAST_ROOM * block**2
+            most = _LARGEST - _LEAST_ROOM * self.block_size**2
             smaller = f"p2 up to {most} (and p1 below it), or " if most > 1 else ""
             raise ValueError(
-                f"block_size {block} with p2={p2} runs over: OpenCV adds up costs in 16 bits, and {self.room:.0f} grey "
-                f"levels a pixel are left for a mismatch, {_LEAST_ROOM} are needed. Take {smaller}a block of at most "
-                f"15 with the usual penalties"
+                f"block_size {self.block_size} with p2={p2} runs over: OpenCV adds up costs in 16 bits, and "
+                f"{self.room:.0f} grey levels a pixel are left for a mismatch, {_LEAST_ROOM} are needed. Take {smaller}"
+                f"a block of at most 15 with the usual penalties"
             )
 
     @classmethod
@@ -105,6 +120,10 @@ class SGBMParams:
             Depth along the left camera's optical axis, mm.
         **fields
             The other parameters.
+
+        Returns
+        -------
+        SGBMParams
 
         Raises
         ------
@@ -153,16 +172,52 @@ class SGBMParams:
         return (_LARGEST - self.penalties[1]) / self.block_size**2
 
     def matcher(self) -> cv2.StereoSGBM:
-        """A new `cv2.StereoSGBM` with these parameters."""
+        """Make a `cv2.StereoSGBM` with these parameters.
+
+        Returns
+        -------
+        cv2.StereoSGBM
+        """
         p1, p2 = self.penalties
         return cv2.StereoSGBM.create(
-            self.min_disparity, self.num_disparities, self.block_size, p1, p2, self.disp12_max_diff,
-            self.pre_filter_cap, self.uniqueness_ratio, self.speckle_window_size, self.speckle_range, _MODES[self.mode],
-        )  # fmt: skip
+            minDisparity=self.min_disparity,
+            numDisparities=self.num_disparities,
+            blockSize=self.block_size,
+            P1=p1,
+            P2=p2,
+            disp12MaxDiff=self.disp12_max_diff,
+            preFilterCap=self.pre_filter_cap,
+            uniquenessRatio=self.uniqueness_ratio,
+            speckleWindowSize=self.speckle_window_size,
+            speckleRange=self.speckle_range,
+            mode=_MODES[self.mode],
+        )
 
 
 def check_window(params: SGBMParams, width_px: int) -> int:
-    """Refuse a search window that the image cannot hold (ValueError); return where it ends, px."""
+    """Refuse a search window that the image cannot hold.
+
+    Parameters
+    ----------
+    params : SGBMParams
+    width_px : int
+        The image's width, px.
+
+    Returns
+    -------
+    int
+        Where the window ends, px: so many columns at the left have no match inside the right image.
+
+    Raises
+    ------
+    ValueError
+        If the window and half a block are wider than the image.
+
+    Examples
+    --------
+    >>> check_window(SGBMParams(num_disparities=128), 640)
+    128
+    """
     reach = max(0, params.min_disparity + params.num_disparities)
     if reach + params.block_size // 2 >= width_px:
         raise ValueError(
@@ -170,3 +225,49 @@ def check_window(params: SGBMParams, width_px: int) -> int:
             f"{params.block_size} px: reduce num_disparities, min_disparity or block_size"
         )
     return reach
+
+
+def match_in_steps(left: UInt8, right: UInt8, params: SGBMParams, *, whole: bool = False) -> npt.NDArray[np.int16]:
+    """Match a grey pair and leave the disparities in OpenCV's steps, unchecked.
+
+    Parameters
+    ----------
+    left, right : (H, W) uint8
+    params : SGBMParams
+    whole : bool
+        As in `compute_disparity`.
+
+    Returns
+    -------
+    (H, W) int16, 1/16 px
+        Less than ``16 min_disparity`` where there is no match.
+    """
+    border = max(0, params.min_disparity + params.num_disparities) if whole else 0
+    if border:
+        left, right = (cast(UInt8, cv2.copyMakeBorder(i, 0, 0, border, 0, cv2.BORDER_REPLICATE)) for i in (left, right))
+    steps: npt.NDArray[np.int16] = params.matcher().compute(left, right)[:, border:]
+    if border:  # a match outside the right image is a match with the border's copies
+        column = STEPS_PER_PX * np.arange(steps.shape[1])
+        steps = np.where(steps > column, np.int16(STEPS_PER_PX * (params.min_disparity - 1)), steps)
+    return steps
+
+
+def match_pair(left: UInt8, right: UInt8, params: SGBMParams, *, whole: bool = False) -> Float32:
+    """Match a grey pair, unchecked.
+
+    Parameters
+    ----------
+    left, right : (H, W) uint8
+    params : SGBMParams
+    whole : bool
+        As in `compute_disparity`.
+
+    Returns
+    -------
+    (H, W) float32, px
+        NaN where there is no match.
+    """
+    steps = match_in_steps(left, right, params, whole=whole)
+    disparity: Float32 = steps * np.float32(1 / STEPS_PER_PX)
+    np.putmask(disparity, steps < STEPS_PER_PX * params.min_disparity, np.nan)
+    return disparity

@@ -10,99 +10,98 @@ import os
 import threading
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import cv2
-import numpy as np
 
-from stereolib.base import write_atomic
-from stereolib.matching.disparity import check_rectified, raw_disparity
-from stereolib.matching.ground_truth import FIELDS, METRICS, Ready, View
-from stereolib.matching.scoring import (
-    Repair,
-    Score,
-    correlation_length_px,
-    fattening_px,
-    near_edge,
-    overreach_px,
-    repair,
-    score,
-    smallest_window,
-)
-from stereolib.matching.sgbm import SGBMParams, check_window
+from stereolib.base import read_text, write_atomic
+from stereolib.matching.ground_truth import FIELDS, METRICS, KnownView, ReadyView
+from stereolib.matching.pair_checks import check_rectified
+from stereolib.matching.sgbm import SGBMParams, check_window, match_in_steps
 
 if TYPE_CHECKING:
     import pandas as pd
 
-# The measures next door are reached through here too.
-__all__ = [
-    "FIELDS", "METRICS", "Repair", "Score", "View", "correlation_length_px", "fattening_px", "grid", "near_edge",
-    "overreach_px", "random", "repair", "score", "smallest_window", "sweep",
-]  # fmt: skip
-
 _FORMAT = "# stereolib.study/1"
+_LIMIT_BYTES = 256 * 2**20  # of a results file: some 400 bytes a row, half a million rows
+_FAREWELL_S = 60  # for a thread inside OpenCV to come out before Python ends
+_Scores: TypeAlias = list[list[float]]  # `METRICS` of each region
+_Job: TypeAlias = tuple[KnownView, SGBMParams]
 
 
-def grid(base: SGBMParams | None = None, **choices: Iterable[Any]) -> list[SGBMParams]:
-    """Every combination of the choices, for example ``grid(block_size=(3, 5, 7), mode=("sgbm", "hh"))``."""
-    _known(choices)
-    base = base or SGBMParams()
-    return [replace(base, **dict(zip(choices, one, strict=True))) for one in itertools.product(*choices.values())]
+@dataclass(frozen=True)
+class Workers:
+    """Who does the matches of a sweep.
+
+    Parameters
+    ----------
+    n_jobs : int
+        How many; -1 is one a core. OpenCV itself is kept to one thread meanwhile.
+    backend : str
+        Any joblib backend by name: ``"threading"`` (SGBM lets other threads run), ``"loky"``, ``"multiprocessing"``,
+        or ``"dask"`` inside a `distributed.Client` (``pip install 'stereolib[cluster]'``).
+    """
+
+    n_jobs: int = -1
+    backend: str = "threading"
 
 
-def random(
-    count: int, rng: np.random.Generator, base: SGBMParams | None = None, **choices: Iterable[Any]
-) -> list[SGBMParams]:
-    """`count` different combinations of the choices, drawn at random from the grid.
+def settings_grid(base: SGBMParams | None = None, **choices: Iterable[Any]) -> list[SGBMParams]:
+    """Make every combination of some choices.
+
+    Parameters
+    ----------
+    base : SGBMParams, optional
+        Holds what is not chosen.
+    **choices
+        Values by the name of the field.
+
+    Returns
+    -------
+    list of SGBMParams
 
     Raises
     ------
     ValueError
-        If the grid holds fewer.
+        If a name is no field, there is none, or a value is refused.
+
+    Examples
+    --------
+    >>> [(p.block_size, p.mode) for p in settings_grid(block_size=(3, 5), mode=("sgbm", "hh"))]
+    [(3, 'sgbm'), (3, 'hh'), (5, 'sgbm'), (5, 'hh')]
     """
-    _known(choices)
-    listed = [list(values) for values in choices.values()]
-    shape = [len(values) for values in listed]
-    most = int(np.prod(shape))
-    if not 0 < count <= most:
-        raise ValueError(f"{count} combinations are wanted, the choices make {most}")
-    drawn = np.unravel_index(rng.choice(most, count, replace=False), shape)
-    picks = [
-        dict(zip(choices, (v[i] for v, i in zip(listed, at, strict=True)), strict=True))
-        for at in zip(*drawn, strict=True)
-    ]
-    return [replace(base or SGBMParams(), **pick) for pick in picks]
+    unknown = set(choices) - set(FIELDS)
+    if unknown or not choices:
+        raise ValueError(f"unknown fields {sorted(unknown)}: SGBMParams has {', '.join(FIELDS)}")
+    base = base or SGBMParams()
+    return [replace(base, **dict(zip(choices, one, strict=True))) for one in itertools.product(*choices.values())]
 
 
 def sweep(
-    views: Sequence[View],
+    views: Sequence[KnownView],
     settings: Sequence[SGBMParams],
     *,
     whole: bool = False,
     results: str | os.PathLike[str] | None = None,
-    n_jobs: int = -1,
-    backend: str = "threading",
+    workers: Workers = Workers(),
     progress: bool = True,
 ) -> pd.DataFrame:
     """Match every view with every setting and measure the maps.
 
     Parameters
     ----------
-    views : sequence of View
+    views : sequence of KnownView
     settings : sequence of SGBMParams
-        From `grid`, `random`, or any list.
+        From `settings_grid`, or any list.
     whole : bool
-        As in `disparity.compute_disparity`.
+        As in `compute_disparity`.
     results : path, optional
         CSV that gets each match's rows as soon as they are there. What it holds already is not done again, so that an
         interrupted sweep goes on, and a finished one may be given more settings.
-    n_jobs : int
-        Workers; -1 is one a core. OpenCV itself is kept to one thread meanwhile.
-    backend : str
-        Any joblib backend by name: ``"threading"`` (SGBM lets other threads run), ``"loky"``, ``"multiprocessing"``,
-        or ``"dask"`` inside a `distributed.Client` (``pip install 'stereolib[cluster]'``).
+    workers : Workers
+        How many, and of which kind.
     progress : bool
         A bar with rate and remaining time.
 
@@ -124,21 +123,23 @@ def sweep(
     """
     import pandas as pd
     from joblib import Parallel, delayed
+    from tqdm.auto import tqdm
 
     jobs = _listed(views, settings)
     file = None if results is None else _Results(Path(results), views, whole)
-    done: dict[str, list[list[float]]] = {} if file is None else file.read()
+    done: dict[str, _Scores] = {} if file is None else file.read()
     todo = {key: job for key, job in jobs.items() if key not in done}
     unsure = {view.name: view for view, _ in todo.values()}.values()
-    Parallel(n_jobs, prefer="threads")(delayed(_check_rectified)(view) for view in unsure)
+    Parallel(workers.n_jobs, prefer="threads")(delayed(_check_rectified)(view) for view in unsure)
     finished = 0
     kept = "give `results` to keep them" if file is None else f"they are in {file.path}; call again to go on"
     try:
-        for key, measured in _run(todo, whole, n_jobs, backend, progress, len(jobs)):
-            done[key] = measured
+        bar = tqdm(desc="sweep", total=len(jobs), initial=len(done), unit="match", disable=not progress)
+        for key, scores in _run(todo, whole, workers, bar):
+            done[key] = scores
             finished += 1
             if file is not None:
-                file.append(key, *jobs[key], measured)
+                file.append(key, jobs[key], scores)
     except KeyboardInterrupt:
         raise KeyboardInterrupt(f"the sweep was stopped after {finished} of {len(todo)} matches; {kept}") from None
     except Exception as error:
@@ -153,19 +154,21 @@ def sweep(
     return pd.DataFrame(rows)
 
 
-def _check_rectified(view: View) -> None:
+def _check_rectified(view: KnownView) -> None:
     try:
         check_rectified(view.left, view.right)
     except ValueError as error:
         raise ValueError(f"view {view.name!r}: {error}") from None
 
 
-def _listed(views: Sequence[View], settings: Sequence[SGBMParams]) -> dict[str, tuple[View, SGBMParams]]:
+def _listed(views: Sequence[KnownView], settings: Sequence[SGBMParams]) -> dict[str, _Job]:
     """Every match by its key: a fingerprint of the view's name and the settings."""
     names = [view.name for view in views]
     if not names or not settings or len(set(names)) < len(names) or len(set(settings)) < len(settings):
-        raise ValueError(f"a sweep takes views with different names and different settings, at least one of each; got "
-                         f"{len(names)} views named {', '.join(names)} and {len(settings)} settings")  # fmt: skip
+        raise ValueError(
+            f"a sweep takes views with different names and different settings, at least one of each; got {len(names)} "
+            f"views named {', '.join(names)} and {len(settings)} settings"
+        )
     for view, params in itertools.product(views, settings):
         check_window(params, view.left.shape[1])
     return {
@@ -174,24 +177,21 @@ def _listed(views: Sequence[View], settings: Sequence[SGBMParams]) -> dict[str, 
     }
 
 
-def _run(
-    todo: Mapping[str, tuple[View, SGBMParams]], whole: bool, n_jobs: int, backend: str, progress: bool, total: int
-) -> Iterator[tuple[str, list[list[float]]]]:
+def _run(todo: Mapping[str, _Job], whole: bool, workers: Workers, bar: Any) -> Iterator[tuple[str, _Scores]]:
+    """Match and score; whoever finishes first comes first."""
     from joblib import Parallel, delayed, parallel_config
-    from tqdm.auto import tqdm
 
     views = {view.name: view for view, _ in todo.values()}
-    ready = {name: Ready.of(view) for name, view in views.items()}
+    ready = {name: ReadyView.of(view) for name, view in views.items()}
     options: dict[str, Any] = {}
-    if backend == "dask":
+    if workers.backend == "dask":
         try:
             import distributed  # noqa: F401
         except ImportError:
             raise ValueError("the backend 'dask' needs dask: pip install 'stereolib[cluster]'") from None
         options["scatter"] = list(ready.values())
     calls = [delayed(_measure)(key, ready[view.name], params, whole) for key, (view, params) in todo.items()]
-    bar = tqdm(desc="sweep", total=total, initial=total - len(todo), unit="match", disable=not progress)
-    with bar, _one_thread_each(), parallel_config(backend, n_jobs=n_jobs, **options):
+    with bar, _one_thread_each(), parallel_config(workers.backend, n_jobs=workers.n_jobs, **options):
         before = threading.enumerate()
         try:
             for one in Parallel(return_as="generator_unordered", batch_size=1)(calls):
@@ -200,33 +200,32 @@ def _run(
         except KeyboardInterrupt:  # a thread inside OpenCV when Python ends aborts the process: let it come out first
             for thread in threading.enumerate():
                 if thread not in before:
-                    thread.join(timeout=60)
+                    thread.join(timeout=_FAREWELL_S)
             raise
 
 
-def _measure(key: str, ready: Ready, params: SGBMParams, whole: bool) -> tuple[str, list[list[float]]]:
+def _measure(key: str, ready: ReadyView, params: SGBMParams, whole: bool) -> tuple[str, _Scores]:
     if cv2.getNumThreads() != 1:  # in a worker process
         cv2.setNumThreads(1)
-    border = max(0, params.min_disparity + params.num_disparities) if whole else 0
-    raw = raw_disparity(ready.left, ready.right, params, border)
-    if border:  # a match outside the right image is a match with the border's copies
-        raw = np.where(
-            raw > 16 * np.arange(raw.shape[1], dtype=np.int16), np.int16(16 * params.min_disparity - 16), raw
-        )
-    return key, ready.measure(raw, params.min_disparity)
+    steps = match_in_steps(ready.left, ready.right, params, whole=whole)
+    return key, ready.score(steps, params.min_disparity)
 
 
-def _rows(view: View, params: SGBMParams, measured: list[list[float]]) -> Iterator[dict[str, Any]]:
+def _rows(view: KnownView, params: SGBMParams, scores: _Scores) -> Iterator[dict[str, Any]]:
     p1, p2 = params.penalties
     settings = {name: getattr(params, name) for name in FIELDS} | {"p1": p1, "p2": p2}
-    for where, values in zip(view.masks(), measured, strict=True):
+    for where, values in zip(view.masks(), scores, strict=True):
         yield {"view": view.name, **view.about, **settings, "where": where, **dict(zip(METRICS, values, strict=True))}
 
 
 class _Results:
-    """The file of a sweep: a line that names the study, then CSV; a match's rows are written in one piece."""
+    """The file of a sweep: a line that names the study, then CSV.
 
-    def __init__(self, path: Path, views: Sequence[View], whole: bool) -> None:
+    A match's rows are appended in one piece, as soon as they are there: writing the whole file anew for each match
+    would take longer than matching. A line torn by a crash is dropped when the file is read again.
+    """
+
+    def __init__(self, path: Path, views: Sequence[KnownView], whole: bool) -> None:
         self.path = path
         self.about = list(dict.fromkeys(name for view in views for name in view.about))
         self.regions = {view.name: list(view.masks()) for view in views}
@@ -234,14 +233,14 @@ class _Results:
         digests = sorted(view.digest() for view in views)
         study = hashlib.sha256(repr((digests, whole, self.columns)).encode()).hexdigest()[:16]
         self.head = f"{_FORMAT} {study}\n{','.join(self.columns)}\n"
-        self.other: list[str] = []
+        self.kept: list[str] = []
 
-    def read(self) -> dict[str, list[list[float]]]:
+    def read(self) -> dict[str, _Scores]:
         """Measures of every finished match; a new file is begun, a torn last line is dropped."""
         if not self.path.exists():
             write_atomic(self.path, self.head)
             return {}
-        text = self.path.read_text(encoding="utf-8")
+        text = read_text(self.path, limit_bytes=_LIMIT_BYTES)
         if not text.startswith(_FORMAT):
             raise ValueError(f"{self.path} is no results file of a sweep: give another name")
         if not text.startswith(self.head):
@@ -249,35 +248,34 @@ class _Results:
                 f"{self.path} holds the results of another study: other views, truths, regions or `whole`. Give "
                 f"another name, or the views it was made with"
             )
-        text = text[: text.rfind("\n") + 1]
-        found: dict[str, dict[str, list[float]]] = {}
-        for row in csv.DictReader(io.StringIO(text[len(self.head) :]), self.columns):
-            found.setdefault(row["key"] + row["view"], {})[row["where"]] = [float(row[name]) for name in METRICS]
-        whole = {k: v for k, v in found.items() if list(v) == self.regions.get(k[16:])}
-        lines = text[len(self.head) :].splitlines(keepends=True)
-        kept = (
-            [line for line in lines if any(line.startswith(f"{key[:16]},") for key in whole)]
-            if len(whole) < len(found)
-            else lines
-        )
-        write_atomic(self.path, self.head + "".join(kept))
-        self.other = kept
-        return {key[:16]: list(measured.values()) for key, measured in whole.items()}
+        rows = text[len(self.head) : text.rfind("\n") + 1]
+        scores: dict[tuple[str, str], dict[str, list[float]]] = {}
+        for row in csv.DictReader(io.StringIO(rows), self.columns):
+            regions = scores.setdefault((row["key"], row["view"]), {})
+            regions[row["where"]] = [float(row[name]) for name in METRICS]
+        done = {
+            key: list(each.values()) for (key, view), each in scores.items() if list(each) == self.regions.get(view)
+        }
+        self.kept = [line for line in rows.splitlines(keepends=True) if line.split(",", 1)[0] in done]
+        write_atomic(self.path, self.head + "".join(self.kept))
+        return done
 
-    def lines(self, key: str, view: View, params: SGBMParams, measured: list[list[float]]) -> str:
+    def lines(self, key: str, job: _Job, scores: _Scores) -> str:
+        """Write a match's rows as CSV."""
         stream = io.StringIO()
         writer = csv.DictWriter(stream, self.columns, lineterminator="\n")
-        writer.writerows({"key": key, **row} for row in _rows(view, params, measured))
+        writer.writerows({"key": key, **row} for row in _rows(*job, scores))
         return stream.getvalue()
 
-    def append(self, key: str, view: View, params: SGBMParams, measured: list[list[float]]) -> None:
+    def append(self, key: str, job: _Job, scores: _Scores) -> None:
+        """Add a match's rows at the end."""
         with self.path.open("ab") as stream:
-            stream.write(self.lines(key, view, params, measured).encode())
+            stream.write(self.lines(key, job, scores).encode())
 
-    def finish(self, jobs: Mapping[str, tuple[View, SGBMParams]], done: Mapping[str, list[list[float]]]) -> None:
+    def finish(self, jobs: Mapping[str, _Job], done: Mapping[str, _Scores]) -> None:
         """Write the rows again in their order, whoever finished first; rows of other settings stay below."""
-        own = "".join(self.lines(key, *job, done[key]) for key, job in jobs.items())
-        others = "".join(line for line in self.other if line[:16] not in jobs)
+        own = "".join(self.lines(key, job, done[key]) for key, job in jobs.items())
+        others = "".join(line for line in self.kept if line.split(",", 1)[0] not in jobs)
         write_atomic(self.path, self.head + own + others)
 
 
@@ -289,9 +287,3 @@ def _one_thread_each() -> Iterator[None]:
         yield
     finally:
         cv2.setNumThreads(before)
-
-
-def _known(choices: Mapping[str, object]) -> None:
-    unknown = set(choices) - set(FIELDS)
-    if unknown or not choices:
-        raise ValueError(f"unknown fields {sorted(unknown)}: SGBMParams has {', '.join(FIELDS)}")

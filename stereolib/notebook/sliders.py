@@ -5,17 +5,24 @@ from __future__ import annotations
 import base64
 from collections.abc import Callable
 from html import escape
-from typing import Any
+from typing import Any, TypeAlias
 
 import cv2
-import numpy as np
 
-Array = np.ndarray
-Drawing = Callable[..., tuple[Array, str]]
+from stereolib.base import UInt8
+
+#: Takes the controls by name; returns a picture, (H, W, 3) uint8 blue-green-red, and a line of text.
+Drawing: TypeAlias = Callable[..., tuple[UInt8, str]]
 
 
 class Explorer:
-    """Sliders over a picture; see `explore`. Readers of a static page see the picture of the first values."""
+    """Sliders over a picture, made by `explore`; readers of a static page see the picture of the first values.
+
+    Parameters
+    ----------
+    draw : callable
+    controls : dict of str to ipywidgets control
+    """
 
     def __init__(self, draw: Drawing, controls: dict[str, Any]) -> None:
         from ipywidgets import HTML, HBox, Image, VBox
@@ -49,7 +56,7 @@ class Explorer:
 
 
 def explore(draw: Drawing, **controls: tuple[float, float, float, float] | list[Any]) -> Explorer:
-    """Sliders for a function.
+    """Make sliders for a function.
 
     Parameters
     ----------
@@ -58,6 +65,10 @@ def explore(draw: Drawing, **controls: tuple[float, float, float, float] | list[
     **controls
         ``name=(first, lowest, highest, step)`` makes a slider, ``name=["a", "b"]`` a choice. Underscores in names
         are shown as blanks.
+
+    Returns
+    -------
+    Explorer
 
     Raises
     ------
@@ -82,8 +93,3 @@ def explore(draw: Drawing, **controls: tuple[float, float, float, float] | list[
                 f"control {name!r} must be (first, lowest, highest, step) or a list of choices, got {how!r}"
             )
     return Explorer(draw, made)
-
-
-def beside(*images: Array) -> Array:
-    """Pictures side by side, grey ones as colour."""
-    return np.hstack([cv2.cvtColor(i, cv2.COLOR_GRAY2BGR) if i.ndim == 2 else i for i in images])

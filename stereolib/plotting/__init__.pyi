@@ -1,38 +1,33 @@
-from .calibration_report import build
-from .charts import (
-    COLORS,
-    colored,
-    panels,
-    picture_of,
+from .calibration_report import lens_shift_px, write_calibration_report
+from .curves import plot_bars, plot_curves, plot_dots
+from .maps import plot_occupancy, plot_scan, plot_scan_polar, plot_scans, plot_sizes, plot_top_view
+from .measurements import plot_height_attempt, plot_intervals
+from .output import figure_to_image, save_figure, save_table
+from .pictures import (
+    ImageQuantity,
+    color_disparity,
     plot_arrows,
-    plot_bars,
     plot_box,
     plot_corners,
-    plot_curves,
     plot_disparity,
-    plot_dots,
     plot_errors,
     plot_height,
     plot_image,
-    plot_map,
     plot_mask,
     plot_points,
+    plot_quantity,
     plot_rows,
-    plot_scan,
-    plot_scan_polar,
-    plot_triangulation,
-    save_figure,
-    save_table,
 )
-from .maps import plot_grid, plot_scans, plot_sizes, plot_top_view
-from .measurements import plot_found, plot_intervals
+from .style import COLORS, panels
+from .triangulation import plot_triangulation
 
 __all__ = [
     "COLORS",
-    "build",
-    "colored",
+    "ImageQuantity",
+    "color_disparity",
+    "figure_to_image",
+    "lens_shift_px",
     "panels",
-    "picture_of",
     "plot_arrows",
     "plot_bars",
     "plot_box",
@@ -41,14 +36,14 @@ __all__ = [
     "plot_disparity",
     "plot_dots",
     "plot_errors",
-    "plot_found",
-    "plot_grid",
     "plot_height",
+    "plot_height_attempt",
     "plot_image",
     "plot_intervals",
-    "plot_map",
     "plot_mask",
+    "plot_occupancy",
     "plot_points",
+    "plot_quantity",
     "plot_rows",
     "plot_scan",
     "plot_scan_polar",
@@ -58,4 +53,5 @@ __all__ = [
     "plot_triangulation",
     "save_figure",
     "save_table",
+    "write_calibration_report",
 ]

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Mapping, Sequence
-from html import escape
+import html
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any, TypeAlias
 
 import cv2
+import jinja2
 import numpy as np
+from markupsafe import Markup
+from matplotlib.figure import Figure
 
 from stereolib import __version__
-from stereolib.base import write_atomic
+from stereolib.base import Bools, Float64, write_atomic
 from stereolib.calibration import (
     MEANS,
     Diagnosis,
@@ -24,27 +28,20 @@ from stereolib.calibration import (
     refused,
     remarks,
 )
+from stereolib.plotting.curves import plot_curves, plot_dots
+from stereolib.plotting.output import save_figure
+from stereolib.plotting.pictures import ImageQuantity, plot_arrows, plot_corners, plot_image, plot_points, plot_quantity
+from stereolib.plotting.style import panels
 from stereolib.rig import Camera, read_image
 
-Array = np.ndarray
-Files = Mapping[str, tuple[Path, Path]]
+Files: TypeAlias = Mapping[str, tuple[Path, Path]]
 _SHOWN_PAIRS = 6
 _COLORS = {"good": "#1b6e3c", "usable": "#8a6100", "bad": "#a33a12"}
-_STYLE = """
-body { margin: 2rem auto; max-width: 66rem; padding: 0 1.5rem; background: #fff; color: #1a1a1a;
-       font: 16px/1.5 system-ui, sans-serif; }
-h1 { line-height: 1.2; margin-bottom: 0.3rem; } h2 { margin-top: 2.2rem; border-bottom: 1px solid #ccc; }
-figure { margin: 1rem 0; } img { max-width: 100%; height: auto; } figcaption { color: #444; }
-.rows { overflow-x: auto; } table { border-collapse: collapse; font-size: 0.92rem; }
-th, td { text-align: left; padding: 0.25rem 0.9rem 0.25rem 0; border-bottom: 1px solid #ddd; vertical-align: top; }
-td.n { font-variant-numeric: tabular-nums; white-space: pre-wrap; } td small { color: #555; }
-b.verdict { font-size: 1.3rem; } li { overflow-wrap: anywhere; }
-@media print { body { max-width: none; font-size: 11px; } figure, tr { break-inside: avoid; } }
-"""
+_NO_VERDICT_COLOR = "#555555"
 
 
-def build(path: Path, diagnosis: Diagnosis, files: Files) -> Path:
-    """Write the report: one HTML file that needs no other.
+def write_calibration_report(path: Path, diagnosis: Diagnosis, files: Files) -> Path:
+    """Write the report of a calibration: one HTML file that needs no other.
 
     Parameters
     ----------
@@ -52,148 +49,148 @@ def build(path: Path, diagnosis: Diagnosis, files: Files) -> Path:
     diagnosis : Diagnosis
     files : mapping of pair to (left, right) image files
         For the pictures of the corners; pairs that are missing here are not shown.
+
+    Returns
+    -------
+    Path
+        Where it was written.
     """
-    sections = (
-        ("Corners found", _corners(diagnosis, files), "In the order in which they were matched; the first is ringed."),
-        ("Coverage", _coverage(diagnosis), f"{diagnosis.coverage}. Tilt 0, 0 is a board parallel to the image."),
-        ("Errors", _residuals(diagnosis), "Found minus predicted, to the scale of the key: grey each corner, in colour "
-         "the mean of a region. A good lens model leaves chance alone, whose means vanish. Pairs that stand out: look "
-         "at their pictures, and take them away if they are blurred."),
-        ("Lenses", _lenses(diagnosis), "How far the lens moves each pixel from where a pinhole would have it. Hatched: "
-         "no board was seen there, the lens is a guess. Grey: it has no direction there, the model folds over."),
-        ("Uncertainty", _uncertainty(diagnosis), "One standard deviation of what is measured at "
-         f"{diagnosis.error_map.at_mm:g} mm, over the left image, from the calibration alone: matching adds its own, "
-         "and a lens model that does not fit is not in it. Hatched: no board was seen there. Grey: out of the right "
-         "camera's sight."),
-    )  # fmt: skip
-    pictures = "\n".join(
-        f"<h2>{title}</h2>\n<figure>{''.join(_img(data, title) for data in drawn)}\n"
-        f"<figcaption>{escape(caption)}</figcaption></figure>"
-        for title, drawn, caption in sections
-        if drawn
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("stereolib.plotting"),
+        autoescape=True,
+        finalize=_escaped,
+        trim_blocks=True,
+        keep_trailing_newline=True,
+        undefined=jinja2.StrictUndefined,
     )
-    color = _COLORS.get(diagnosis.verdict, "#555555")
-    notes, left_out = [*diagnosis.reasons, *remarks(diagnosis)], refused(diagnosis)
-    width, height = diagnosis.views.size
-    used = f"{len(diagnosis.pairs_used)} of {len(diagnosis.pairs_used) + len(left_out)} pairs"
-    page = f"""<!DOCTYPE html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<title>Stereo calibration: {escape(diagnosis.verdict)}</title>
-<style>{_STYLE}</style>
-</head>
-<body>
-<h1>Stereo calibration</h1>
-<p><b class="verdict" style="color: {color}">{escape(diagnosis.verdict)}</b>: {MEANS.get(diagnosis.verdict, "")}</p>
-{_list(notes)}
-<p>{escape(board_text(diagnosis.views.board))}; {used} of {width} x {height} px; lens model {escape(diagnosis.model)};
-stereolib {__version__}</p>
-<h2>Checked</h2>
-{_grid(("", "measured", "good up to", "usable up to"), checked(diagnosis))}
-<h2>Result</h2>
-<p>± is one standard deviation.</p>
-{_table([*parameters(diagnosis), *meaning(diagnosis)])}
-{pictures}
-<h2>Pairs</h2>
-<p>Used: {escape(", ".join(diagnosis.pairs_used))}.</p>
-{_list([f"refused: {name}: {reason}" for name, reason in left_out.items()])}
-</body>
-</html>
-"""
+    page = environment.get_template("calibration_report.html").render(
+        diagnosis=diagnosis,
+        verdict_means=MEANS.get(diagnosis.verdict, ""),
+        color=_COLORS.get(diagnosis.verdict, _NO_VERDICT_COLOR),
+        notes=[*diagnosis.reasons, *remarks(diagnosis)],
+        board=board_text(diagnosis.views.board),
+        version=__version__,
+        checks=checked(diagnosis),
+        results=[*parameters(diagnosis), *meaning(diagnosis)],
+        refused=[f"refused: {name}: {reason}" for name, reason in refused(diagnosis).items()],
+        pictures={
+            "corners": _corners(diagnosis, files),
+            "coverage": _coverage(diagnosis),
+            "errors": _residuals(diagnosis),
+            "lenses": _lenses(diagnosis),
+            "uncertainty": _uncertainty(diagnosis),
+        },
+    )
     return write_atomic(path, page)
 
 
-def _corners(diagnosis: Diagnosis, files: Files) -> list[bytes]:
-    from stereolib.plotting import charts
+def _escaped(value: Any) -> Any:
+    """Escape what is no markup as `html` does; jinja2 would write quotes otherwise."""
+    return value if hasattr(value, "__html__") else Markup(html.escape(str(value)))
 
+
+def _embedded(figure: Figure) -> str:
+    """Encode a figure for an HTML page."""
+    return base64.b64encode(save_figure(None, figure).data).decode("ascii")
+
+
+def _corners(diagnosis: Diagnosis, files: Files) -> list[str]:
     views = diagnosis.views
     known = [k for k, name in enumerate(views.names) if name in files]
     chosen = known[:: max(1, -(-len(known) // _SHOWN_PAIRS))]
     if not chosen:
         return []
-    figure, axes = charts.panels(2, -(-len(chosen) // 2), width_in=12, aspect=0.42)
+    figure, axes = panels(2, -(-len(chosen) // 2), width_in=12, aspect=0.42)
     for ax, k in zip(axes, chosen, strict=False):
         images = [read_image(file, grey=True) for file in files[views.names[k]]]
-        charts.plot_image(np.hstack(images), ax, views.names[k])
+        plot_image(np.hstack(images), ax, views.names[k])
         for corners, shift in ((views.left_px[k], 0), (views.right_px[k], views.size[0])):
-            charts.plot_corners(None, corners + np.array([shift, 0]), views.board.columns, ax)
+            plot_corners(None, corners + np.array([shift, 0]), views.board.columns, ax)
     for ax in axes:
         ax.set_axis_off()
-    return [charts.save_figure(None, figure).data]
+    return [_embedded(figure)]
 
 
-def _coverage(diagnosis: Diagnosis) -> list[bytes]:
-    from stereolib.plotting import charts
-
+def _coverage(diagnosis: Diagnosis) -> list[str]:
     views = diagnosis.views
-    figure, axes = charts.panels(3, width_in=12, aspect=0.8)
+    figure, axes = panels(3, width_in=12, aspect=0.8)
     for ax, side, corners in zip(axes, ("left", "right"), (views.left_px, views.right_px), strict=False):
-        charts.plot_points(corners, views.size, ax, f"{side}: corners of {len(views)} pairs")
+        plot_points(corners, views.size, ax, f"{side}: corners of {len(views)} pairs")
     about_y, about_x, distances = _tilts(diagnosis)
-    charts.plot_dots(about_y, about_x, axes[2], color=distances, label="distance (mm)", title="tilt of the boards",
-                       xlabel="left (-) or right (+) side nearer (deg)",
-                       ylabel="upper (-) or lower (+) edge nearer (deg)",
-                       xlim=(-60, 60), ylim=(-60, 60))  # fmt: skip
-    return [charts.save_figure(None, figure).data]
+    plot_dots(
+        about_y,
+        about_x,
+        axes[2],
+        color=distances,
+        label="distance (mm)",
+        title="tilt of the boards",
+        xlabel="left (-) or right (+) side nearer (deg)",
+        ylabel="upper (-) or lower (+) edge nearer (deg)",
+        xlim=(-60, 60),
+        ylim=(-60, 60),
+    )
+    return [_embedded(figure)]
 
 
-def _tilts(diagnosis: Diagnosis) -> tuple[Array, Array, Array]:
+def _tilts(diagnosis: Diagnosis) -> tuple[Float64, Float64, Float64]:
     """Each board's normal against the left camera's axis, sideways and upwards in degrees, and its distance in mm."""
     views, lens = diagnosis.views, diagnosis.rig.left
-    found = []
+    tilts = []
     for corners in views.left_px.astype(float):
-        seen = np.isfinite(corners).all(axis=1)
-        points = views.board.points_mm[seen].astype(float)
-        turn, shift = pose(points, corners[seen], lens)
+        known = np.isfinite(corners).all(axis=1)
+        points = views.board.points_mm[known].astype(float)
+        turn, shift = pose(points, corners[known], lens)
         R = cv2.Rodrigues(turn)[0]
         x, y, z = R[:, 2] * np.sign(R[2, 2])
-        found.append((np.degrees(np.arctan2(x, z)), np.degrees(np.arctan2(y, z)), (R @ points.mean(axis=0) + shift)[2]))
-    about_y, about_x, distances = np.array(found).T
+        tilts.append((np.degrees(np.arctan2(x, z)), np.degrees(np.arctan2(y, z)), (R @ points.mean(axis=0) + shift)[2]))
+    about_y, about_x, distances = np.array(tilts).T
     return about_y, about_x, distances
 
 
-def _residuals(diagnosis: Diagnosis) -> list[bytes]:
-    from stereolib.plotting import charts
-
+def _residuals(diagnosis: Diagnosis) -> list[str]:
     views, numbers = diagnosis.views, np.arange(1, len(diagnosis.views) + 1)
-    figure, axes = charts.panels(2, width_in=12, aspect=0.8)
+    figure, axes = panels(2, width_in=12, aspect=0.8)
     for ax, side, at, errors in zip(
         axes, ("left", "right"), (views.left_px, views.right_px), diagnosis.residuals_px, strict=True
     ):
-        charts.plot_arrows(at, errors, views.size, ax, side)
-    bars, (ax,) = charts.panels(1, width_in=12, aspect=0.26)
+        plot_arrows(at, errors, views.size, ax, side)
+    bars, (ax,) = panels(1, width_in=12, aspect=0.26)
     worst = int(np.argmax(diagnosis.pair_rms_px.max(axis=1)))
     curves = {side: (numbers, diagnosis.pair_rms_px[:, k]) for k, side in enumerate(("left", "right"))}
     title = f"rms of each pair; the largest is {views.names[worst]}"
-    charts.plot_curves(curves, ax, xlabel="", ylabel="rms (px)", title=title, joined=False, ylim=(0, None))
+    plot_curves(curves, ax, xlabel="", ylabel="rms (px)", title=title, joined=False, ylim=(0, None))
     ax.set_xticks(numbers, [name[-16:] for name in views.names], rotation=70)
-    return [charts.save_figure(None, shown).data for shown in (figure, bars)]
+    return [_embedded(shown) for shown in (figure, bars)]
 
 
-def _lenses(diagnosis: Diagnosis) -> list[bytes]:
-    from stereolib.plotting import charts
-
+def _lenses(diagnosis: Diagnosis) -> list[str]:
     cameras = diagnosis.rig.left, diagnosis.rig.right
     if not any(camera.dist.any() for camera in cameras):
         return []
-    maps, unseen = [lens_shift_px(camera) for camera in cameras], _unseen(diagnosis)
-    high = float(np.nanmax([_largest_seen(shift, hidden) for (_, _, shift), hidden in zip(maps, unseen, strict=True)]))
-    figure, axes = charts.panels(2, width_in=12, aspect=0.66)
-    for ax, side, (columns, rows, shift), hidden in zip(axes, ("left", "right"), maps, unseen, strict=True):
-        charts.plot_map(shift, columns, rows, diagnosis.views.size, ax, side, label="shift by the lens (px)",
-                          high=high, unseen=hidden)  # fmt: skip
-    return [charts.save_figure(None, figure).data]
+    maps, uncovered = [lens_shift_px(camera) for camera in cameras], _uncovered(diagnosis)
+    high = float(
+        np.nanmax([_largest_covered(shift, hidden) for (_, _, shift), hidden in zip(maps, uncovered, strict=True)])
+    )
+    figure, axes = panels(2, width_in=12, aspect=0.66)
+    for ax, side, (columns, rows, shift), hidden in zip(axes, ("left", "right"), maps, uncovered, strict=True):
+        moved = ImageQuantity(shift, columns, rows, diagnosis.views.size, "shift by the lens (px)", hidden)
+        plot_quantity(moved, ax, side, high=high)
+    return [_embedded(figure)]
 
 
-def lens_shift_px(camera: Camera, step: int = 10) -> tuple[Array, Array, Array]:
-    """How far the lens moves pixels from where a pinhole with the same K has them.
+def lens_shift_px(camera: Camera, step: int = 10) -> tuple[Float64, Float64, Float64]:
+    """Compute how far a lens moves pixels from where a pinhole with the same K has them.
+
+    Parameters
+    ----------
+    camera : Camera
+    step : int
+        About the distance of the grid's points, px.
 
     Returns
     -------
     columns, rows : (w,), (h,) px
-        A grid over the image, about `step` apart, that includes its corners.
+        A grid over the image that includes its corners.
     shift : (h, w) px
         NaN where the lens has no direction (it folds over).
     """
@@ -203,48 +200,27 @@ def lens_shift_px(camera: Camera, step: int = 10) -> tuple[Array, Array, Array]:
     return columns, rows, np.hypot(*(pixels - ideal).T).reshape(len(rows), len(columns))
 
 
-def _uncertainty(diagnosis: Diagnosis) -> list[bytes]:
-    from stereolib.plotting import charts
-
-    errors, size = diagnosis.error_map, diagnosis.views.size
-    hidden = _unseen(diagnosis)[0]
-    figure, axes = charts.panels(2, width_in=12, aspect=0.66)
+def _uncertainty(diagnosis: Diagnosis) -> list[str]:
+    errors, hidden = diagnosis.error_map, _uncovered(diagnosis)[0]
+    figure, axes = panels(2, width_in=12, aspect=0.66)
     for ax, values, what in (
         (axes[0], errors.depth_mm, "depth"),
         (axes[1], errors.length_mm, f"length of {errors.of_mm:g} mm"),
     ):
-        charts.plot_map(values, errors.columns_px, errors.rows_px, size, ax, what, label="standard deviation (mm)",
-                          high=_largest_seen(values, hidden), unseen=hidden)  # fmt: skip
-    return [charts.save_figure(None, figure).data]
+        where = errors.columns_px, errors.rows_px, diagnosis.views.size
+        deviation = ImageQuantity(values, *where, "standard deviation (mm)", hidden)
+        plot_quantity(deviation, ax, what, high=_largest_covered(values, hidden))
+    return [_embedded(figure)]
 
 
-def _unseen(diagnosis: Diagnosis) -> list[Array]:
+def _uncovered(diagnosis: Diagnosis) -> list[Bools]:
     """Cells of the left and the right image that no board covered, bool."""
     views = diagnosis.views
     return [covered(corners, views.size) == 0 for corners in (views.left_px, views.right_px)]
 
 
-def _largest_seen(values: Array, hidden: Array) -> float:
-    """Largest value where boards were seen, but for the last twentieth; the colours end there."""
-    seen = cv2.resize((~hidden).astype(np.uint8), values.shape[::-1], interpolation=cv2.INTER_NEAREST) > 0
-    known = values[seen & np.isfinite(values)]
+def _largest_covered(values: Float64, hidden: Bools) -> float:
+    """Largest value where boards were, but for the last twentieth; the colours end there."""
+    boards = cv2.resize((~hidden).astype(np.uint8), values.shape[::-1], interpolation=cv2.INTER_NEAREST) > 0
+    known = values[boards & np.isfinite(values)]
     return float(np.percentile(known, 95)) if known.size else float("nan")
-
-
-def _img(data: bytes, title: str) -> str:
-    return f'<img alt="{title}" src="data:image/png;base64,{base64.b64encode(data).decode("ascii")}">'
-
-
-def _list(texts: Sequence[str]) -> str:
-    return "<ul>" + "".join(f"<li>{escape(text)}</li>" for text in texts) + "</ul>" if texts else ""
-
-
-def _grid(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    top = "".join(f"<th>{escape(name)}</th>" for name in head)
-    cells = "".join("<tr>" + "".join(f'<td class="n">{escape(text)}</td>' for text in row) + "</tr>\n" for row in rows)
-    return f'<div class="rows"><table>\n<tr>{top}</tr>\n{cells}</table></div>'
-
-
-def _table(rows: Sequence[tuple[str, str]]) -> str:
-    cells = "".join(f'<tr><th>{escape(name)}</th><td class="n">{escape(text)}</td></tr>\n' for name, text in rows)
-    return f'<div class="rows"><table>\n{cells}</table></div>'

@@ -1,36 +1,104 @@
-"""Figures of maps, seen from above."""
+"""Scans and maps, seen from above."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.patches import Circle, Ellipse, Polygon
 
+from stereolib.base import Float64
 from stereolib.mapping import COLORS as RGB
 from stereolib.mapping import FREE, OCCUPIED, Map, OccupancyGrid, Station
-from stereolib.plotting.charts import Axes, Circle, Ellipse, Polygon
+from stereolib.plotting.style import COLORS, default_style
 
-Array = np.ndarray
+_ROW_STEP = 0.34  # between the series of `plot_sizes`, in rows
+_SERIES_COLORS = (COLORS[4], COLORS[0], COLORS[2])
 
 
-def plot_top_view(
-    found: Map, ax: Axes, title: str = "", *, times: float = 10.0, true_mm: list[Array] | None = None
+@default_style
+def plot_scan(
+    points_mm: Float64, ax: Axes, title: str = "", *, label: str | None = None, color: str = COLORS[0]
 ) -> Axes:
-    """A map from above: walls, outlines with names and sizes, stations with their heading, errors as ellipses.
+    """Draw laser readings from above; forward is up, as the robot looks.
 
     Parameters
     ----------
-    found : Map
+    points_mm : (N, 2) float, mm
+    ax : matplotlib.axes.Axes
+    title : str
+    label : str, optional
+        For the legend.
+    color : str
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+    """
+    ax.scatter(-points_mm[:, 1], points_mm[:, 0], s=5, color=color, label=label, lw=0)
+    ax.plot(0, 0, "^", color="black", ms=8)
+    ax.set(title=title, xlabel="to the right (mm)", ylabel="forward (mm)", aspect="equal")
+    ax.grid(alpha=0.3)
+    return ax
+
+
+@default_style
+def plot_scan_polar(
+    angles_rad: Float64, ranges_mm: Float64, ax: Axes, title: str = "", *, color: str = COLORS[0]
+) -> Axes:
+    """Draw laser readings in the sensor's own polar frame; dropouts lie on the rim.
+
+    Parameters
+    ----------
+    angles_rad : (N,) float, rad
+    ranges_mm : (N,) float, mm
+        NaN is a dropout.
+    ax : matplotlib.axes.Axes
+        With ``projection="polar"``.
+    title : str
+    color : str
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+    """
+    polar: Any = ax
+    polar.set_theta_zero_location("N")
+    polar.scatter(angles_rad, ranges_mm, s=5, color=color, lw=0)
+    lost, rim = ~np.isfinite(ranges_mm), 1.05 * np.nanmax(ranges_mm)
+    polar.scatter(angles_rad[lost], np.full(lost.sum(), rim), s=14, marker="x", color=COLORS[1], lw=0.8)
+    polar.set_title(title)
+    polar.tick_params(labelsize=8)
+    return ax
+
+
+@default_style
+def plot_top_view(
+    room: Map, ax: Axes, title: str = "", *, times: float = 10.0, true_mm: list[Float64] | None = None
+) -> Axes:
+    """Draw a map from above: walls, outlines with names and sizes, stations with their heading, errors as ellipses.
+
+    Parameters
+    ----------
+    room : Map
+    ax : matplotlib.axes.Axes
+    title : str
     times : float
         Ellipses are so many standard deviations of an object's place, as one would not be visible.
     true_mm : list of (N, 2) arrays, optional
         True outlines, dotted.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
     """
-    readings = found.readings_mm
+    readings = room.readings_mm
     ax.scatter(readings[:, 0], readings[:, 1], s=2, color="0.75", lw=0, zorder=1)
-    for wall in found.walls:
+    for wall in room.walls:
         ax.plot(*wall.ends_mm.T, color="0.25", lw=2.5, solid_capstyle="projecting", zorder=2)
-    for k, (name, thing) in enumerate(zip(found.names, found.things, strict=True)):
+    for k, (name, thing) in enumerate(zip(room.names, room.things, strict=True)):
         color = tuple(c / 255 for c in RGB[k % len(RGB)])
         outline = thing.outline_mm[np.isfinite(thing.outline_mm).all(axis=1)]
         ax.add_patch(Polygon(outline, closed=len(outline) > 2, fc=(*color, 0.35), ec=color, lw=1.8, zorder=3))
@@ -38,22 +106,48 @@ def plot_top_view(
         sizes = " x ".join(f"{v / 10:.1f}" if np.isfinite(v) else "?" for v in thing.size_mm)
         ax.plot([], [], "s", color=color, label=f"{name}  {sizes} cm")
         top = outline[:, 1].max() if len(outline) else thing.position_mm[1]
-        ax.annotate(name, (float(thing.position_mm[0]), float(top)), (0, 3), ha="center", va="bottom",
-                    textcoords="offset points", weight="bold", color=color, zorder=6)  # fmt: skip
+        ax.annotate(
+            name,
+            (float(thing.position_mm[0]), float(top)),
+            (0, 3),
+            ha="center",
+            va="bottom",
+            textcoords="offset points",
+            weight="bold",
+            color=color,
+            zorder=6,
+        )
     for outline in true_mm or []:
         ax.add_patch(Polygon(outline, fill=False, ec="black", ls=":", lw=1.0, zorder=4))
-    for k, station in enumerate(found.stations, start=1):
+    for k, station in enumerate(room.stations, start=1):
         plot_station(station, ax, str(k))
-    if found.objects:
+    if room.objects:
         ax.legend(
-            title="length x width x height", loc="upper left", bbox_to_anchor=(1.01, 1.0), frameon=False, fontsize=9,
+            title="length x width x height",
+            loc="upper left",
+            bbox_to_anchor=(1.01, 1.0),
+            frameon=False,
+            fontsize=9,
             borderaxespad=0,
-        )  # fmt: skip
+        )
     return _floor_axes(ax, title)
 
 
-def plot_station(station: Station, ax: Axes, name: str, *, color: str = "black") -> Axes:
-    """A station as a disc with its number; the line points to where the camera looks."""
+@default_style
+def plot_station(station: Station, ax: Axes, name: str, *, color: Any = "black") -> Axes:
+    """Draw a station as a disc with its number; the line points to where the camera looks.
+
+    Parameters
+    ----------
+    station : Station
+    ax : matplotlib.axes.Axes
+    name : str
+    color : str or (red, green, blue)
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+    """
     x, y, yaw = station.pose
     ax.plot([x, x + 230 * np.cos(yaw)], [y, y + 230 * np.sin(yaw)], color=color, lw=1.5, zorder=5)
     ax.add_patch(Circle((x, y), 65, fc=color, ec="white", zorder=5))
@@ -61,18 +155,42 @@ def plot_station(station: Station, ax: Axes, name: str, *, color: str = "black")
     return ax
 
 
-def plot_scans(stations: tuple[Station, ...], ax: Axes, title: str = "") -> Axes:
-    """The readings of all stations in the map, a colour each: where poses are wrong, walls are double."""
+@default_style
+def plot_scans(stations: Sequence[Station], ax: Axes, title: str = "") -> Axes:
+    """Draw the readings of all stations in the map, a colour each: where poses are wrong, walls are double.
+
+    Parameters
+    ----------
+    stations : sequence of Station
+    ax : matplotlib.axes.Axes
+    title : str
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+    """
     for k, station in enumerate(stations, start=1):
         color = tuple(c / 255 for c in RGB[(k - 1) % len(RGB)])
         readings = station.to_map(station.scan_mm)
         ax.scatter(readings[:, 0], readings[:, 1], s=3, color=color, lw=0, label=f"station {k}")
-        plot_station(station, ax, str(k), color=color)  # type: ignore[arg-type]
+        plot_station(station, ax, str(k), color=color)
     return _floor_axes(ax, title)
 
 
-def plot_grid(grid: OccupancyGrid, ax: Axes, title: str = "") -> Axes:
-    """An occupancy grid: taken cells black, free ones white, unknown ones grey."""
+@default_style
+def plot_occupancy(grid: OccupancyGrid, ax: Axes, title: str = "") -> Axes:
+    """Draw an occupancy grid: taken cells black, free ones white, unknown ones grey.
+
+    Parameters
+    ----------
+    grid : OccupancyGrid
+    ax : matplotlib.axes.Axes
+    title : str
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+    """
     rows, columns = grid.cells.shape
     x, y = grid.origin_mm
     extent = (x, x + columns * grid.resolution_mm, y, y + rows * grid.resolution_mm)
@@ -80,22 +198,34 @@ def plot_grid(grid: OccupancyGrid, ax: Axes, title: str = "") -> Axes:
     return _floor_axes(ax, title)
 
 
-def plot_sizes(
-    labels: list[str], errors_mm: Array, std_mm: Array, ax: Axes, *, color: Any, name: str, shift: float = 0.0
-) -> Axes:
-    """Errors of sizes with bars of 1.96 standard deviations, one row a size; the truth is the line at zero."""
-    rows = np.arange(len(labels)) + shift
-    ax.errorbar(
-        errors_mm, rows, xerr=1.96 * np.asarray(std_mm), fmt="o", ms=4, lw=1.2, capsize=2, color=color, label=name
-    )
-    ax.axvline(0, color="0.4", lw=0.8)
+@default_style
+def plot_sizes(labels: Sequence[str], series: Mapping[str, tuple[Float64, Float64]], ax: Axes) -> Axes:
+    """Draw errors of sizes with bars of 1.96 standard deviations, one row a size; the truth is the line at zero.
+
+    Parameters
+    ----------
+    labels : sequence of str
+        One a size.
+    series : mapping of str to (errors, standard deviations), mm
+        At most three, each with one value a size.
+    ax : matplotlib.axes.Axes
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+    """
+    for k, (name, (errors_mm, std_mm)) in enumerate(series.items()):
+        rows = np.arange(len(labels)) + _ROW_STEP * (k - (len(series) - 1) / 2)
+        look: dict[str, Any] = {"fmt": "o", "ms": 4, "lw": 1.2, "capsize": 2, "color": _SERIES_COLORS[k], "label": name}
+        ax.errorbar(errors_mm, rows, xerr=1.96 * np.asarray(std_mm), **look)
+        ax.axvline(0, color="0.4", lw=0.8)
     ax.set_yticks(np.arange(len(labels)), labels, fontsize=8)
     ax.set(ylim=(len(labels) - 0.4, -0.6), xlabel="error, with 95 % interval (mm)")
     ax.grid(alpha=0.3, axis="x")
     return ax
 
 
-def _ellipse(centre: Array, covariance: Array, ax: Axes, color: Any) -> None:
+def _ellipse(centre: Float64, covariance: Float64, ax: Axes, color: Any) -> None:
     values, vectors = np.linalg.eigh(covariance)
     angle = float(np.degrees(np.arctan2(vectors[1, 1], vectors[0, 1])))
     width, height = 2 * np.sqrt(np.maximum(values[::-1], 0))

@@ -1,4 +1,4 @@
-"""Figures of the floor and of what stands on it, and of measurements with their intervals."""
+"""Measured heights on their picture, and measurements with their intervals."""
 
 from __future__ import annotations
 
@@ -7,16 +7,29 @@ from typing import Any
 
 import cv2
 import numpy as np
+from matplotlib.axes import Axes
 
+from stereolib.base import Floats
 from stereolib.measurement import HeightAttempt, floor_tolerance_px
-from stereolib.plotting.charts import COLORS, Array, Axes, plot_image
+from stereolib.plotting.pictures import plot_image
+from stereolib.plotting.style import BGR_BLUE, BGR_ORANGE, COLORS, default_style
 from stereolib.rig import to_grey
 
-_TINTS = ((178, 114, 0), (0, 159, 230))  # blue-green-red: the floor, the object
 
+@default_style
+def plot_height_attempt(attempt: HeightAttempt, ax: Axes, title: str = "") -> Axes:
+    """Draw what the ground plane's method went by: floor (blue), object (orange), faces, near edge, and the top line.
 
-def plot_found(attempt: HeightAttempt, ax: Axes, title: str = "") -> Axes:
-    """What the ground plane's method saw: floor (blue), object (orange), faces, near edge, and the top line."""
+    Parameters
+    ----------
+    attempt : HeightAttempt
+    ax : matplotlib.axes.Axes
+    title : str
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+    """
     picture = cv2.cvtColor(to_grey(attempt.left), cv2.COLOR_GRAY2BGR).astype(float)
     if attempt.floor is not None:
         column, row = np.meshgrid(*(np.arange(n, dtype=float) for n in attempt.disparity_px.shape[::-1]))
@@ -27,7 +40,7 @@ def plot_found(attempt: HeightAttempt, ax: Axes, title: str = "") -> Axes:
             masks[1][attempt.region.v.astype(int), attempt.region.u.astype(int)] = True
             masks[1] = cv2.dilate(masks[1].astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
             masks[0] &= ~masks[1]
-        for mask, tint in zip(masks, _TINTS, strict=True):
+        for mask, tint in zip(masks, (BGR_BLUE, BGR_ORANGE), strict=True):
             picture[mask] = 0.6 * picture[mask] + 0.4 * np.array(tint)
     plot_image(picture.astype(np.uint8), ax, title)
     if attempt.measured is None or attempt.floor is None:
@@ -43,37 +56,61 @@ def plot_found(attempt: HeightAttempt, ax: Axes, title: str = "") -> Axes:
     ax.plot(*edge.T, color=COLORS[6], lw=2.5, label="near edge")
     ax.plot(*edge.T, "o", color="white", mec=COLORS[6], ms=4)
     text = f"{found.height_mm / 10:.2f} ± {0.196 * found.height_std_mm:.2f} cm"
-    ax.annotate(text, tuple(found.top_px), (0, 12), textcoords="offset points", ha="center", fontsize=9,
-                bbox={"facecolor": "white", "alpha": 0.85, "lw": 0, "pad": 2})  # fmt: skip
+    ax.annotate(
+        text,
+        tuple(found.top_px),
+        (0, 12),
+        textcoords="offset points",
+        ha="center",
+        fontsize=9,
+        bbox={"facecolor": "white", "alpha": 0.85, "lw": 0, "pad": 2},
+    )
     ax.legend(loc="upper right", fontsize=8, framealpha=0.85)
     width, height = attempt.floor.rectified.size
     ax.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5))
     return ax
 
 
+@default_style
 def plot_intervals(
     names: Sequence[str],
-    values: Array,
-    halves: Array,
+    values: Floats,
+    halves: Floats,
     ax: Axes,
     *,
     xlabel: str,
-    title: str = "",
     notes: Sequence[str] | None = None,
-    label: str | None = None,
-    color: str = COLORS[0],
-    marker: str = "o",
+    **style: Any,
 ) -> Axes:
-    """Values with intervals of half-width `halves`, a row for each name from the top; a note where a value is NaN."""
+    """Draw values with intervals, a row for each name from the top.
+
+    Parameters
+    ----------
+    names : sequence of str
+    values : (N,) float
+    halves : (N,) float
+        Half widths of the intervals.
+    ax : matplotlib.axes.Axes
+    xlabel : str
+        With the unit.
+    notes : sequence of str, optional
+        Stand where a value is NaN.
+    **style
+        Further keywords of `matplotlib.axes.Axes.errorbar`: color, label, fmt (the marker).
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+    """
     rows, values = np.arange(len(names)), np.asarray(values, float)
     known = np.isfinite(values)
-    style: dict[str, Any] = {"fmt": marker, "ms": 4, "lw": 1.2, "capsize": 2, "color": color, "label": label}
-    ax.errorbar(values[known], rows[known], xerr=np.asarray(halves, float)[known], **style)
+    look: dict[str, Any] = {"fmt": "o", "ms": 4, "lw": 1.2, "capsize": 2, "color": COLORS[0]} | style
+    ax.errorbar(values[known], rows[known], xerr=np.asarray(halves, float)[known], **look)
     ax.axvline(0, color="0.4", lw=0.8)
+    box = {"facecolor": "white", "lw": 0, "pad": 1}
     for row in rows[~known]:
-        ax.text(0, row, notes[row] if notes else "", ha="center", va="center", fontsize=8,
-                bbox={"facecolor": "white", "lw": 0, "pad": 1})  # fmt: skip
+        ax.text(0, row, notes[row] if notes else "", ha="center", va="center", fontsize=8, bbox=box)
     ax.set_yticks(rows, names, fontsize=8)
-    ax.set(xlabel=xlabel, title=title, ylim=(len(names) - 0.4, -0.6))
+    ax.set(xlabel=xlabel, ylim=(len(names) - 0.4, -0.6))
     ax.grid(alpha=0.3)
     return ax

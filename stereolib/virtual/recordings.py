@@ -14,7 +14,7 @@ import numpy as np
 from stereolib import laser, paper
 from stereolib.base import Float64, UInt8, data_path, read_bytes
 from stereolib.calibration import Checkerboard
-from stereolib.matching import View, near_edge
+from stereolib.matching import KnownView, near_edge_mask
 from stereolib.rig import RectifiedRig, read_pair
 from stereolib.virtual import walk
 from stereolib.virtual.lidar import VirtualLidar
@@ -172,7 +172,7 @@ def load_truth(name: str) -> Truth:
     return _truth(scene, where)
 
 
-def view(name: str) -> View:
+def view(name: str) -> KnownView:
     """Rectify a recorded pair and put its truth beside it.
 
     Parameters
@@ -182,7 +182,7 @@ def view(name: str) -> View:
 
     Returns
     -------
-    View
+    KnownView
         Regions ``"cube"`` and ``"edge"`` (the near one), both visible.
     """
     left, right = rectified().rectify(*load_pair(name))
@@ -191,7 +191,7 @@ def view(name: str) -> View:
 
 def render_view(
     name: str, scene: Scene, *, light: float = 1.0, seed: int = 4, about: dict[str, float | str] | None = None
-) -> View:
+) -> KnownView:
     """Render a scene from the pitched set-up, one ray a pixel and some light, with the regions of `view`.
 
     The same scene in another light is not rendered again.
@@ -210,7 +210,7 @@ def render_view(
 
     Returns
     -------
-    View
+    KnownView
     """
     webcam, rng = Webcam(), np.random.default_rng(seed)
     left, right = rectified().rectify(*(webcam.shoot(light * side, rng) for side in _lights(scene)))
@@ -252,10 +252,10 @@ def _truth(scene: Scene, where: str = "pitched") -> Truth:
     return truth
 
 
-def _view(name: str, left: UInt8, right: UInt8, true: Truth, about: dict[str, float | str] | None = None) -> View:
+def _view(name: str, left: UInt8, right: UInt8, true: Truth, about: dict[str, float | str] | None = None) -> KnownView:
     cube = true.box == 1
-    regions = {"cube": true.visible & cube, "edge": true.visible & near_edge(true.disparity_px, cube)}
-    return View(name, left, right, true.disparity_px, true.visible, regions, about or {})
+    regions = {"cube": true.visible & cube, "edge": true.visible & near_edge_mask(true.disparity_px, cube)}
+    return KnownView(name, left, right, true.disparity_px, true.visible, regions, about or {})
 
 
 def load_boards() -> tuple[list[tuple[UInt8, UInt8]], list[str]]:

@@ -21,7 +21,7 @@ from stereolib.cli import commands
 from stereolib.cli.boards import pair_files, parse_board
 from stereolib.cli.calibrate import CALIBRATE
 from stereolib.paper import paper_rig
-from stereolib.plotting import calibration_report
+from stereolib.plotting import lens_shift_px, write_calibration_report
 from stereolib.rig import Camera, formats
 from stereolib.virtual.recordings import BOARD
 
@@ -332,20 +332,20 @@ def test_facts_are_json_even_where_something_is_unknown(diagnosis: Any) -> None:
 
 def test_report_escapes_names_and_does_without_pictures(diagnosis: Any, tmp_path: Path) -> None:
     odd = replace(diagnosis, pairs_refused={"<b>.jpg": "moved & turned"}, warnings=("a < b",))
-    page = calibration_report.build(tmp_path / "report.html", odd, {}).read_text(encoding="utf-8")
+    page = write_calibration_report(tmp_path / "report.html", odd, {}).read_text(encoding="utf-8")
     assert "&lt;b&gt;.jpg: moved &amp; turned" in page and "a &lt; b" in page and "<b>.jpg" not in page
 
 
 def test_lens_map_is_the_shift_that_the_lens_makes() -> None:
     K = np.array([[700.0, 0, 320], [0, 700, 240], [0, 0, 1]])
-    columns, rows, shift = calibration_report.lens_shift_px(Camera(K, np.zeros(0), (640, 480)))
+    columns, rows, shift = lens_shift_px(Camera(K, np.zeros(0), (640, 480)))
     assert (columns[-1], rows[-1]) == (639, 479) and np.abs(shift).max() < 1e-9
     lens = Camera(K, np.array([-0.2, 0, 0, 0]), (640, 480))
-    columns, rows, shift = calibration_report.lens_shift_px(lens)
+    columns, rows, shift = lens_shift_px(lens)
     x, y = (columns[3] - 320) / 700, (rows[2] - 240) / 700  # where a pixel is; its ideal place by fixed point
     ideal = np.array([x, y])
     for _ in range(200):
         ideal = np.array([x, y]) / (1 - 0.2 * ideal @ ideal)
     assert shift[2, 3] == pytest.approx(700 * np.hypot(*(ideal - [x, y])), abs=1e-9)
     folding = paper_rig().right  # Table I's right lens has pixels without a direction, lower right
-    assert np.isnan(calibration_report.lens_shift_px(folding)[2][-1, -1])
+    assert np.isnan(lens_shift_px(folding)[2][-1, -1])

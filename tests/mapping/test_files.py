@@ -29,7 +29,7 @@ from stereolib.mapping import (
 from stereolib.mapping.occupancy import UNKNOWN
 from stereolib.mapping.view import Eye
 from stereolib.measurement import floor_from_pose
-from stereolib.plotting import panels, picture_of, plot_grid, plot_scans, plot_sizes, plot_top_view
+from stereolib.plotting import figure_to_image, panels, plot_occupancy, plot_scans, plot_sizes, plot_top_view
 from stereolib.virtual import recordings, walk
 
 
@@ -280,10 +280,10 @@ def test_top_view_draws_what_the_map_holds(found):
     assert len(legend) == 5 and re.fullmatch(r"A  (19|20)\.\d x 1[56]\.\d x \d+\.\d cm", legend[0])
     assert len(ax.lines) >= len(found.walls)
     grid = occupancy_grid(found.stations, resolution_mm=50.0)
-    shown = plot_grid(grid, axes[1]).images[0]
+    shown = plot_occupancy(grid, axes[1]).images[0]
     np.testing.assert_array_equal(shown.get_array(), grid.cells)
     assert shown.get_extent()[0] == grid.origin_mm[0] and shown.origin == "lower"
     assert len(plot_scans(found.stations, axes[2]).collections) == 5
-    sizes = plot_sizes(["a", "b"], np.array([1.0, -2]), np.array([1.0, 1]), axes[3], color="C0", name="x")
+    sizes = plot_sizes(["a", "b"], {"x": (np.array([1.0, -2]), np.array([1.0, 1]))}, axes[3])
     assert [t.get_text() for t in sizes.get_yticklabels()] == ["a", "b"]
-    assert picture_of(figure).shape[2] == 3
+    assert figure_to_image(figure).shape[2] == 3

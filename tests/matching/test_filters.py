@@ -7,6 +7,8 @@ import pytest
 
 from stereolib.matching import filters
 
+RNG = np.random.default_rng(34)
+
 
 def sparse(shape=(17, 23), share=0.6, seed=0):
     rng = np.random.default_rng(seed)
@@ -64,13 +66,13 @@ def test_closing_is_dilation_then_erosion(size, shape):
 def test_median(size, share):
     disparity = sparse(share=share, seed=2)
     expected = by_loops(disparity, size, "rect", np.median, outside=False)
-    np.testing.assert_allclose(filters.median(disparity, size), expected, rtol=1e-6)
+    np.testing.assert_allclose(filters.median_filter(disparity, size), expected, rtol=1e-6)
 
 
 def test_median_does_not_mix_in_what_was_never_there():
     disparity = np.full((5, 9), np.nan)
     disparity[2, 0] = 5
-    assert np.nanmin(filters.median(disparity, 3)) == 5
+    assert np.nanmin(filters.median_filter(disparity, 3)) == 5
 
 
 def test_dilation_grows_objects_by_the_radius_and_closing_does_not():
@@ -110,7 +112,7 @@ def test_set_dilation_needs_a_set():
 
 def test_nothing_stays_nothing():
     nothing = np.full((6, 7), np.nan)
-    for smooth in (filters.dilate, filters.close, filters.median):
+    for smooth in (filters.dilate, filters.close, filters.median_filter):
         assert np.isnan(smooth(nothing, 3)).all()
         assert smooth(nothing, 3).dtype == np.float32
 
@@ -118,12 +120,12 @@ def test_nothing_stays_nothing():
 def test_input_is_left_alone():
     disparity = sparse()
     before = disparity.copy()
-    for smooth in (filters.dilate, filters.close, filters.median):
+    for smooth in (filters.dilate, filters.close, filters.median_filter):
         smooth(disparity, 5)
         np.testing.assert_array_equal(disparity, before)
 
 
-@pytest.mark.parametrize("smooth", [filters.dilate, filters.close, filters.median])
+@pytest.mark.parametrize("smooth", [filters.dilate, filters.close, filters.median_filter])
 @pytest.mark.parametrize("size", [0, -3, 4, 2.5])
 def test_refuses_kernels(smooth, size):
     with pytest.raises(ValueError, match=f"odd whole number of pixels from 1 on, got {size}"):
@@ -134,7 +136,7 @@ def test_refuses_other_input():
     with pytest.raises(ValueError, match=r"disparity map of shape \(H, W\), got \(3, 4, 3\)"):
         filters.dilate(np.zeros((3, 4, 3)), 3)
     with pytest.raises(ValueError, match=r"got \(0, 4\)"):
-        filters.median(np.zeros((0, 4)), 3)
+        filters.median_filter(np.zeros((0, 4)), 3)
     with pytest.raises(ValueError, match="unknown kernel shape 'star'; choose one of rect, ellipse, cross"):
         filters.close(sparse(), 3, shape="star")
 
@@ -148,7 +150,7 @@ def scene_with_holes(seed=5):
     return np.where(rng.random(truth.shape) < 0.33, np.nan, truth).astype(np.float32), truth, image
 
 
-@pytest.mark.parametrize("method", list(filters.METHODS))
+@pytest.mark.parametrize("method", list(filters.SMOOTHING_METHODS))
 def test_smooth_by_name(method):
     disparity, truth, image = scene_with_holes()
     out = filters.smooth(disparity, method, size_px=7, image=image, right_px=np.full_like(truth, np.nan))
@@ -227,3 +229,28 @@ def test_smooth_refuses():
     with pytest.raises(ValueError, match=r"a kernel of 61 px is larger than the map \(60, 80\)"):
         filters.smooth(disparity, "dilation", size_px=61)
     assert np.isfinite(filters.smooth(disparity, "background", size_px=61)).all()  # has no kernel
+
+
+@pytest.mark.parametrize("shape", ["rect", "ellipse", "cross"])
+@pytest.mark.parametrize("size", [1, 3, 7])
+def test_the_printed_union_level_by_level_is_the_grey_maximum(size: int, shape: str) -> None:
+    levels = RNG.integers(0, 6, (23, 31))
+    stacked = sum(filters.dilate_set(levels >= t, size, shape=shape).astype(int) for t in range(1, 6))
+    np.testing.assert_array_equal(stacked, filters.dilate(levels, size, shape=shape))
+
+
+def test_the_union_of_one_pixel_is_the_kernel() -> None:
+    point = np.zeros((9, 9), bool)
+    point[4, 4] = True
+    assert np.argwhere(filters.dilate_set(point, 3, shape="cross")).tolist() == [
+        [3, 4],
+        [4, 3],
+        [4, 4],
+        [4, 5],
+        [5, 4],
+    ]
+
+
+def test_a_union_needs_a_set() -> None:
+    with pytest.raises(ValueError, match="mask"):
+        filters.dilate_set(np.ones((4, 4)), 3)

@@ -1,4 +1,4 @@
-"""The pipelines against the truth, and semi-global matching against loops."""
+"""The pipelines against the truth, and their settings against the scripts that chose them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from stereolib.base import datasets
-from stereolib.matching import census_sgm, compute_disparity, motorcycle, pipelines, score
+from stereolib.matching import census_sgm, compute_disparity, motorcycle_view, pipelines, score
 from stereolib.virtual import recordings
 
 
@@ -22,62 +22,6 @@ def recorded(name):
 def small_pair(shape=(7, 12), seed=0):
     rng = np.random.default_rng(seed)
     return (rng.integers(0, 256, (*shape, 3), dtype=np.uint8) for _ in range(2))
-
-
-def test_aggregation_is_hirschmuellers():
-    """Eight paths by recursion, pixel by pixel, straight from the equation."""
-    rng = np.random.default_rng(1)
-    params = census_sgm.CensusSGM(5, p1=7, p2=40, edge=30.0)
-    cost = rng.integers(0, 60, (6, 5, 9)).astype(np.int16)
-    grey = rng.integers(0, 256, (6, 9), dtype=np.uint8)
-    height, count, width = cost.shape
-    expected = np.zeros(cost.shape, int)
-    for dy, dx in [(a, b) for a in (-1, 0, 1) for b in (-1, 0, 1) if (a, b) != (0, 0)]:
-        path = {}
-        for y in range(height) if dy >= 0 else range(height - 1, -1, -1):
-            for x in range(width) if dx >= 0 else range(width - 1, -1, -1):
-                # a path that came in over a side begins at the rim, in the row before
-                q = (y - dy, min(max(x - dx, 0), width - 1) if dy else x - dx)
-                if q not in path:
-                    path[y, x] = cost[y, :, x].astype(int)
-                    continue
-                before, p2 = path[q], max(40 / (1 + abs(int(grey[y, x]) - int(grey[q])) / 30), 8)
-                path[y, x] = np.array([
-                    cost[y, d, x] - before.min()
-                    + min([before[d], before.min() + int(p2),
-                           *(before[e] + 7 for e in (d - 1, d + 1) if 0 <= e < count)])
-                    for d in range(count)
-                ])  # fmt: skip
-        for (y, x), values in path.items():
-            expected[y, :, x] += values
-    np.testing.assert_array_equal(census_sgm._aggregate(cost, grey, params), expected)
-
-
-def test_census_tells_darker_neighbours():
-    grey = np.array([[5, 1, 9], [2, 5, 7], [5, 8, 0]], np.uint8)
-    assert (
-        bin(int(census_sgm.census(grey, (3, 3))[1, 1])) == "0b1010001"
-    )  # row by row: 5<5 no, 1 yes, 9 no, 2 yes, ... 0 yes
-    np.testing.assert_array_equal(census_sgm.census(grey, (3, 3)), census_sgm.census(20 + 3 * grey, (3, 3)))
-
-
-def test_both_views_of_a_shifted_picture():
-    rng = np.random.default_rng(2)
-    wide = rng.integers(0, 256, (30, 90, 3), dtype=np.uint8)
-    found = census_sgm.match(wide[:, :80], wide[:, 6:86], census_sgm.CensusSGM(16))
-    assert np.abs(found.left_px[:, 12:] - 6).max() < 0.5
-    assert np.abs(found.right_px[:, :60] - 6).max() < 0.5
-    assert found.margin[:, 12:].min() > 0
-
-
-def test_margin_by_loops():
-    rng = np.random.default_rng(3)
-    total = rng.integers(0, 500, (4, 7, 5)).astype(np.int16)
-    best = total.argmin(1)
-    found = census_sgm._margin(total, best)
-    for y, x in np.ndindex(4, 5):
-        far = [int(total[y, d, x]) for d in range(7) if abs(d - best[y, x]) > 1]
-        assert found[y, x] == min(far) - total[y, best[y, x], x]
 
 
 def test_noise_is_measured():
@@ -110,7 +54,7 @@ def test_best_owns_up_to_its_guesses():
     assert np.median(found.std_px[wrong]) > 5
     assert (found.std_px[wrong] > 5).mean() > 0.8
     ones = np.ones((40, 64), np.float32)  # the views contradict each other everywhere: nothing may claim to be known
-    _, kind, level = pipelines.features(census_sgm.SGMResult(9 * ones, 3 * ones, 300 * ones))
+    _, kind, level = pipelines.fill_and_classify(census_sgm.SGMResult(9 * ones, 3 * ones, 300 * ones))
     assert (kind == 2).all() and (level == 5).all()
 
 
@@ -151,9 +95,9 @@ def test_the_benchmark_says_what_the_library_uses():
     text = (datasets.ROOT / "benchmarks" / "results" / "pipeline.json").read_text(encoding="utf-8")
     measured = json.loads(text)
     assert list(pipelines.MARGINS) == measured["margins"]
-    for name, values in pipelines.SIGMA_PX.items():
+    for name, values in pipelines.BEST_SIGMA_PX.items():
         np.testing.assert_allclose(values, measured["sigma_px"][name], rtol=0.02, atol=0.01)
-    filled = pipelines.SIGMA_PX["filled"]
+    filled = pipelines.BEST_SIGMA_PX["filled"]
     assert list(filled) == sorted(filled)  # the further apart the neighbours, the less is known
     assert measured["motorcycle_best_density_pct"] == 100
     assert 63 <= measured["virtual_inside_pct"] <= 73
@@ -164,7 +108,7 @@ def test_the_benchmark_says_what_the_library_uses():
 def test_best_on_a_real_pair():
     """Photographs that took no part in the settings: at most 6 % bad over all pixels, as the benchmark measured."""
     text = (datasets.ROOT / "benchmarks" / "results" / "pipeline.json").read_text(encoding="utf-8")
-    view = motorcycle()
+    view = motorcycle_view()
     quality = score(pipelines.stereo_pipeline("best")(view.left, view.right).disparity_px, view.truth_px)
     assert quality.density_pct == 100
     assert quality.bad2_pct == pytest.approx(json.loads(text)["motorcycle_best_bad2_pct"], abs=0.05)

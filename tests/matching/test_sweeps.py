@@ -4,56 +4,35 @@ from __future__ import annotations
 
 import os
 import time
-from dataclasses import replace
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pandas as pd
 import pytest
+from support.views import small_view
 
 from stereolib.matching import (
+    KnownView,
     SGBMParams,
-    View,
+    Workers,
     compute_disparity,
     fattening_px,
-    grid,
-    ground_truth,
-    random,
     score,
+    settings_grid,
     sweep,
     sweeps,
 )
 from stereolib.matching.ground_truth import METRICS
 
-
-def small_view(name: str = "plane", disparity: int = 12, seed: int = 0, **changes: object) -> View:
-    """A patch that stands 10 px before a background, both textured; the truth has an unknown corner."""
-    rng = np.random.default_rng(seed)
-    wide = cv2.GaussianBlur(rng.integers(0, 256, (100, 260), dtype=np.uint8), (0, 0), 1.0)
-    left, right = wide[:, 20:240].copy(), wide[:, 20 + disparity :][:, :220].copy()
-    near = wide[30:70, 100:160]
-    left[30:70, 110:170] = near
-    right[30:70, 110 - disparity - 10 : 170 - disparity - 10] = near
-    right = np.clip(right + rng.normal(0, 3, right.shape), 0, 255).astype(np.uint8)
-    truth = np.full(left.shape, float(disparity) + 0.25)
-    truth[30:70, 110:170] += 10
-    truth[:10, :10] = np.nan
-    visible = np.ones(left.shape, bool)
-    visible[30:70, 100:110] = False
-    patch = truth > disparity + 5
-    values = dict(truth_px=truth, visible=visible, regions={"patch": patch}, about={"disparity_px": disparity})
-    return View(name, left, right, **(values | changes))
-
-
-SETTINGS = grid(SGBMParams(32), block_size=(3, 5), uniqueness_ratio=(0, 15))
+SETTINGS = settings_grid(SGBMParams(32), block_size=(3, 5), uniqueness_ratio=(0, 15))
 
 
 @pytest.mark.parametrize("whole", [False, True])
 def test_rows_equal_the_slow_twins(whole):
     both = [small_view(), small_view("other", 7, seed=1)]
     settings = [*SETTINGS, SGBMParams(16, 5, 10)]
-    rows = sweep(both, settings, whole=whole, progress=False, n_jobs=2)
+    rows = sweep(both, settings, whole=whole, progress=False, workers=Workers(2))
     assert len(rows) == 2 * 5 * 3
     assert rows["where"].tolist() == ["all", "visible", "patch"] * 10
     assert rows["disparity_px"].tolist() == [12] * 15 + [7] * 15
@@ -72,33 +51,27 @@ def test_rows_equal_the_slow_twins(whole):
 
 def test_nothing_matched_is_all_bad():
     blank = np.zeros((60, 120), np.uint8)
-    row = sweep([View("blank", blank, blank, np.full((60, 120), 99.0))], [SGBMParams(16, 5, 40)], progress=False).iloc[
-        0
-    ]
+    row = sweep(
+        [KnownView("blank", blank, blank, np.full((60, 120), 99.0))], [SGBMParams(16, 5, 40)], progress=False
+    ).iloc[0]
     assert row["bad4_pct"] == 100 and np.isnan(row["fattening_px"])
 
 
-def test_grid_and_random():
-    assert [(p.block_size, p.mode) for p in grid(block_size=(3, 5), mode=("sgbm", "hh"))] == [
+def test_grid():
+    assert [(p.block_size, p.mode) for p in settings_grid(block_size=(3, 5), mode=("sgbm", "hh"))] == [
         (3, "sgbm"), (3, "hh"), (5, "sgbm"), (5, "hh")]  # fmt: skip
     assert all(p.num_disparities == 32 for p in SETTINGS)
-    choices = {"block_size": (1, 3, 5, 7), "uniqueness_ratio": range(10)}
-    drawn = random(40, np.random.default_rng(0), **choices)
-    assert set(drawn) == set(grid(**choices)) and drawn != grid(**choices)
-    assert random(7, np.random.default_rng(1), **choices) == random(7, np.random.default_rng(1), **choices)
-    with pytest.raises(ValueError, match="41 combinations are wanted, the choices make 40"):
-        random(41, np.random.default_rng(0), **choices)
     with pytest.raises(ValueError, match="multiple of 16"):
-        grid(num_disparities=(16, 20))
+        settings_grid(num_disparities=(16, 20))
     with pytest.raises(ValueError, match=r"unknown fields \['blocksize'\]: SGBMParams has num_disparities"):
-        grid(blocksize=(3,))
+        settings_grid(blocksize=(3,))
 
 
 @pytest.mark.parametrize("backend", ["threading", "loky", "sequential"])
 def test_every_backend_gives_the_same_rows(backend):
     jobs = [small_view(), small_view("other", 7, seed=1)], SETTINGS
-    expected = sweep(*jobs, n_jobs=1, progress=False)
-    pd.testing.assert_frame_equal(sweep(*jobs, n_jobs=2, backend=backend, progress=False), expected)
+    expected = sweep(*jobs, workers=Workers(1), progress=False)
+    pd.testing.assert_frame_equal(sweep(*jobs, workers=Workers(2, backend), progress=False), expected)
 
 
 @pytest.mark.slow
@@ -106,12 +79,12 @@ def test_every_backend_gives_the_same_rows(backend):
 def test_a_dask_cluster_gives_the_same_rows(processes):
     distributed = pytest.importorskip("distributed")
     jobs = [small_view(), small_view("other", 7, seed=1)], SETTINGS
-    expected = sweep(*jobs, n_jobs=2, progress=False)
+    expected = sweep(*jobs, workers=Workers(2), progress=False)
     with (
         distributed.LocalCluster(2, threads_per_worker=1, dashboard_address=None, processes=processes) as cluster,
         distributed.Client(cluster),
     ):
-        pd.testing.assert_frame_equal(sweep(*jobs, backend="dask", progress=False), expected)
+        pd.testing.assert_frame_equal(sweep(*jobs, workers=Workers(backend="dask"), progress=False), expected)
 
 
 def test_dask_that_is_not_there_is_told(monkeypatch):
@@ -119,7 +92,7 @@ def test_dask_that_is_not_there_is_told(monkeypatch):
 
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises((ValueError, RuntimeError), match=r"pip install 'stereolib\[cluster\]'"):
-        sweep([small_view()], SETTINGS, backend="dask", progress=False)
+        sweep([small_view()], SETTINGS, workers=Workers(backend="dask"), progress=False)
 
 
 def counted(monkeypatch, fail_at: int | None = None, error: type[BaseException] = KeyboardInterrupt) -> list[str]:
@@ -139,14 +112,14 @@ def counted(monkeypatch, fail_at: int | None = None, error: type[BaseException] 
 
 def test_an_interrupted_sweep_goes_on_and_redoes_nothing(tmp_path: Path, monkeypatch):
     jobs, path = ([small_view(), small_view("other", 7, seed=1)], SETTINGS), tmp_path / "rows.csv"
-    expected = sweep(*jobs, progress=False, n_jobs=1)
+    expected = sweep(*jobs, progress=False, workers=Workers(1))
     first = counted(monkeypatch, fail_at=5)
     with pytest.raises(KeyboardInterrupt, match=r"stopped after 5 of 8 matches; they are in .*rows.csv; call again"):
-        sweep(*jobs, results=path, progress=False, n_jobs=1)
+        sweep(*jobs, results=path, progress=False, workers=Workers(1))
     assert len(first) == 5
     monkeypatch.undo()
     second = counted(monkeypatch)
-    pd.testing.assert_frame_equal(sweep(*jobs, results=path, progress=False, n_jobs=1), expected)
+    pd.testing.assert_frame_equal(sweep(*jobs, results=path, progress=False, workers=Workers(1)), expected)
     assert len(second) == 3 and not set(first) & set(second)
     assert sweep(*jobs, results=path, progress=False).equals(expected) and len(second) == 3  # nothing left to do
     more = sweep(jobs[0], [*SETTINGS, SGBMParams(16)], results=path, progress=False)
@@ -179,7 +152,7 @@ def test_a_worker_that_dies_loses_no_finished_row(tmp_path: Path, monkeypatch):
 
     monkeypatch.setattr(sweeps, "_measure", die_after_two)
     with pytest.raises(RuntimeError, match=r"the sweep stopped after 2 of 4 matches \(Terminated.*call again to go on"):
-        sweep(*jobs, results=path, backend="loky", n_jobs=2, progress=False)
+        sweep(*jobs, results=path, workers=Workers(2, "loky"), progress=False)
     finished = pd.read_csv(path, comment="#")["key"].unique()
     assert len(finished) == 2
     monkeypatch.undo()
@@ -218,45 +191,4 @@ def test_sweeps_that_cannot_be_are_refused():
         sweep([view], [SGBMParams(240)])
     exchanged = [cv2.resize(image, None, fx=2, fy=2) for image in (view.right, view.left)]
     with pytest.raises(ValueError, match="view 'exchanged': left and right are exchanged"):
-        sweep([View("exchanged", *exchanged, np.ones((200, 440)))], SETTINGS)
-
-
-@pytest.mark.parametrize(
-    ("change", "text"),
-    [
-        ({"truth_px": np.full((100, 220), np.nan)}, "known somewhere; 0 pixels are infinite, 22000 NaN"),
-        ({"truth_px": np.full((100, 220), np.inf)}, "22000 pixels are infinite"),
-        ({"truth_px": np.ones((99, 220))}, r"images are \(100, 220\), the truth is \(99, 220\)"),
-        ({"visible": np.ones((100, 219), bool)}, r"'visible' must be a mask \(100, 220\) of bool, got \(100, 219\)"),
-        ({"regions": {"patch": np.ones((100, 220))}}, "'patch' must be a mask .* of float64"),
-        ({"regions": {"patch": np.zeros((100, 220), bool)}}, "'patch' holds no pixel whose truth is known"),
-        ({"about": {"where": 3}}, "where cannot be told in `about`"),
-    ],
-)
-def test_views_are_checked(change, text):
-    with pytest.raises(ValueError, match=text):
-        small_view(**change)
-
-
-@pytest.mark.parametrize("dtype", [np.uint16, np.float32, np.float64])
-def test_images_of_another_kind_are_refused(dtype):
-    view = small_view()
-    with pytest.raises(ValueError, match=f"plane, left: images must be uint8 arrays, got {np.dtype(dtype)}"):
-        replace(view, left=view.left.astype(dtype), right=view.right.astype(dtype))
-
-
-def test_the_motorcycles_hidden_pixels_are_hidden():
-    view = ground_truth.motorcycle()
-    known = np.isfinite(view.truth_px)
-    assert 0.05 < (known & ~view.visible).sum() / known.sum() < 0.25
-    rows, columns = np.nonzero(view.visible)
-    target = np.rint(columns - view.truth_px[rows, columns]).astype(int)
-    assert target.min() >= 0
-    hidden = np.argwhere(known & ~view.visible)
-    inside = 0
-    for row, column in hidden[::97]:  # each is covered by something nearer, or outside the right image
-        there = round(column - view.truth_px[row, column])
-        others = np.rint(np.arange(known.shape[1]) - view.truth_px[row]) == there
-        assert there < 0 or view.truth_px[row][others].max() >= view.truth_px[row, column] + 1 - 1e-6
-        inside += there >= 0
-    assert inside > 50
+        sweep([KnownView("exchanged", *exchanged, np.ones((200, 440)))], SETTINGS)

@@ -10,7 +10,6 @@ import pytest
 
 from stereolib.matching import SGBMParams
 from stereolib.notebook import explore
-from stereolib.notebook.sliders import beside
 
 
 def draw(block_size, colour="grey"):
@@ -78,10 +77,3 @@ def test_controls_take_their_kind_from_the_numbers():
 def test_refuses_controls(how):
     with pytest.raises(ValueError, match=r"'size' must be \(first, lowest, highest, step\) or a list of"):
         explore(draw, size=how)
-
-
-def test_pictures_beside_each_other():
-    grey, colour = np.full((4, 3), 7, np.uint8), np.full((4, 5, 3), (1, 2, 3), np.uint8)
-    both = beside(grey, colour)
-    assert both.shape == (4, 8, 3)
-    assert (both[:, :3] == 7).all() and (both[:, 3:] == (1, 2, 3)).all()

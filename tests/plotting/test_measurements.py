@@ -11,7 +11,7 @@ from stereolib import plotting
 
 def test_found_is_drawn_where_it_was_measured():
     tried = attempted("conditions/level")
-    ax = plotting.plot_found(tried, plotting.panels(1)[1][0], "cube")
+    ax = plotting.plot_height_attempt(tried, plotting.panels(1)[1][0], "cube")
     lines = {line.get_label(): line.get_xydata() for line in ax.lines}
     assert lines["near edge"] == pytest.approx(np.stack([tried.measured.foot_px, tried.measured.top_px]))
     (x0, y0), (x1, y1) = lines["top line"]
@@ -24,7 +24,7 @@ def test_found_is_drawn_where_it_was_measured():
 
 
 def test_a_refused_attempt_is_drawn_without_lines():
-    ax = plotting.plot_found(attempted("conditions/poor_light"), plotting.panels(1)[1][0])
+    ax = plotting.plot_height_attempt(attempted("conditions/poor_light"), plotting.panels(1)[1][0])
     assert not ax.lines and not ax.texts
 
 

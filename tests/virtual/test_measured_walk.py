@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from stereolib.mapping import Station, disturbed, merge, refine_poses, size_table
-from stereolib.notebook import drawings
+from stereolib.notebook import draw_map_view, draw_matching
 from stereolib.rig import rigid
 from stereolib.virtual import measure_walk, recordings, walk, walk_laser
 
@@ -70,9 +70,9 @@ def test_table_says_what_is_not_known(stations):
 
 
 def test_sliders_of_the_map():
-    boxes, text = drawings.draw_map_view(35, 35, "boxes")
-    points, _ = drawings.draw_map_view(35, 35, "points")
+    boxes, text = draw_map_view(35, 35, "boxes")
+    points, _ = draw_map_view(35, 35, "points")
     assert boxes.shape == points.shape == (600, 900, 3) and (boxes != points).any()
     assert text.startswith("5 objects, 66.") and "4 walls" in text
-    _, text = drawings.draw_matching(50, 3.0, 0)
+    _, text = draw_matching(50, 3.0, 0)
     assert "pairs" in text and "worst pose is off by" in text

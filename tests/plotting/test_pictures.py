@@ -1,94 +1,18 @@
-"""Figures: the same bytes from the same data, and what is drawn is what was given."""
+"""Pictures show what was given, in its colours and at its place."""
 
 from __future__ import annotations
 
-import base64
-import io
-import os
-import subprocess
-import sys
 from types import SimpleNamespace
 
 import numpy as np
-import pandas as pd
 import pytest
-from matplotlib.figure import Figure
-from PIL import Image
 
 from stereolib import plotting
-from stereolib.base import ROOT
 
 
 @pytest.fixture
 def ax():
     return plotting.panels(1)[1][0]
-
-
-def drawing(noise=0.0):
-    figure, (left, right) = plotting.panels(2, width_in=6)
-    rng = np.random.default_rng(0)
-    disparity = np.where(rng.random((40, 60)) < 0.1, np.nan, rng.uniform(0, 100, (40, 60)) + noise)
-    plotting.plot_disparity(disparity, left, "a map", high=100)
-    plotting.plot_curves({"ours": ([1, 2, 3], [1, 4, 9]), "paper": ([1, 3], [2, 2])}, right, xlabel="x", ylabel="y")
-    return figure
-
-
-def test_png_is_the_same_bytes_each_time(figures_in_temporary_folder):
-    path = figures_in_temporary_folder / "fig.png"
-    shown = plotting.save_figure("fig", drawing())
-    first = path.read_bytes()
-    assert shown.data == first
-    plotting.save_figure("fig", drawing())
-    assert path.read_bytes() == first
-    plotting.save_figure("fig", drawing(noise=3))
-    assert path.read_bytes() != first
-    image = Image.open(io.BytesIO(first))
-    assert (image.format, image.mode) == ("PNG", "P")
-    assert not {"Software", "Creation Time", "date"} & set(image.info)
-
-
-def test_svg_is_the_same_bytes_each_time(figures_in_temporary_folder):
-    path = figures_in_temporary_folder / "fig.svg"
-    plotting.save_figure("fig", drawing(), svg=True)
-    first = path.read_bytes()
-    plotting.save_figure("fig", drawing(), svg=True)
-    assert path.read_bytes() == first
-    assert b"<svg" in first and b"dc:date" not in first
-
-
-def test_without_a_name_nothing_is_written(figures_in_temporary_folder):
-    shown = plotting.save_figure(None, drawing())
-    assert not figures_in_temporary_folder.exists()
-    bundle = shown._repr_mimebundle_()
-    assert base64.b64decode(bundle["image/png"]) == shown.data
-    assert Image.open(io.BytesIO(shown.data)).size == (600, 225)
-
-
-def test_table(figures_in_temporary_folder):
-    table = pd.DataFrame({"distance_mm": [500, 700], "note": ["a, b", "±"]})
-    assert plotting.save_table("distances", table) is table
-    written = (figures_in_temporary_folder / "tables" / "distances.csv").read_bytes()
-    assert written == 'distance_mm,note\n500,"a, b"\n700,±\n'.encode()
-
-
-def test_no_global_state_is_touched():
-    """No figures that pile up in pyplot, and no default of the user's changed."""
-    code = (
-        "import matplotlib; before = dict(matplotlib.rcParams); import stereolib.plotting as p;"
-        "figure = p.panels(2)[0]; p.save_figure('fig', figure, svg=True);"
-        "after = dict(matplotlib.rcParams); assert after == before, set(after.items()) ^ set(before.items());"
-        "from matplotlib._pylab_helpers import Gcf; assert not Gcf.figs"
-    )
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    done = subprocess.run([sys.executable, "-W", "error", "-c", code], env=environment, capture_output=True, text=True)
-    assert (done.returncode, done.stderr) == (0, "")
-
-
-def test_panels_have_the_size_asked_for():
-    figure, axes = plotting.panels(3, 2, width_in=9.0, aspect=0.5)
-    assert isinstance(figure, Figure)
-    assert axes.shape == (6,)
-    np.testing.assert_allclose(figure.get_size_inches(), [9, 3])
 
 
 def rendered(ax):
@@ -126,7 +50,7 @@ def test_unmatched_pixels_are_light_grey(ax):
 
 
 def test_map_as_a_picture():
-    picture = plotting.colored(np.array([[0.0, 50, 100, 200, -5, np.nan]]), 0, 100)
+    picture = plotting.color_disparity(np.array([[0.0, 50, 100, 200, -5, np.nan]]), 0, 100)
     assert picture.shape == (1, 6, 3) and picture.dtype == np.uint8
     assert picture[0, 5].tolist() == [217] * 3
     np.testing.assert_array_equal(picture[0, 3], picture[0, 2])
@@ -135,42 +59,12 @@ def test_map_as_a_picture():
     assert brightness[0] + 30 < brightness[1] < brightness[2] - 30  # grows also in grey print
 
 
-def test_curves_differ_without_colour_too(ax):
-    plotting.plot_curves(
-        {c: ([1, 2], [1, k]) for k, c in enumerate("abcd")}, ax, xlabel="Z (mm)", ylabel="d (px)", title="t"
-    )
-    assert (ax.get_xlabel(), ax.get_ylabel(), ax.get_title()) == ("Z (mm)", "d (px)", "t")
-    assert len({line.get_linestyle() for line in ax.lines}) == 4
-    assert len({line.get_color() for line in ax.lines}) == 4
-    assert [text.get_text() for text in ax.get_legend().get_texts()] == list("abcd")
-    np.testing.assert_array_equal(ax.lines[3].get_ydata(), [1, 3])
-
-
-def test_triangulation_prints_the_formula(ax):
-    plotting.plot_triangulation(763.7, 93.1, 700.0, ax)
-    assert f"{763.7 * 93.1 / 700:.1f} px" in ax.get_title()
-    texts = " ".join(text.get_text() for text in ax.texts)
-    left, right = (763.7 * (0.35 * 93.1 - x) / 700 for x in (0, 93.1))
-    assert f"{left:+.1f} px" in texts and f"{right:+.1f} px" in texts
-
-
-def test_scan_from_above_has_left_on_the_left(ax):
-    plotting.plot_scan(np.array([[1000.0, 300.0]]), ax, label="room")  # ahead, to the left
-    np.testing.assert_allclose(ax.collections[0].get_offsets(), [[-300, 1000]])
-
-
-def test_polar_scan_marks_dropouts():
-    ax = plotting.panels(1, subplot_kw={"projection": "polar"})[1][0]
-    plotting.plot_scan_polar(np.radians([0.0, 90, 180]), np.array([1000.0, np.nan, 500]), ax)
-    np.testing.assert_allclose(ax.collections[1].get_offsets(), [[np.pi / 2, 1050]])
-
-
 def test_height_and_box_show_their_numbers(ax):
     image = np.full((60, 80, 3), 90, np.uint8)
     mask = np.zeros((60, 80), bool)
     mask[10:40, 30:33] = True
     before = image.copy()
-    plotting.plot_height(image, mask, 10, 40, 31, ax)
+    plotting.plot_height(image, SimpleNamespace(mask=mask, top_row=10, foot_row=40, column=31), ax)
     texts = [text.get_text() for text in ax.texts]
     assert any(t.endswith(": 10") for t in texts) and any(t.endswith(": 40") for t in texts)
     other = plotting.panels(1)[1][0]
@@ -196,7 +90,8 @@ def test_rows_and_corners(ax):
 def test_map_shows_the_values_over_the_image_and_keeps_gaps(ax):
     values = np.add.outer(np.arange(4.0), np.arange(5.0))
     values[0, 0] = np.nan
-    plotting.plot_map(values, np.linspace(0, 99, 5), np.linspace(0, 59, 4), (100, 60), ax, "map", label="mm")
+    quantity = plotting.ImageQuantity(values, np.linspace(0, 99, 5), np.linspace(0, 59, 4), (100, 60), "mm")
+    plotting.plot_quantity(quantity, ax, "map")
     mesh = ax.collections[0]
     np.testing.assert_array_equal(np.ma.filled(mesh.get_array(), np.nan).reshape(4, 5), values)
     assert ax.get_xlim() == (-0.5, 99.5) and ax.get_ylim() == (59.5, -0.5)  # rows run down
@@ -208,7 +103,7 @@ def test_map_hatches_what_was_not_seen_and_ends_its_colours_where_told(ax):
     unseen = np.zeros((6, 10), bool)
     unseen[:, :3] = True
     where = np.linspace(0, 99, 5), np.linspace(0, 59, 4)
-    plotting.plot_map(values, *where, (100, 60), ax, "map", label="mm", high=4.0, unseen=unseen)
+    plotting.plot_quantity(plotting.ImageQuantity(values, *where, (100, 60), "mm", unseen), ax, "map", high=4.0)
     mesh, _, hatched = ax.collections
     assert mesh.get_clim() == (0, 4)
     assert {float(text.get_text()) for text in ax.texts} <= {1.0, 2.0, 3.0}  # round numbers within the colours
@@ -218,7 +113,7 @@ def test_map_hatches_what_was_not_seen_and_ends_its_colours_where_told(ax):
 
 @pytest.mark.parametrize("values", [np.full((3, 3), np.nan), np.zeros((3, 3))])
 def test_map_of_nothing_and_of_a_constant(ax, values):
-    plotting.plot_map(values, np.arange(3), np.arange(3), (3, 3), ax, "map", label="px")
+    plotting.plot_quantity(plotting.ImageQuantity(values, np.arange(3), np.arange(3), (3, 3), "px"), ax, "map")
     plotting.save_figure(None, ax.figure)
 
 

@@ -1,0 +1,137 @@
+"""What is wrong with a pair: not rectified, exchanged, one picture twice, nothing to see."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from stereolib.base import Float64, UInt8
+from stereolib.matching.sgbm import SGBMParams, match_pair
+from stereolib.rig import check_pair, to_grey
+
+_KEYPOINTS = 300  # at most, in each picture
+_LEAST_MATCHES = 50  # that tell something of a pair's rows
+_OFF_ROWS = 0.15  # of the image's height: matches whose rows differ by more are mistaken
+_OFF_PLANE_PX = (6.0, 3.0, 2.0)  # from the plane through the rows' offsets, round by round
+
+
+def check_rectified(left: UInt8, right: UInt8, limit_px: float = 1.0) -> float:
+    """Refuse a pair whose rows do not agree, or whose sides are exchanged.
+
+    Parameters
+    ----------
+    left, right : (H, W) or (H, W, 3) uint8
+    limit_px : float
+        Largest root mean square of the vertical offset, px.
+
+    Returns
+    -------
+    float
+        The offset's root mean square, px; NaN where too little can be matched to tell.
+
+    Raises
+    ------
+    ValueError
+        If the rows differ by more than `limit_px` rms (the text tells the rms), or left and right are exchanged.
+    """
+    check_pair(left, right)
+    a, b = _matched_points(left, right)
+    if not a.size or np.median(a[:, 0] - b[:, 0]) < 0:  # else the points say already which side is which
+        check_sides(to_grey(left), to_grey(right))
+    offsets = b[:, 1] - a[:, 1]
+    rms = float(np.sqrt((offsets**2).mean())) if offsets.size else float("nan")
+    if rms > limit_px:
+        raise ValueError(
+            f"the pair is not rectified: over {offsets.size} matched points the rows differ by {rms:.1f} px rms "
+            f"(median {np.median(offsets):+.1f} px), at most {limit_px:g} px is allowed. Rectify it with its "
+            f"calibration (RectifiedRig.rectify)"
+        )
+    return rms
+
+
+def check_matchable(left: UInt8, right: UInt8, names: tuple[str, str] = ("left", "right")) -> None:
+    """Refuse a pair in which nothing can be matched: one picture twice, or one of a single grey value.
+
+    Parameters
+    ----------
+    left, right : (H, W) or (H, W, 3) uint8
+    names : (str, str)
+        What the message calls the two.
+
+    Raises
+    ------
+    ValueError
+        If one has a single grey value, both are equal, or they are no pair.
+
+    Examples
+    --------
+    >>> check_matchable(np.zeros((4, 4), np.uint8), np.eye(4, dtype=np.uint8))
+    Traceback (most recent call last):
+    ...
+    ValueError: left has one grey value, 0: there is nothing to match; was the lens covered?
+    """
+    check_pair(left, right, names)
+    for name, image in zip(names, (left, right), strict=True):
+        if np.ptp(to_grey(image)) == 0:
+            raise ValueError(
+                f"{name} has one grey value, {to_grey(image)[0, 0]}: there is nothing to match; was the lens covered?"
+            )
+    if np.array_equal(left, right):
+        raise ValueError(
+            f"{names[0]} and {names[1]} are the same picture, every disparity would be 0: give the left and the right "
+            f"camera's"
+        )
+
+
+def check_sides(left: UInt8, right: UInt8) -> None:
+    """Refuse a pair that matches clearly better the other way round; looked at in half size.
+
+    Parameters
+    ----------
+    left, right : (H, W) uint8
+
+    Raises
+    ------
+    ValueError
+        If left and right are exchanged.
+    """
+    small = [_half_size(image) for image in (left, right)]
+    width = small[0].shape[1]
+    params = SGBMParams(num_disparities=max(16, width // 5 // 16 * 16))
+    if width < 2 * params.num_disparities:
+        return  # too narrow to tell
+    matched = [np.isfinite(match_pair(a, b, params)).mean() for a, b in (small, small[::-1])]
+    if matched[1] > max(0.3, 2 * matched[0]):  # chance matches in noise prove nothing
+        raise ValueError(
+            "left and right are exchanged: matches run the other way (x_left - x_right is negative); swap the images"
+        )
+
+
+def _matched_points(left: UInt8, right: UInt8) -> tuple[Float64, Float64]:
+    """Points (n, 2) of the left and of the right picture that belong together, px; none where too few can be matched.
+
+    SIFT keypoints of the pictures in half size, matched both ways. The rows' offset changes slowly over the image, so
+    that matches further than 2 px from a plane through it (fitted three times over) are mistaken and are left out.
+    """
+    sift, none = cv2.SIFT.create(nfeatures=_KEYPOINTS), np.zeros((0, 2))
+    points, looks = zip(*(sift.detectAndCompute(_half_size(to_grey(i)), None) for i in (left, right)), strict=True)
+    if min(map(len, points)) < _LEAST_MATCHES:
+        return none, none
+    pairs = cv2.BFMatcher(cv2.NORM_L2, crossCheck=True).match(*looks)
+    a = 2 * np.array([points[0][pair.queryIdx].pt for pair in pairs])
+    b = 2 * np.array([points[1][pair.trainIdx].pt for pair in pairs])
+    offset, likely = b[:, 1] - a[:, 1], np.abs(b[:, 1] - a[:, 1]) < _OFF_ROWS * left.shape[0]
+    at = np.column_stack([np.ones(len(a)), a / left.shape[1]])
+    plane = np.array([np.median(offset[likely]) if likely.any() else 0.0, 0.0, 0.0])
+    for limit in _OFF_PLANE_PX:
+        kept = likely & (np.abs(offset - at @ plane) < limit)
+        if kept.sum() < max(_LEAST_MATCHES, 0.2 * likely.sum()):
+            return none, none  # chance matches prove nothing
+        plane = np.linalg.lstsq(at[kept], offset[kept], rcond=None)[0]
+    kept = np.abs(offset - at @ plane) < _OFF_PLANE_PX[-1]
+    return a[kept], b[kept]
+
+
+def _half_size(image: UInt8) -> UInt8:
+    small: UInt8 = cv2.resize(image, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
+    return small

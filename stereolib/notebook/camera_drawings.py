@@ -1,0 +1,79 @@
+"""What the sliders about lenses and rectification draw (notebooks 01 and 02)."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from stereolib import paper
+from stereolib.base import Float64, UInt8
+from stereolib.rig import Camera, StereoRig
+
+
+def draw_lens(k1: float, k2: float, k3: float, p1: float) -> tuple[UInt8, str]:
+    """Notebook 01: straight lines through a lens with the right camera's K and p2.
+
+    Parameters
+    ----------
+    k1 : float
+    k2 : float
+    k3 : float
+    p1 : float
+
+    Returns
+    -------
+    picture : (H, W, 3) uint8, blue-green-red
+    text : str
+    """
+    right = paper.paper_rig().right
+    K = right.K
+    camera = Camera(K, np.array([k1, k2, p1, right.dist[3], k3]), right.size)
+    canvas = np.full((480, 640, 3), 255, np.uint8)
+    for axis, (length, other) in enumerate(((640, 480), (480, 640))):
+        for at in np.linspace(0, other - 1, 13):
+            line = np.full((81, 2), at)
+            line[:, axis] = np.linspace(0, length - 1, 81)
+            rays = np.column_stack([(line - K[:2, 2]) / K[[0, 1], [0, 1]], np.ones(81)])
+            for color, points in (((205, 205, 205), line), ((178, 114, 0), camera.project(rays))):
+                cv2.polylines(canvas, [np.rint(points * 8).astype(np.int32)], False, color, 1, cv2.LINE_AA, 3)
+    corners = np.array([[0, 0], [639, 0], [0, 479], [639, 479]], float)
+    rays = np.column_stack([(corners - K[:2, 2]) / K[[0, 1], [0, 1]], np.ones(4)])
+    moved = np.linalg.norm(camera.project(rays) - corners, axis=1).max()
+    folded = int(np.isnan(camera.rays(_pixel_grid(camera))[:, 0]).sum())
+    return canvas, f"worst corner moves {moved:.1f} px; pixels without a direction (the lens folds): {folded}"
+
+
+def draw_rectification(alpha: float, roll_error_deg: float) -> tuple[UInt8, str]:
+    """Notebook 02: the cube pair rectified by a rig whose right camera is believed to be rolled.
+
+    Parameters
+    ----------
+    alpha : float
+    roll_error_deg : float
+
+    Returns
+    -------
+    picture : (H, W, 3) uint8, blue-green-red
+    text : str
+    """
+    from stereolib.virtual import recordings
+
+    true = paper.paper_rig()
+    turn = cv2.Rodrigues(np.array([0.0, 0.0, np.radians(roll_error_deg)]))[0]
+    rectified = StereoRig(true.left, true.right, turn @ true.R, true.T).rectify(alpha)
+    left, right = rectified.rectify(*recordings.load_pair("conditions/texture"))
+    points = np.random.default_rng(0).uniform([-250, -150, 700], [250, 150, 1000], (200, 3))
+    seen = (
+        (true.left.project(points), "left"),
+        (true.right.project(points @ true.R.T + true.T), "right"),
+    )
+    rows = [rectified.rectify_points(pixels, side)[:, 1] for pixels, side in seen]
+    rms = np.sqrt(np.mean((rows[0] - rows[1]) ** 2))
+    picture = np.hstack([left, right])
+    picture[40::60] = (230, 180, 90)
+    return picture, f"focal length {rectified.f_px:.1f} px; rows differ by {rms:.2f} px rms"
+
+
+def _pixel_grid(camera: Camera) -> Float64:
+    width, height = camera.size
+    return np.stack(np.meshgrid(np.arange(width, dtype=float), np.arange(height, dtype=float)), -1).reshape(-1, 2)

@@ -1,0 +1,149 @@
+"""What the sliders about the object in pixels draw: its height and its width (notebooks 06 and 07)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+
+import cv2
+import numpy as np
+
+from stereolib import paper
+from stereolib.base import UInt8
+from stereolib.matching import SGBMParams, compute_disparity
+from stereolib.paper import HeightResult, height_by_maximum, height_of_top
+from stereolib.rig import rigid
+
+_RECORDED = {"pitched": "texture", "level": "level"}
+
+
+def draw_recipe(set_up: str, rows: int, tolerance_px: float, dilate_px: int) -> tuple[UInt8, str]:
+    """Notebook 06: the paper's recipe with its knobs, on a recording of either set-up.
+
+    Parameters
+    ----------
+    set_up : str
+    rows : int
+    tolerance_px : float
+    dilate_px : int
+
+    Returns
+    -------
+    picture : (H, W, 3) uint8, blue-green-red
+    text : str
+    """
+    from stereolib.virtual import recordings
+
+    left, right = recordings.rectified().rectify(*recordings.load_pair(f"conditions/{_RECORDED[set_up]}"))
+    found = height_by_maximum(
+        compute_disparity(left, right, SGBMParams(128)),
+        paper.printed_value("scale.cm_per_px"),
+        rows,
+        tolerance_px=tolerance_px,
+        dilate_px=dilate_px,
+    )
+    picture = _marked(left, found)
+    ray_mm = height_of_top(recordings.rectified(), recordings.setup(set_up), found)
+    text = f"{found.mask.sum()} pixels count, rows {found.top_row} to {found.foot_row}: "
+    return picture, text + f"the recipe reads {found.height_mm / 10:.1f} cm, the top pixel's ray {ray_mm / 10:.1f} cm"
+
+
+def draw_heights(distance_mm: float, yaw_deg: float, lateral_mm: float, height_mm: float) -> tuple[UInt8, str]:
+    """Notebook 06: a box of some height is moved; the paper's reading and the ground plane's beside the truth.
+
+    Parameters
+    ----------
+    distance_mm : float
+    yaw_deg : float
+    lateral_mm : float
+    height_mm : float
+
+    Returns
+    -------
+    picture : (H, W, 3) uint8, blue-green-red
+    text : str
+    """
+    from stereolib.measurement import attempt_height
+    from stereolib.plotting import figure_to_image, panels, plot_height_attempt
+    from stereolib.virtual import recordings
+
+    rectified = recordings.rectified()
+    view = paper.solve_pitch(rectified, paper.paper_setup())
+    where = (distance_mm, yaw_deg, float(np.degrees(view.pitch_rad)))
+    left, right = (_cube(*where, side, lateral_mm, height_mm) for side in ("left", "right"))
+    tolerance = view.disparity_foot_px - view.disparity_top_px + 2  # SGBM's scatter with one ray a pixel
+    recipe = height_by_maximum(
+        compute_disparity(left, right, SGBMParams(160)),
+        paper.printed_value("scale.cm_per_px"),
+        paper.printed_value("height.constant_rows"),
+        tolerance_px=tolerance,
+    )
+    attempt = attempt_height(left, right, rectified)
+    figure, axes = panels(1, width_in=6.4)
+    title = f"floor, faces, near edge, top: {attempt.refused or 'measured'} (virtual rig)"
+    plot_height_attempt(attempt, axes[0], title)
+    ours = f"{attempt.height_mm / 10:.2f} ± {0.196 * attempt.std_mm:.2f} cm (95 %)"
+    ours = f"refused, {attempt.refused}" if attempt.refused else ours
+    text = f"true height {height_mm / 10:.1f} cm; the paper's recipe reads {recipe.height_mm / 10:.1f} cm, "
+    return np.hstack([_marked(left, recipe), figure_to_image(figure)]), text + f"the ground plane {ours}"
+
+
+def draw_width(distance_mm: float, yaw_deg: float, pitch_deg: float) -> tuple[UInt8, str]:
+    """Notebook 07: width of the cube in pixels, and what a pixel stands for, over distance.
+
+    Parameters
+    ----------
+    distance_mm : float
+    yaw_deg : float
+    pitch_deg : float
+
+    Returns
+    -------
+    picture : (H, W, 3) uint8, blue-green-red
+    text : str
+    """
+    from stereolib.virtual import recordings
+
+    left = _cube(distance_mm, yaw_deg, pitch_deg, "left")
+    box = paper.canny_bounding_box(left, channel="saturation", blur_px=13)
+    setup, f_px = replace(paper.paper_setup(), distance_mm=distance_mm), recordings.rectified().f_px
+    view = paper.cube_view(recordings.rectified(), setup, pitch_rad=np.radians(pitch_deg))
+    picture = left.copy()
+    corner = (box.left + box.width - 1, box.top + box.height - 1)
+    cv2.rectangle(picture, (box.left, box.top), corner, (0, 94, 213), 2)
+    near_mm = f_px * recordings.rectified().baseline_mm / view.disparity_foot_px
+    scales = [float(paper.cm_per_px_at(depth, f_px)) for depth in (view.depth_side_mm, near_mm)]
+    text = f"{box.width} px wide; edge-on (yaw 45) {view.width_px:.0f} px are expected. One pixel stands for "
+    text += f"{scales[0]:.4f} cm at the side corners and {scales[1]:.4f} cm at the near edge's foot; "
+    constant = paper.printed_value("scale.cm_per_px")
+    return picture, text + f"{constant} cm/px would read the width as {constant * box.width:.1f} cm"
+
+
+@lru_cache(maxsize=4)
+def _cube(
+    distance_mm: float, yaw_deg: float, pitch_deg: float, side: str, lateral_mm: float = 0.0, tall_mm: float = 300.0
+) -> UInt8:
+    """Rectified picture of the cube from the virtual rig, one ray a pixel; kept for the sliders that change nothing."""
+    from stereolib import virtual
+    from stereolib.virtual import recordings
+
+    rectified = recordings.rectified()
+    rig = rectified.rig  # the same objects every time: the renderer keeps a camera's rays
+    pose = paper.rig_pose(rectified, np.radians(pitch_deg), paper.paper_setup().camera_height_mm)
+    camera = rig.left if side == "left" else rig.right
+    T_camera_world = pose if side == "left" else rigid(rig.R, rig.T) @ pose
+    size = (300.0, 300.0, tall_mm)
+    cube = virtual.cube_scene(distance_mm, size_mm=size, yaw_rad=np.radians(yaw_deg), lateral_mm=lateral_mm)
+    light = virtual.render(cube, camera, T_camera_world, samples=1, light_samples=1)
+    picture = virtual.Webcam().shoot(light, np.random.default_rng([6, side == "left"]))
+    return rectified.rectify(picture, picture)[side == "right"]
+
+
+def _marked(left: UInt8, height: HeightResult) -> UInt8:
+    """A picture with the pixels that the recipe counted, its two rows, and a ring around its top pixel."""
+    picture = left.copy()
+    picture[height.mask] = (0, 94, 213)
+    for row in (height.top_row, height.foot_row):
+        cv2.line(picture, (0, row), (639, row), (233, 180, 86), 1)
+    cv2.circle(picture, (height.column, height.top_row), 7, (255, 255, 255), 2, cv2.LINE_AA)
+    return picture

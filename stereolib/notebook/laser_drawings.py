@@ -1,0 +1,115 @@
+"""What the sliders about the laser and the map draw (notebooks 05 and 08)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from stereolib.base import UInt8
+from stereolib.mapping import disturbed, refine_poses
+
+if TYPE_CHECKING:
+    from stereolib.mapping import Cloud, Map, Solid
+
+
+def draw_sweep(turns: int, albedo: float, distance_mm: int, yaw_deg: int) -> tuple[UInt8, str]:
+    """Notebook 05: the laser's sweep over a cube of some darkness, and the error on its faces.
+
+    Parameters
+    ----------
+    turns : int
+    albedo : float
+    distance_mm : int
+    yaw_deg : int
+
+    Returns
+    -------
+    picture : (H, W, 3) uint8, blue-green-red
+    text : str
+    """
+    from stereolib import laser, virtual
+    from stereolib.plotting import figure_to_image, panels, plot_scan
+    from stereolib.virtual import VirtualLidar, recordings
+
+    cube = virtual.cube_scene(distance_mm, yaw_rad=np.radians(yaw_deg))
+    shade = virtual.Material((albedo,) * 3)
+    painted = replace(cube, boxes=(cube.boxes[0], replace(cube.boxes[1], materials=(shade,))))
+    sensor = VirtualLidar()
+    data = sensor.scan(painted, recordings.LASER_POSE, np.random.default_rng(0), turns)
+    found = laser.average(laser.turns(laser.decode(data)))
+    true_mm = sensor.truth_mm(painted, recordings.LASER_POSE)
+    on_cube = true_mm < sensor.truth_mm(replace(cube, boxes=cube.boxes[:1]), recordings.LASER_POSE) - 1
+    figure, axes = panels(1, width_in=6, aspect=0.9)
+    plot_scan(laser.points_mm(found), axes[0], f"median of {turns} turns")
+    axes[0].set(xlim=(-700, 700), ylim=(-100, distance_mm + 600))
+    error, lost = np.abs(found.ranges_mm - true_mm)[on_cube], np.isnan(found.ranges_mm[on_cube]).mean()
+    median = f"{np.nanmedian(error):.1f} mm" if lost < 1 else "unknown"
+    return figure_to_image(figure), f"{on_cube.sum()} beams meet the cube, {lost:.0%} lost; median error {median}"
+
+
+def draw_map_view(azimuth_deg: int, elevation_deg: int, show: str) -> tuple[UInt8, str]:
+    """Notebook 08: the walk's map in space, as solids or as coloured points.
+
+    Parameters
+    ----------
+    azimuth_deg : int
+    elevation_deg : int
+    show : str
+
+    Returns
+    -------
+    picture : (H, W, 3) uint8, blue-green-red
+    text : str
+    """
+    from stereolib.mapping import view_map
+
+    found, made, points = _walk_map()
+    shown = points if show == "points" else None
+    picture = view_map(found, made, azimuth_deg=azimuth_deg, elevation_deg=elevation_deg, points=shown)
+    (volume, std), (area, area_std) = found.volume_l, found.surface_m2
+    text = f"{len(found.objects)} objects, {volume:.2f} ± {std:.2f} litres, {area:.3f} ± {area_std:.3f} m² of surface"
+    return picture, text + f"; {len(found.walls)} walls, {len(points.points_mm)} points"
+
+
+def draw_matching(off_mm: int, off_deg: float, chance: int) -> tuple[UInt8, str]:
+    """Notebook 08: scans of the walk at poses that are off, and after matching.
+
+    Parameters
+    ----------
+    off_mm : int
+    off_deg : float
+    chance : int
+
+    Returns
+    -------
+    picture : (H, W, 3) uint8, blue-green-red
+    text : str
+    """
+    from stereolib.plotting import figure_to_image, panels, plot_scans
+
+    stations = _walk_map()[0].stations
+    start = disturbed(stations, np.random.default_rng(chance), off_mm, np.radians(off_deg))
+    match = refine_poses(start)
+    figure, axes = panels(2, width_in=11, aspect=0.85)
+    plot_scans(start, axes[0], f"poses off by up to {off_mm} mm and {off_deg:g} degrees")
+    plot_scans(match.stations, axes[1], "after matching")
+    errors = np.abs([a.pose - b.pose for a, b in zip(match.stations, stations, strict=True)])
+    text = f"{match.pairs} pairs, {match.rms_before_mm:.0f} mm apart before and {match.rms_after_mm:.1f} mm after; "
+    worst = f"{errors[:, :2].max():.1f} mm and {np.degrees(errors[:, 2].max()):.2f} degrees"
+    return figure_to_image(figure), text + f"the worst pose is off by {worst}"
+
+
+@lru_cache(maxsize=1)
+def _walk_map() -> tuple[Map, list[Solid], Cloud]:
+    """The map of the recorded walk at its known poses, its solids and its points."""
+    from stereolib.mapping import Station, cloud, joined, merge, solids
+    from stereolib.virtual import measure_walk, walk
+
+    measured = measure_walk()
+    stations = [Station.of(each, walk.POSES[name]) for name, each in measured.items()]
+    clouds = [cloud(m.disparity_px, m.left, m.floor, pose=walk.POSES[n], max_mm=1600.0) for n, m in measured.items()]
+    found = merge(stations, rng=np.random.default_rng(8))
+    return found, solids(found), joined(clouds)

@@ -1,0 +1,142 @@
+"""What the sliders about matching and its filters draw (notebooks 03, 04 and 09)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from stereolib import paper
+from stereolib.base import Bools, Floats, UInt8
+from stereolib.matching import SGBMParams, compute_disparity, score, score_repair, smooth
+
+
+def draw_sgbm(condition: str, num_disparities: int, block_size: int, uniqueness_ratio: int) -> tuple[UInt8, str]:
+    """Notebook 03: one of Fig. 4's recordings, matched; bad settings are refused with the library's own words.
+
+    Parameters
+    ----------
+    condition : str
+    num_disparities : int
+    block_size : int
+    uniqueness_ratio : int
+
+    Returns
+    -------
+    picture : (H, W, 3) uint8, blue-green-red
+    text : str
+    """
+    from stereolib.plotting import color_disparity
+
+    left, right, disparity_px, cube = _condition(condition)
+    params = SGBMParams(num_disparities, block_size, uniqueness_ratio=uniqueness_ratio)
+    disparity = compute_disparity(left, right, params)
+    quality = score(disparity, disparity_px, cube)
+    text = f"bad 2 on the cube: {quality.bad2_pct:.1f} %; matched: {quality.density_pct:.0f} %; "
+    return np.hstack([left, color_disparity(disparity, 0, 160)]), text + f"columns lost at the left: {num_disparities}"
+
+
+def draw_surface(distance_mm: float, contrast: float, scale_mm: float, light: float) -> tuple[UInt8, str]:
+    """Notebook 03: the cube rendered and matched, one ray a pixel; only a new scene is rendered again.
+
+    Parameters
+    ----------
+    distance_mm : float
+    contrast : float
+    scale_mm : float
+    light : float
+
+    Returns
+    -------
+    picture : (H, W, 3) uint8, blue-green-red
+    text : str
+    """
+    from stereolib import virtual
+    from stereolib.plotting import color_disparity
+    from stereolib.virtual import recordings
+
+    lights, disparity_px, cube = _surface(distance_mm, contrast, scale_mm)
+    rng, webcam = np.random.default_rng(4), virtual.Webcam()
+    left, right = recordings.rectified().rectify(*(webcam.shoot(light * view, rng) for view in lights))
+    disparity = compute_disparity(left, right, SGBMParams(192), whole=True)
+    quality = score(disparity, disparity_px, cube)
+    text = f"largest disparity of the cube {disparity_px[cube].max():.1f} px; "
+    text += f"bad 2: {quality.bad2_pct:.1f} %; matched: {quality.density_pct:.0f} %"
+    return np.hstack([left, color_disparity(disparity, 0, 192)]), text
+
+
+def draw_dilation(condition: str, method: str, size_px: int) -> tuple[UInt8, str]:
+    """Notebook 04: one of Fig. 4's maps before and after a filter.
+
+    Parameters
+    ----------
+    condition : str
+    method : str
+    size_px : int
+
+    Returns
+    -------
+    picture : (H, W, 3) uint8, blue-green-red
+    text : str
+    """
+    from stereolib.plotting import color_disparity
+
+    left, right, disparity_px, cube = _condition(condition)
+    before = compute_disparity(left, right)
+    after = smooth(before, method, size_px=size_px, image=left)
+    done = score_repair(before, after, disparity_px, cube)
+    text = f"holes {done.holes_pct:.0f} % of the cube, filled {done.filled_pct:.0f} %; of the filled pixels "
+    text += f"{done.wrong2_pct:.0f} % are off by more than 2 px; good pixels move by {done.shift_px:+.2f} px"
+    return np.hstack([color_disparity(before, 0, 128), color_disparity(after, 0, 128)]), text
+
+
+def draw_motorcycle(num_disparities: int, block_size: int, uniqueness_ratio: int) -> tuple[UInt8, str]:
+    """Notebook 09: the real pair, matched.
+
+    Parameters
+    ----------
+    num_disparities : int
+    block_size : int
+    uniqueness_ratio : int
+
+    Returns
+    -------
+    picture : (H, W, 3) uint8, blue-green-red
+    text : str
+    """
+    from skimage.data import stereo_motorcycle
+
+    from stereolib.plotting import color_disparity
+
+    load: Any = stereo_motorcycle
+    left, right, truth = load()
+    params = SGBMParams(num_disparities, block_size, uniqueness_ratio=uniqueness_ratio)
+    disparity = compute_disparity(left, right, params, whole=True)
+    quality = score(disparity, np.where(np.isfinite(truth), truth, np.nan))
+    text = f"bad 2: {quality.bad2_pct:.1f} % of the pixels; returned: {quality.density_pct:.0f} %"
+    return np.hstack([left[..., ::-1], color_disparity(disparity, 0, 70)]), text
+
+
+@lru_cache(maxsize=4)
+def _condition(name: str) -> tuple[UInt8, UInt8, Floats, Bools]:
+    """Rectified pair of a condition of Fig. 4, true disparity, and the cube's pixels that both cameras see."""
+    from stereolib.virtual import recordings
+
+    left, right = recordings.rectified().rectify(*recordings.load_pair(f"conditions/{name}"))
+    truth = recordings.load_truth(f"conditions/{name}")
+    return left, right, truth.disparity_px, truth.visible & (truth.box == 1)
+
+
+@lru_cache(maxsize=2)
+def _surface(distance_mm: float, contrast: float, scale_mm: float) -> tuple[tuple[Floats, Floats], Floats, Bools]:
+    """Light that reaches both cameras from a textured cube, true disparity, and the cube's visible pixels."""
+    from stereolib import virtual
+    from stereolib.virtual import recordings
+
+    surface = replace(virtual.CUBE_SURFACE, contrast=contrast, scale_mm=scale_mm)
+    cube = virtual.cube_scene(distance_mm, cube=surface)
+    lights = virtual.render_pair(cube, paper.paper_rig(), recordings.setup(), samples=1, light_samples=1)
+    truth = virtual.render_truth(cube, recordings.rectified(), recordings.setup())
+    return lights, truth.disparity_px, truth.visible & (truth.box == 1)

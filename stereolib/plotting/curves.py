@@ -1,0 +1,113 @@
+"""Curves, dots and bars."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from matplotlib.axes import Axes
+
+from stereolib.base import Floats
+from stereolib.plotting.style import COLORS, LINE_STYLES, default_style
+
+
+@default_style
+def plot_curves(
+    curves: Mapping[str, tuple[Any, Any]],
+    ax: Axes,
+    *,
+    xlabel: str,
+    ylabel: str,
+    marker: str = "o",
+    joined: bool = True,
+    **axes: Any,
+) -> Axes:
+    """Draw named curves, each with its own colour and line style, or dots.
+
+    Parameters
+    ----------
+    curves : mapping of str to (x, y)
+        Numbers are drawn in single precision: matplotlib leaves out points where a path hardly bends, and would leave
+        out others where another processor's kernels change the last bit of a double.
+    ax : matplotlib.axes.Axes
+    xlabel, ylabel : str
+        With units.
+    marker : str
+    joined : bool
+        Draw lines between the markers.
+    **axes
+        Title and limits of the axes.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+    """
+    for k, (name, (x, y)) in enumerate(curves.items()):
+        style: dict[str, Any] = {
+            "color": COLORS[k % len(COLORS)],
+            "ls": LINE_STYLES[k % len(LINE_STYLES)] if joined else "",
+        }
+        ax.plot(_single(x), _single(y), marker=marker, ms=4, lw=1.4, label=name, **style)
+    ax.grid(alpha=0.3)
+    ax.set(xlabel=xlabel, ylabel=ylabel, **axes)
+    if len(curves) > 1:
+        ax.legend(frameon=False, fontsize=9)
+    return ax
+
+
+@default_style
+def plot_dots(x: Floats, y: Floats, ax: Axes, *, color: Floats, label: str, title: str = "", **axes: Any) -> Axes:
+    """Draw dots, a third quantity as their colour.
+
+    Parameters
+    ----------
+    x, y : (N,) float
+    ax : matplotlib.axes.Axes
+    color : (N,) float
+        The third quantity.
+    label : str
+        Its name and unit.
+    title : str
+    **axes
+        Labels with units, and limits.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+    """
+    dots = ax.scatter(x, y, c=color, s=28, cmap="viridis", edgecolors="0.3", lw=0.4)
+    if ax.figure is not None:
+        ax.figure.colorbar(dots, ax=ax, label=label, shrink=0.85)
+    ax.grid(alpha=0.3)
+    ax.set(title=title, **axes)
+    return ax
+
+
+@default_style
+def plot_bars(counts: Mapping[str, int], ax: Axes, *, xlabel: str, title: str = "") -> Axes:
+    """Draw horizontal bars, one a name, the number at its end.
+
+    Parameters
+    ----------
+    counts : mapping of str to int
+    ax : matplotlib.axes.Axes
+    xlabel : str
+    title : str
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+    """
+    bars = ax.barh(list(counts), list(counts.values()), color=COLORS[0])
+    ax.bar_label(bars, padding=3)
+    ax.invert_yaxis()
+    ax.set(xlabel=xlabel, title=title)
+    ax.margins(x=0.1)
+    return ax
+
+
+def _single(values: Any) -> npt.NDArray[Any]:
+    array = np.asarray(values)
+    return array.astype(np.float32) if array.dtype.kind == "f" else array

@@ -1,0 +1,112 @@
+"""What becomes of a figure and a table: a file, a picture in a notebook, an image for a slider."""
+
+from __future__ import annotations
+
+import base64
+import io
+from typing import Any, TypeVar
+
+import cv2
+import matplotlib
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from stereolib.base import UInt8, figures_dir, write_atomic
+from stereolib.plotting.style import DPI, default_style
+
+_Table = TypeVar("_Table")
+
+
+class Picture:
+    """A finished picture, which shows itself in a notebook.
+
+    Parameters
+    ----------
+    data : bytes
+        A PNG file.
+    """
+
+    def __init__(self, data: bytes) -> None:
+        self.data = data
+
+    def _repr_mimebundle_(self, **_: Any) -> dict[str, str]:
+        return {"image/png": base64.b64encode(self.data).decode(), "text/plain": "<picture>"}
+
+
+@default_style
+def save_figure(name: str | None, figure: Figure, *, svg: bool = False) -> Picture:
+    """Write a figure as ``figures/<name>.png`` and show it.
+
+    The PNG carries 256 colours, no date and no version, so that the same data make the same bytes.
+
+    Parameters
+    ----------
+    name : str or None
+        None only shows it.
+    figure : matplotlib.figure.Figure
+    svg : bool
+        Write an SVG as well, for line art.
+
+    Returns
+    -------
+    Picture
+    """
+    from PIL import Image
+
+    stream = io.BytesIO()
+    figure.savefig(stream, format="png", dpi=DPI, facecolor="white")
+    stream.seek(0)
+    picture = Image.open(stream).convert("RGB").quantize(256, dither=Image.Dither.FLOYDSTEINBERG)
+    stream = io.BytesIO()
+    picture.save(stream, format="png", optimize=True)
+    if name:
+        write_atomic(figures_dir() / f"{name}.png", stream.getvalue())
+        if svg:
+            drawing = io.BytesIO()
+            with matplotlib.rc_context({"svg.hashsalt": name, "svg.fonttype": "path"}):
+                figure.savefig(drawing, format="svg", metadata={"Date": None, "Creator": None})
+            write_atomic(figures_dir() / f"{name}.svg", drawing.getvalue())
+    return Picture(stream.getvalue())
+
+
+def save_table(name: str, table: _Table) -> _Table:
+    """Write a table as ``figures/tables/<name>.csv``.
+
+    Parameters
+    ----------
+    name : str
+    table : pandas.DataFrame
+
+    Returns
+    -------
+    pandas.DataFrame
+        The same one.
+    """
+    frame: Any = table
+    write_atomic(figures_dir() / "tables" / f"{name}.csv", frame.to_csv(index=False, lineterminator="\n"))
+    return table
+
+
+@default_style
+def figure_to_image(figure: Figure) -> UInt8:
+    """Draw a figure as an image for a slider.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+
+    Returns
+    -------
+    (H, W, 3) uint8, blue-green-red
+
+    Examples
+    --------
+    >>> from stereolib.plotting import panels
+    >>> figure_to_image(panels(1, width_in=2, aspect=0.5)[0]).shape
+    (100, 200, 3)
+    """
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    image: UInt8 = cv2.cvtColor(np.asarray(canvas.buffer_rgba()), cv2.COLOR_RGBA2BGR)
+    return image

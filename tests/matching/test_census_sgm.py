@@ -1,0 +1,70 @@
+"""Semi-global matching against loops."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from stereolib.matching import census_sgm
+
+
+def small_pair(shape=(7, 12), seed=0):
+    rng = np.random.default_rng(seed)
+    return (rng.integers(0, 256, (*shape, 3), dtype=np.uint8) for _ in range(2))
+
+
+def test_aggregation_is_hirschmuellers():
+    """Eight paths by recursion, pixel by pixel, straight from the equation."""
+    rng = np.random.default_rng(1)
+    params = census_sgm.CensusSGM(5, p1=7, p2=40, edge=30.0)
+    cost = rng.integers(0, 60, (6, 5, 9)).astype(np.int16)
+    grey = rng.integers(0, 256, (6, 9), dtype=np.uint8)
+    height, count, width = cost.shape
+    expected = np.zeros(cost.shape, int)
+    for dy, dx in [(a, b) for a in (-1, 0, 1) for b in (-1, 0, 1) if (a, b) != (0, 0)]:
+        path = {}
+        for y in range(height) if dy >= 0 else range(height - 1, -1, -1):
+            for x in range(width) if dx >= 0 else range(width - 1, -1, -1):
+                # a path that came in over a side begins at the rim, in the row before
+                q = (y - dy, min(max(x - dx, 0), width - 1) if dy else x - dx)
+                if q not in path:
+                    path[y, x] = cost[y, :, x].astype(int)
+                    continue
+                before, p2 = path[q], max(40 / (1 + abs(int(grey[y, x]) - int(grey[q])) / 30), 8)
+                path[y, x] = np.array([
+                    cost[y, d, x] - before.min()
+                    + min([before[d], before.min() + int(p2),
+                           *(before[e] + 7 for e in (d - 1, d + 1) if 0 <= e < count)])
+                    for d in range(count)
+                ])  # fmt: skip
+        for (y, x), values in path.items():
+            expected[y, :, x] += values
+    np.testing.assert_array_equal(census_sgm._aggregate(cost, grey, params), expected)
+
+
+def test_census_tells_darker_neighbours():
+    grey = np.array([[5, 1, 9], [2, 5, 7], [5, 8, 0]], np.uint8)
+    assert (
+        bin(int(census_sgm.census_transform(grey, (3, 3))[1, 1])) == "0b1010001"
+    )  # row by row: 5<5 no, 1 yes, 9 no, 2 yes, ... 0 yes
+    np.testing.assert_array_equal(
+        census_sgm.census_transform(grey, (3, 3)), census_sgm.census_transform(20 + 3 * grey, (3, 3))
+    )
+
+
+def test_both_views_of_a_shifted_picture():
+    rng = np.random.default_rng(2)
+    wide = rng.integers(0, 256, (30, 90, 3), dtype=np.uint8)
+    found = census_sgm.match_census_sgm(wide[:, :80], wide[:, 6:86], census_sgm.CensusSGM(16))
+    assert np.abs(found.left_px[:, 12:] - 6).max() < 0.5
+    assert np.abs(found.right_px[:, :60] - 6).max() < 0.5
+    assert found.margin[:, 12:].min() > 0
+
+
+def test_margin_by_loops():
+    rng = np.random.default_rng(3)
+    total = rng.integers(0, 500, (4, 7, 5)).astype(np.int16)
+    best = total.argmin(1)
+    found = census_sgm._margin(total, best)
+    for y, x in np.ndindex(4, 5):
+        far = [int(total[y, d, x]) for d in range(7) if abs(d - best[y, x]) > 1]
+        assert found[y, x] == min(far) - total[y, best[y, x], x]

@@ -1,0 +1,74 @@
+"""Pairs that are exchanged or not rectified are told, and no good pair is."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+
+from stereolib.matching import (
+    SGBMParams,
+    check_rectified,
+    compute_disparity,
+)
+from stereolib.virtual import recordings
+
+
+def shifted(disparity, shape=(120, 240), seed=0):
+    """A textured pair whose right picture is the left one moved by a whole number of pixels."""
+    rng = np.random.default_rng(seed)
+    wide = cv2.GaussianBlur(rng.integers(0, 256, (shape[0], shape[1] + disparity), dtype=np.uint8), (0, 0), 0.8)
+    return wide[:, : shape[1]].copy(), wide[:, disparity:].copy()
+
+
+@pytest.fixture(scope="module")
+def cube():
+    return recordings.rectified().rectify(*recordings.load_pair("conditions/texture"))
+
+
+def test_exchanged_pair_is_told(cube):
+    with pytest.raises(ValueError, match=r"left and right are exchanged: .* swap the images"):
+        compute_disparity(cube[1], cube[0])
+    with pytest.raises(ValueError, match="left and right are exchanged"):
+        compute_disparity(*shifted(30, (240, 320))[::-1])
+
+
+@pytest.mark.parametrize("name", [n for n in recordings.pairs() if "conditions" in n or n.endswith(("500", "1000"))])
+@pytest.mark.parametrize("num", [16, 112])
+def test_good_pairs_never_pass_for_exchanged(name, num):
+    """Not even when the search window misses the scene and hardly anything is matched."""
+    pair = recordings.rectified().rectify(*recordings.load_pair(name))
+    assert compute_disparity(*pair, SGBMParams(num)).shape == (480, 640)
+
+
+@pytest.mark.parametrize("sigma", [0, 0.5, 3, 20])
+def test_noise_never_passes_for_exchanged(sigma):
+    rng = np.random.default_rng(16)
+    pair = [np.clip(128 + sigma * rng.standard_normal((240, 320)), 0, 255).astype(np.uint8) for _ in "lr"]
+    compute_disparity(*pair)
+
+
+@pytest.mark.parametrize("name", ["conditions/texture", "conditions/glare", "series/coarse_1000", "series/fine_500"])
+def test_rows_that_do_not_agree_are_refused_with_their_rms(name):
+    pair = recordings.rectified().rectify(*recordings.load_pair(name))
+    assert check_rectified(*pair) < 0.6
+    lower = cv2.warpAffine(pair[1], np.float32([[1, 0, 0], [0, 1, 3]]), (640, 480))
+    with pytest.raises(ValueError, match=r"by 3\.\d px rms \(median \+(2\.9|3\.0|3\.1) px\), at most 1 px"):
+        check_rectified(pair[0], lower)
+    with pytest.raises(ValueError, match=r"not rectified: .* by 2\.\d px rms"):
+        check_rectified(*recordings.load_pair(name))
+    with pytest.raises(ValueError, match="exchanged"):
+        check_rectified(*pair[::-1])
+
+
+def test_half_a_pixel_of_offset_is_measured_and_allowed():
+    pair = recordings.rectified().rectify(*recordings.load_pair("series/fine_700"))
+    lower = cv2.warpAffine(pair[1], np.float32([[1, 0, 0], [0, 1, 0.6]]), (640, 480))
+    assert 0.5 < check_rectified(pair[0], lower) < 0.9
+
+
+@pytest.mark.parametrize("sigma", [0, 1, 20, 60])
+def test_where_nothing_matches_nothing_is_said_of_the_rows(sigma):
+    rng = np.random.default_rng(3)
+    pair = [np.clip(128 + sigma * rng.standard_normal((240, 320)), 0, 255).astype(np.uint8) for _ in "lr"]
+    assert np.isnan(check_rectified(*pair))

@@ -1,0 +1,26 @@
+"""What the sliders say is what the library measures."""
+
+from __future__ import annotations
+
+import pytest
+
+from stereolib.matching import SGBMParams, compute_disparity, score, score_repair
+from stereolib.matching.filters import close
+from stereolib.notebook import draw_dilation, draw_sgbm
+from stereolib.virtual import recordings
+
+
+@pytest.mark.parametrize("condition", ["poor_light", "texture"])
+def test_sliders_say_what_the_library_measures(condition: str) -> None:
+    truth = recordings.load_truth(f"conditions/{condition}")
+    cube = truth.visible & (truth.box == 1)
+    pair = recordings.rectified().rectify(*recordings.load_pair(f"conditions/{condition}"))
+    before = compute_disparity(*pair, SGBMParams(128, 5))
+    quality = score(before, truth.disparity_px, cube)
+    picture, text = draw_sgbm(condition, 128, 5, 10)
+    assert picture.shape == (480, 1280, 3) and f"{quality.bad2_pct:.1f} %" in text
+    picture, text = draw_dilation(condition, "closing", 9)
+    done = score_repair(before, close(before, 9), truth.disparity_px, cube)
+    assert picture.shape == (480, 1280, 3) and f"{done.shift_px:+.2f} px" in text
+    with pytest.raises(ValueError, match="multiple of 16"):
+        draw_sgbm(condition, 100, 5, 10)

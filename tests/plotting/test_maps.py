@@ -1,0 +1,24 @@
+"""Scans are drawn the right way round."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from stereolib import plotting
+
+
+@pytest.fixture
+def ax():
+    return plotting.panels(1)[1][0]
+
+
+def test_scan_from_above_has_left_on_the_left(ax):
+    plotting.plot_scan(np.array([[1000.0, 300.0]]), ax, label="room")  # ahead, to the left
+    np.testing.assert_allclose(ax.collections[0].get_offsets(), [[-300, 1000]])
+
+
+def test_polar_scan_marks_dropouts():
+    ax = plotting.panels(1, subplot_kw={"projection": "polar"})[1][0]
+    plotting.plot_scan_polar(np.radians([0.0, 90, 180]), np.array([1000.0, np.nan, 500]), ax)
+    np.testing.assert_allclose(ax.collections[1].get_offsets(), [[np.pi / 2, 1050]])

@@ -1,0 +1,59 @@
+"""Figures and tables: the same bytes from the same data."""
+
+from __future__ import annotations
+
+import base64
+import io
+
+import numpy as np
+import pandas as pd
+from PIL import Image
+
+from stereolib import plotting
+
+
+def drawing(noise=0.0):
+    figure, (left, right) = plotting.panels(2, width_in=6)
+    rng = np.random.default_rng(0)
+    disparity = np.where(rng.random((40, 60)) < 0.1, np.nan, rng.uniform(0, 100, (40, 60)) + noise)
+    plotting.plot_disparity(disparity, left, "a map", high=100)
+    plotting.plot_curves({"ours": ([1, 2, 3], [1, 4, 9]), "paper": ([1, 3], [2, 2])}, right, xlabel="x", ylabel="y")
+    return figure
+
+
+def test_png_is_the_same_bytes_each_time(figures_in_temporary_folder):
+    path = figures_in_temporary_folder / "fig.png"
+    shown = plotting.save_figure("fig", drawing())
+    first = path.read_bytes()
+    assert shown.data == first
+    plotting.save_figure("fig", drawing())
+    assert path.read_bytes() == first
+    plotting.save_figure("fig", drawing(noise=3))
+    assert path.read_bytes() != first
+    image = Image.open(io.BytesIO(first))
+    assert (image.format, image.mode) == ("PNG", "P")
+    assert not {"Software", "Creation Time", "date"} & set(image.info)
+
+
+def test_svg_is_the_same_bytes_each_time(figures_in_temporary_folder):
+    path = figures_in_temporary_folder / "fig.svg"
+    plotting.save_figure("fig", drawing(), svg=True)
+    first = path.read_bytes()
+    plotting.save_figure("fig", drawing(), svg=True)
+    assert path.read_bytes() == first
+    assert b"<svg" in first and b"dc:date" not in first
+
+
+def test_without_a_name_nothing_is_written(figures_in_temporary_folder):
+    shown = plotting.save_figure(None, drawing())
+    assert not figures_in_temporary_folder.exists()
+    bundle = shown._repr_mimebundle_()
+    assert base64.b64decode(bundle["image/png"]) == shown.data
+    assert Image.open(io.BytesIO(shown.data)).size == (600, 225)
+
+
+def test_table(figures_in_temporary_folder):
+    table = pd.DataFrame({"distance_mm": [500, 700], "note": ["a, b", "±"]})
+    assert plotting.save_table("distances", table) is table
+    written = (figures_in_temporary_folder / "tables" / "distances.csv").read_bytes()
+    assert written == 'distance_mm,note\n500,"a, b"\n700,±\n'.encode()

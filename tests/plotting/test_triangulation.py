@@ -1,0 +1,20 @@
+"""The drawing's numbers are the formula's."""
+
+from __future__ import annotations
+
+import pytest
+
+from stereolib import plotting
+
+
+@pytest.fixture
+def ax():
+    return plotting.panels(1)[1][0]
+
+
+def test_triangulation_prints_the_formula(ax):
+    plotting.plot_triangulation(763.7, 93.1, 700.0, ax)
+    assert f"{763.7 * 93.1 / 700:.1f} px" in ax.get_title()
+    texts = " ".join(text.get_text() for text in ax.texts)
+    left, right = (763.7 * (0.35 * 93.1 - x) / 700 for x in (0, 93.1))
+    assert f"{left:+.1f} px" in texts and f"{right:+.1f} px" in texts

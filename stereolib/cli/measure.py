@@ -147,7 +147,7 @@ def _laser_arguments(parser: argparse.ArgumentParser) -> None:
 def _calibrate_laser(arguments: argparse.Namespace) -> int:
     import numpy as np
 
-    from stereolib.calibration import calibrate_lidar_to_camera, views_from_files
+    from stereolib.calibration import calibrate_lidar_to_camera, find_laser_boards_in_files
     from stereolib.cli.calibrate import parse_board
     from stereolib.measurement import save_lidar
     from stereolib.rig import StereoRig
@@ -164,7 +164,7 @@ def _calibrate_laser(arguments: argparse.Namespace) -> int:
             f"{len(files[0])} pictures ({' '.join(_PICTURES)}) and {len(files[1])} scans (.bin): there must be one "
             f"scan for each picture, in the order of their names"
         )
-    views = views_from_files(files[0], files[1], board, rig.left, margin_mm=arguments.margin_mm)
+    views = find_laser_boards_in_files(files[0], files[1], board, rig.left, margin_mm=arguments.margin_mm)
     found = calibrate_lidar_to_camera(views)
     save_lidar(arguments.calibration, found)
     turn, shift = float(np.degrees(found.std_rad).max()), float(found.std_mm.max())

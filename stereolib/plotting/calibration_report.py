@@ -13,16 +13,14 @@ import numpy as np
 from stereolib import __version__
 from stereolib.base import write_atomic
 from stereolib.calibration import (
-    MEANS,
+    VERDICT_MEANINGS,
     Diagnosis,
+    board_pose,
     board_text,
-    checked,
-    covered,
-    meaning,
-    parameters,
-    pose,
-    refused,
-    remarks,
+    boards_per_cell,
+    check_rows,
+    meaning_rows,
+    parameter_rows,
 )
 from stereolib.rig import Camera, read_image
 
@@ -72,8 +70,8 @@ def build(path: Path, diagnosis: Diagnosis, files: Files) -> Path:
         for title, drawn, caption in sections
         if drawn
     )
-    color = _COLORS.get(diagnosis.verdict, "#555555")
-    notes, left_out = [*diagnosis.reasons, *remarks(diagnosis)], refused(diagnosis)
+    color, meaning = _COLORS.get(diagnosis.verdict, "#555555"), VERDICT_MEANINGS.get(diagnosis.verdict, "")
+    notes, left_out = [*diagnosis.reasons, *diagnosis.remarks], diagnosis.pairs_left_out
     width, height = diagnosis.views.size
     used = f"{len(diagnosis.pairs_used)} of {len(diagnosis.pairs_used) + len(left_out)} pairs"
     page = f"""<!DOCTYPE html>
@@ -86,15 +84,15 @@ def build(path: Path, diagnosis: Diagnosis, files: Files) -> Path:
 </head>
 <body>
 <h1>Stereo calibration</h1>
-<p><b class="verdict" style="color: {color}">{escape(diagnosis.verdict)}</b>: {MEANS.get(diagnosis.verdict, "")}</p>
+<p><b class="verdict" style="color: {color}">{escape(diagnosis.verdict)}</b>: {meaning}</p>
 {_list(notes)}
 <p>{escape(board_text(diagnosis.views.board))}; {used} of {width} x {height} px; lens model {escape(diagnosis.model)};
 stereolib {__version__}</p>
 <h2>Checked</h2>
-{_grid(("", "measured", "good up to", "usable up to"), checked(diagnosis))}
+{_grid(("", "measured", "good up to", "usable up to"), check_rows(diagnosis))}
 <h2>Result</h2>
 <p>± is one standard deviation.</p>
-{_table([*parameters(diagnosis), *meaning(diagnosis)])}
+{_table([*parameter_rows(diagnosis), *meaning_rows(diagnosis)])}
 {pictures}
 <h2>Pairs</h2>
 <p>Used: {escape(", ".join(diagnosis.pairs_used))}.</p>
@@ -146,7 +144,7 @@ def _tilts(diagnosis: Diagnosis) -> tuple[Array, Array, Array]:
     for corners in views.left_px.astype(float):
         seen = np.isfinite(corners).all(axis=1)
         points = views.board.points_mm[seen].astype(float)
-        turn, shift = pose(points, corners[seen], lens)
+        turn, shift = board_pose(points, corners[seen], lens)
         R = cv2.Rodrigues(turn)[0]
         x, y, z = R[:, 2] * np.sign(R[2, 2])
         found.append((np.degrees(np.arctan2(x, z)), np.degrees(np.arctan2(y, z)), (R @ points.mean(axis=0) + shift)[2]))
@@ -221,7 +219,7 @@ def _uncertainty(diagnosis: Diagnosis) -> list[bytes]:
 def _unseen(diagnosis: Diagnosis) -> list[Array]:
     """Cells of the left and the right image that no board covered, bool."""
     views = diagnosis.views
-    return [covered(corners, views.size) == 0 for corners in (views.left_px, views.right_px)]
+    return [boards_per_cell(corners, views.size) == 0 for corners in (views.left_px, views.right_px)]
 
 
 def _largest_seen(values: Array, hidden: Array) -> float:

@@ -6,8 +6,7 @@ import cv2
 import numpy as np
 
 from stereolib import laser
-from stereolib.calibration import BoardView, Checkerboard, board_view
-from stereolib.calibration import pose as pose_of
+from stereolib.calibration import Checkerboard, LaserBoardView, board_pose, find_board_in_scan
 from stereolib.rig import Camera, rigid
 from stereolib.virtual.lidar import VirtualLidar
 from stereolib.virtual.scene import Scene, board, room
@@ -32,7 +31,7 @@ def laser_board_views(
     *,
     believed_left: Camera | None = None,
     height_mm: float = 180.0,
-) -> list[BoardView]:
+) -> list[LaserBoardView]:
     """Ten poses of a board, as the camera and the laser see them.
 
     Parameters
@@ -59,10 +58,10 @@ def laser_board_views(
         T = T_left_world @ T_world_board
         pixels = true_left.project(points @ T[:3, :3].T + T[:3, 3])
         pixels = pixels + rng.normal(0, _CORNER_PX, pixels.shape)
-        turn, t = pose_of(points, pixels, believed)
+        turn, t = board_pose(points, pixels, believed)
         scene = board_scene(pose, height_mm)
         scan = laser.average(laser.turns(laser.decode(sensor.scan(scene, laser_pose, rng, turns=5))))
-        found.append(board_view(scan, rigid(cv2.Rodrigues(turn)[0], t), diagonal_mm=diagonal_mm))
+        found.append(find_board_in_scan(scan, rigid(cv2.Rodrigues(turn)[0], t), diagonal_mm=diagonal_mm))
     return found
 
 

@@ -115,7 +115,7 @@ def test_bad_files_are_listed_together(files):
         find_in_files(*files, BOARD, progress=False)
     text = str(caught.value)
     assert all(
-        part in text for part in ("left/02.jpg: not a", "right/03.jpg: the JPEG is cut", "right/01.jpg: No such")
+        part in text for part in ("left/02.jpg: not a", "right/03.jpg: the JPEG is cut", "right/01.jpg: no such")
     )
 
 

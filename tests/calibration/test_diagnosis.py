@@ -11,8 +11,8 @@ from support.corners import corner_set, draw_rig
 from support.faults import bad_sets
 
 from stereolib.base import datasets
-from stereolib.calibration import Checkerboard, bundle_adjustment, covered, diagnose, find_in_pairs
-from stereolib.calibration.coverage import measure
+from stereolib.calibration import Checkerboard, boards_per_cell, bundle_adjustment, diagnose, find_in_pairs
+from stereolib.calibration.coverage import judge_coverage
 from stereolib.paper import paper_rig
 from stereolib.rig import read_pair
 from stereolib.virtual import recordings
@@ -51,7 +51,7 @@ def test_what_a_bad_pair_would_have_done():
     """Left in, three pairs whose boards moved spoil the baseline; refused, they do not."""
     bad = fault("three pairs whose boards moved")
     true = paper_rig().baseline_mm
-    spoilt = bundle_adjustment.fit(bad.views, paper_rig()).rig.baseline_mm
+    spoilt = bundle_adjustment.fit_rig(bad.views, paper_rig()).rig.baseline_mm
     assert abs(diagnose(bad.views).rig.baseline_mm - true) < 0.05 < abs(spoilt - true)
 
 
@@ -176,7 +176,7 @@ def test_refuses_a_senseless_ruler(ruler):
 
 def test_coverage_counts_boards_over_cells():
     square = np.array([[[100, 100], [300, 100], [300, 200], [100, 200]]], float)
-    count = covered(np.concatenate([square, square]), (640, 480))
+    count = boards_per_cell(np.concatenate([square, square]), (640, 480))
     assert count.shape == (24, 32)
     assert set(np.unique(count)) == {0, 2}
     assert (count > 0).sum() * 400 == pytest.approx(200 * 100, rel=0.02)
@@ -186,8 +186,8 @@ def test_coverage_counts_boards_over_cells():
 def test_coverage_names_a_third_that_one_camera_never_saw():
     wide = corner_set(np.random.default_rng(0), pairs=60)
     some = wide.only(np.flatnonzero(wide.right_px[..., 0].max(axis=1) < 424).tolist())
-    fitted = bundle_adjustment.fit(some, paper_rig())
-    found = measure(some, fitted.turns, fitted.shifts)
+    fitted = bundle_adjustment.fit_rig(some, paper_rig())
+    found = judge_coverage(some, fitted.turns, fitted.shifts)
     assert found.missing == ("no views in the right third of the right image",)
     assert str(found).endswith(found.missing[0])
 
@@ -195,8 +195,8 @@ def test_coverage_names_a_third_that_one_camera_never_saw():
 def test_coverage_of_a_wide_set_is_high():
     rng = np.random.default_rng(0)
     rig = draw_rig(rng)
-    fitted = bundle_adjustment.fit(views := corner_set(rng, rig=rig), rig)
-    found = measure(views, fitted.turns, fitted.shifts)
+    fitted = bundle_adjustment.fit_rig(views := corner_set(rng, rig=rig), rig)
+    found = judge_coverage(views, fitted.turns, fitted.shifts)
     assert found.missing == ()
     assert found.distance == found.tilt == 1.0
     assert 0.7 < found.score <= 1

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from support.corners import corner_set
 
-from stereolib.calibration import bundle_adjustment, rectified_std, rig_covariance
+from stereolib.calibration import fit_rig, rectified_std, rig_covariance
 from stereolib.matching import SGBMParams, compute_disparity
 from stereolib.measurement import (
     CannotMeasure,
@@ -239,7 +239,7 @@ def test_a_calibration_s_errors_are_those_of_other_calibrations():
     left, right = recordings.load_pair("conditions/level")
     heights, stated = [], []
     for k in range(8):
-        fitted = bundle_adjustment.fit(corner_set(np.random.default_rng([k, 5]), rig=RECT.rig), RECT.rig)
+        fitted = fit_rig(corner_set(np.random.default_rng([k, 5]), rig=RECT.rig), RECT.rig)
         rectified = fitted.rig.rectify(0.0)
         pair = rectified.rectify(left, right)
         how = Uncertainty(**rectified_std(rectified, rig_covariance(fitted)))

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from stereolib import paper
-from stereolib.mapping import disturbed, refine_poses
+from stereolib.mapping import disturb_poses, refine_poses
 from stereolib.matching import SGBMParams, compute_disparity, repair, score
 from stereolib.paper import HeightResult, height_by_maximum, height_of_top
 from stereolib.rig import Camera, StereoRig, rigid
@@ -264,7 +264,7 @@ def draw_matching(off_mm: int, off_deg: float, chance: int) -> tuple[Array, str]
     from stereolib.plotting import panels, picture_of, plot_scans
 
     stations = _walk_map()[0].stations
-    start = disturbed(stations, np.random.default_rng(chance), off_mm, np.radians(off_deg))
+    start = disturb_poses(stations, np.random.default_rng(chance), off_mm, np.radians(off_deg))
     match = refine_poses(start)
     figure, axes = panels(2, width_in=11, aspect=0.85)
     plot_scans(start, axes[0], f"poses off by up to {off_mm} mm and {off_deg:g} degrees")
@@ -278,14 +278,16 @@ def draw_matching(off_mm: int, off_deg: float, chance: int) -> tuple[Array, str]
 @lru_cache(maxsize=1)
 def _walk_map() -> tuple[Map, list[Solid], Cloud]:
     """The map of the recorded walk at its known poses, its solids and its points."""
-    from stereolib.mapping import Station, cloud, joined, merge, solids
+    from stereolib.mapping import Station, colored_cloud, join_clouds, map_solids, merge_stations
     from stereolib.virtual import measure_walk, walk
 
     measured = measure_walk()
     stations = [Station.of(each, walk.POSES[name]) for name, each in measured.items()]
-    clouds = [cloud(m.disparity_px, m.left, m.floor, pose=walk.POSES[n], max_mm=1600.0) for n, m in measured.items()]
-    found = merge(stations, rng=np.random.default_rng(8))
-    return found, solids(found), joined(clouds)
+    clouds = [
+        colored_cloud(m.disparity_px, m.left, m.floor, pose=walk.POSES[n], max_mm=1600.0) for n, m in measured.items()
+    ]
+    found = merge_stations(stations, rng=np.random.default_rng(8))
+    return found, map_solids(found), join_clouds(clouds)
 
 
 @lru_cache(maxsize=4)

@@ -144,8 +144,8 @@ def lens_vector(camera: Camera) -> Float64:
 
     Examples
     --------
-    >>> lens_vector(Camera([[700, 0, 320], [0, 710, 240], [0, 0, 1]], [0.1], (640, 480)))
-    array([7.0e+02, 7.1e+02, 3.2e+02, 2.4e+02, 1.0e-01])
+    >>> lens_vector(Camera([[700, 0, 320], [0, 710, 240], [0, 0, 1]], [], (640, 480)))
+    array([700., 710., 320., 240.])
     """
     return np.concatenate([camera.K[[0, 1, 0, 1], [0, 1, 2, 2]], camera.dist])
 
@@ -354,7 +354,7 @@ def board_pose(board_mm: Floats, corners_px: Floats, camera: Camera) -> tuple[Fl
     >>> camera = Camera([[700, 0, 320], [0, 700, 240], [0, 0, 1]], [], (640, 480))
     >>> board = np.array([[0.0, 0, 0], [80, 0, 0], [0, 50, 0], [80, 50, 0], [40, 20, 0]])
     >>> turn, shift = board_pose(board, camera.project(board + [-30, 10, 600]), camera)
-    >>> abs(turn).max() < 1e-9, shift.round(6)
+    >>> bool(abs(turn).max() < 1e-9), shift.round(6)
     (True, array([-30.,  10., 600.]))
     """
     points, corners = np.asarray(board_mm, float), np.asarray(corners_px, float)

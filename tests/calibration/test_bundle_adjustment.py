@@ -118,3 +118,31 @@ def test_pose_of_a_board_is_the_minimum_to_rounding(views, rig):
     assert np.abs(slope).max() < 1e-9  # px
     shaken = corners * (1 + 1e-15 * rng.standard_normal(corners.shape))
     np.testing.assert_allclose(bundle_adjustment.board_pose(board, shaken, rig.left)[1], shift, rtol=0, atol=1e-9)
+
+
+def test_a_pose_is_refined_to_rounding_from_where_opencv_stops(views, rig):
+    for corners in views.left_px[:3].astype(float):
+        turn, shift = bundle_adjustment.board_pose(views.board.points_mm, corners, rig.left)
+        points = views.board.points_mm @ cv2.Rodrigues(turn)[0].T + shift
+        pixels, J = cv2.projectPoints(views.board.points_mm.astype(float), turn, shift, rig.left.K, rig.left.dist)
+        step = np.linalg.lstsq(J[:, :6], (corners - pixels[:, 0]).ravel(), rcond=None)[0]
+        assert np.abs(step[:3]).max() < 1e-12 and np.abs(step[3:]).max() < 1e-9
+        np.testing.assert_allclose(pixels[:, 0], rig.left.project(points), atol=1e-8)
+
+
+@pytest.mark.parametrize("off", [0.3, 3.0, 30.0])
+def test_a_pose_that_steps_would_make_worse_stays_where_opencv_found_it(views, rig, monkeypatch, off):
+    """A start from which Gauss-Newton diverges, or one beside which it finds nothing better."""
+    board, corners = views.board.points_mm.astype(float), views.left_px[0].astype(float)
+    _, turn, shift = cv2.solvePnP(board, corners, rig.left.K, rig.left.dist)
+    start = turn + off * np.array([[0.4], [1.0], [-0.6]]), shift * [[1.0], [1.0], [0.3]]
+
+    def rms(turn, shift):
+        pixels = cv2.projectPoints(board, np.asarray(turn), np.asarray(shift), rig.left.K, rig.left.dist)[0]
+        return np.sqrt(np.mean((corners - pixels[:, 0]) ** 2))
+
+    monkeypatch.setattr(bundle_adjustment.cv2, "solvePnP", lambda *_: (True, *start))
+    ended = bundle_adjustment.board_pose(board, corners, rig.left)
+    assert np.isfinite(ended).all() and rms(*ended) <= rms(*start) * (1 + 1e-6)
+    again = bundle_adjustment.board_pose(board, corners, rig.left)
+    np.testing.assert_array_equal(ended, again)

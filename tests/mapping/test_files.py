@@ -12,15 +12,17 @@ import yaml
 from support import walks
 
 from stereolib.mapping import (
+    COLORS,
     FREE,
     OCCUPIED,
     Cloud,
+    Solid,
     Station,
     colored_cloud,
-    files,
     map_solids,
     merge_stations,
     occupancy_grid,
+    shapes,
     view_map,
     write_cloud,
     write_grid,
@@ -71,7 +73,7 @@ def test_ply_is_one_mesh_in_metres_with_z_up(found, tmp_path):
     assert mesh.bounds[:, 2] == pytest.approx([0, 0.7], abs=1e-6)
     (x0, x1), (y0, y1) = walk.ROOM_MM
     assert mesh.bounds[:, :2] * 1000 == pytest.approx(np.array([[x0, y0], [x1, y1]]), abs=30)
-    assert {tuple(c) for c in mesh.visual.vertex_colors[:, :3].tolist()} == {*files.COLORS[:5], files.WALL_RGB}
+    assert {tuple(c) for c in mesh.visual.vertex_colors[:, :3].tolist()} == {*COLORS[:5], shapes.WALL_RGB}
 
 
 def test_what_is_not_known_is_drawn_thin(tmp_path):
@@ -250,8 +252,8 @@ def test_view_hides_what_lies_behind(found):
             ratio = np.stack([r, g, b], -1) / np.maximum(np.stack([r, g, b], -1).sum(-1, keepdims=True), 1)
             assert (np.abs(ratio - wanted / wanted.sum()).max(-1) < 0.08).sum() > 60, solid.name
     near, far = (
-        files.Solid("near", walks.corners((300, 300), np.array([0.0, 0]), 0.0), 300.0, (255, 0, 0)),
-        (files.Solid("far", walks.corners((100, 100), np.array([600.0, 0]), 0.0), 100.0, (0, 0, 255))),
+        Solid("near", walks.corners((300, 300), np.array([0.0, 0]), 0.0), 300.0, (255, 0, 0)),
+        (Solid("far", walks.corners((100, 100), np.array([600.0, 0]), 0.0), 100.0, (0, 0, 255))),
     )
     for order in ([near, far], [far, near]):
         picture = view_map(found, order, azimuth_deg=0.0, elevation_deg=5.0).astype(int)

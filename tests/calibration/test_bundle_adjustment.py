@@ -130,19 +130,18 @@ def test_a_pose_is_refined_to_rounding_from_where_opencv_stops(views, rig):
         np.testing.assert_allclose(pixels[:, 0], rig.left.project(points), atol=1e-8)
 
 
-@pytest.mark.parametrize("off", [0.3, 3.0, 30.0])
-def test_a_pose_that_steps_would_make_worse_stays_where_opencv_found_it(views, rig, monkeypatch, off):
-    """A start from which Gauss-Newton diverges, or one beside which it finds nothing better."""
+@pytest.mark.parametrize("seed", [13, 21, 22, 30])
+def test_a_pose_stays_where_opencv_found_it_if_steps_lead_away(views, rig, monkeypatch, seed):
+    """Starts from which six Gauss-Newton steps end at an rms 4 % to thirty times larger."""
     board, corners = views.board.points_mm.astype(float), views.left_px[0].astype(float)
     _, turn, shift = cv2.solvePnP(board, corners, rig.left.K, rig.left.dist)
-    start = turn + off * np.array([[0.4], [1.0], [-0.6]]), shift * [[1.0], [1.0], [0.3]]
+    rng = np.random.default_rng(seed)
+    start = turn + rng.normal(0, 1.0, (3, 1)), shift * rng.uniform(0.2, 1.5, (3, 1))
+    monkeypatch.setattr(bundle_adjustment.cv2, "solvePnP", lambda *_: (True, *start))
 
     def rms(turn, shift):
-        pixels = cv2.projectPoints(board, np.asarray(turn), np.asarray(shift), rig.left.K, rig.left.dist)[0]
+        pixels = cv2.projectPoints(board, turn, shift, rig.left.K, rig.left.dist)[0]
         return np.sqrt(np.mean((corners - pixels[:, 0]) ** 2))
 
-    monkeypatch.setattr(bundle_adjustment.cv2, "solvePnP", lambda *_: (True, *start))
     ended = bundle_adjustment.board_pose(board, corners, rig.left)
-    assert np.isfinite(ended).all() and rms(*ended) <= rms(*start) * (1 + 1e-6)
-    again = bundle_adjustment.board_pose(board, corners, rig.left)
-    np.testing.assert_array_equal(ended, again)
+    assert rms(*ended) <= rms(*start) * (1 + 1e-6)

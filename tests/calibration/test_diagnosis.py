@@ -1,4 +1,4 @@
-"""Good sets are called good, real ones usable, and what a diagnosis says of them is so."""
+"""Good sets are called good, and what a diagnosis says of them is so."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from support.corners import corner_set, draw_rig
 
-from stereolib.calibration import Checkerboard, diagnose
+from stereolib.calibration import diagnose
 from stereolib.paper import paper_rig
 from stereolib.virtual import recordings
 
@@ -49,19 +49,6 @@ def test_residuals_are_found_minus_predicted(recorded):
     _, turn, shift = cv2.solvePnP(views.board.points_mm, predicted, recorded.rig.left.K, recorded.rig.left.dist)
     again = cv2.projectPoints(views.board.points_mm, turn, shift, recorded.rig.left.K, recorded.rig.left.dist)[0]
     np.testing.assert_allclose(again[:, 0], predicted, atol=0.01)  # the predicted corners are a board's, exactly
-
-
-def test_real_webcams(minoru_views):
-    """The promises: rms at most 0.262 px with all 30 pairs, squares of boards left out within 0.5 %."""
-    found = diagnose(minoru_views)
-    assert len(found.views) == 30
-    assert found.rms_px <= 0.262
-    assert found.square_error_pct <= 0.5
-    assert found.verdict == "usable"
-    assert any("1.4 % higher than they are wide" in warning for warning in found.warnings)
-    mended = diagnose(replace(minoru_views, board=Checkerboard(8, 6, 30.0, 1.0142)))
-    assert mended.rms_px < 0.65 * found.rms_px
-    assert mended.square_error_pct < 0.7 * found.square_error_pct
 
 
 def test_a_lens_too_short_is_named_with_the_one_to_use(recorded):

@@ -235,9 +235,9 @@ def test_eye_sees_as_a_pinhole():
     assert pixels[1] == pytest.approx([450 - eye.f_px * 0.05, 300], abs=0.1)  # left of the axis is left
     assert pixels[2] == pytest.approx([450, 300 - eye.f_px * 0.05], abs=0.1)
     points = np.random.default_rng(0).uniform(-900, 900, (50, 3))
-    eye.fit(points, (900, 600), 20.0)
+    eye.fill(points, (900, 600))
     pixels = eye.project(points)[0]
-    assert pixels.min() == pytest.approx(20, abs=1e-6) and (pixels <= [880, 580]).all()
+    assert pixels.min() == pytest.approx(16, abs=1e-6) and (pixels <= [880, 580]).all()
 
 
 def test_view_hides_what_lies_behind(found):

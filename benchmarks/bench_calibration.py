@@ -16,16 +16,16 @@ from support.faults import bad_sets
 
 from stereolib.base import datasets
 from stereolib.calibration import (
-    INTERVAL,
+    INTERVAL_STDS,
     BoardViews,
     Checkerboard,
-    bundle_adjustment,
     calibrate_stereo,
     compare_calibrations,
     diagnose,
     find_in_pairs,
-    parameter_names,
     rig_covariance,
+    rig_difference,
+    rig_parameter_names,
 )
 from stereolib.paper import paper_rig
 from stereolib.rig import StereoRig, read_pair, rigid, to_grey
@@ -47,14 +47,16 @@ def held() -> dict[str, Any]:
         rig = draw_rig(rng)
         views = corner_set(rng, rig=rig)
         fit = calibrate_stereo(views).fit
-        off = np.abs(bundle_adjustment.vector(fit.rig, rig))
-        inside.append([off < INTERVAL * np.sqrt(np.diag(rig_covariance(fit, method=m))) for m in ("auto", "corners")])
+        off = np.abs(rig_difference(fit.rig, rig))
+        inside.append(
+            [off < INTERVAL_STDS * np.sqrt(np.diag(rig_covariance(fit, method=m))) for m in ("auto", "corners")]
+        )
         if k < DRAWS:
             found = diagnose(views)
             verdicts.append(found.verdict)
             sizes.append(found.square_error_pct)
     result: dict[str, Any] = {}
-    names = np.array([name.split()[-1] if name[0] not in "RT" else name[0] for name in parameter_names(fit.rig)])
+    names = np.array([name.split()[-1] if name[0] not in "RT" else name[0] for name in rig_parameter_names(fit.rig)])
     for draws in (DRAWS, MORE_DRAWS):
         share = 100 * np.mean(inside[:draws], axis=0)
         kinds = {kind: round(float(share[0, names == kind].mean()), 1) for kind in dict.fromkeys(names.tolist())}

@@ -15,6 +15,11 @@ import cv2
 import pytest
 from hypothesis import settings
 
+from stereolib.base import datasets
+from stereolib.calibration import BoardViews, Checkerboard, find_in_pairs
+from stereolib.rig import read_pair
+from stereolib.virtual import recordings
+
 settings.register_profile("repeatable", derandomize=True, deadline=None, database=None)
 settings.load_profile("repeatable")
 
@@ -59,3 +64,21 @@ def figures_in_temporary_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     folder = tmp_path / "figures"
     monkeypatch.setenv("STEREOLIB_FIGURES", str(folder))
     return folder
+
+
+@pytest.fixture(scope="session")
+def recorded_views() -> BoardViews:
+    """The committed boards, found."""
+    pairs, names = recordings.load_boards()
+    return find_in_pairs(pairs, recordings.BOARD, names, progress=False)
+
+
+@pytest.fixture(scope="session")
+def minoru_views() -> BoardViews:
+    """The boards of a real webcam pair, found; without them and without a network: skipped."""
+    try:
+        left, right = (datasets.real_recordings(f"minoru3d/{side}") for side in ("left", "right"))
+    except datasets.NotAvailable as error:
+        pytest.skip(str(error))
+    pairs = [read_pair(*files) for files in zip(left, right, strict=True)]
+    return find_in_pairs(pairs, Checkerboard(8, 6, 30.0), [file.name for file in left], progress=False)

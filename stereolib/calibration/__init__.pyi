@@ -1,12 +1,13 @@
-from .board_size import SizeErrors, leave_one_out, size_error, triangulate
+from .board_size import board_size_error_pct, triangulate
 from .boards import Board, BoardViews, Charuco, Checkerboard, find_board, find_charuco, find_checkerboard, find_in_pairs
-from .bundle_adjustment import pose, vector
-from .coverage import Coverage, covered
+from .bundle_adjustment import RigFit, board_pose, fit_rig, rig_difference
+from .coverage import Coverage, boards_per_cell
 from .detection import find_in_files
 from .diagnosis import Check, Diagnosis, diagnose
-from .laser_pose import BoardView, LidarCamera, board_view, calibrate_lidar_to_camera, views_from_files
-from .lens_model import HoldOut, choose, folds, hold_out
-from .outliers import sort_pairs
+from .laser_boards import LaserBoardView, find_board_in_scan, find_laser_boards_in_files
+from .laser_pose import LidarCamera, calibrate_lidar_to_camera
+from .lens_fold import LensFold, fold_inside
+from .lens_model import HoldOut, choose_lens_model, hold_out_errors, hold_out_splits
 from .solve import (
     LENS_MODELS,
     CameraCalibration,
@@ -16,28 +17,34 @@ from .solve import (
     epipolar_errors_px,
 )
 from .uncertainty import (
-    INTERVAL,
+    INTERVAL_STDS,
     Agreement,
     ErrorMap,
     RigStd,
-    bootstrap_covariance,
     compare_calibrations,
     error_map,
-    parameter_names,
+    interval_table,
     rectified_std,
     rig_covariance,
+    rig_parameter_names,
     rig_std,
-    table,
 )
-from .wording import MEANS, board_text, checked, facts, meaning, parameters, refused, remarks, summary
+from .wording import (
+    VERDICT_MEANINGS,
+    board_text,
+    calibration_facts,
+    calibration_text,
+    check_rows,
+    meaning_rows,
+    parameter_rows,
+)
 
 __all__ = [
-    "INTERVAL",
+    "INTERVAL_STDS",
     "LENS_MODELS",
-    "MEANS",
+    "VERDICT_MEANINGS",
     "Agreement",
     "Board",
-    "BoardView",
     "BoardViews",
     "CameraCalibration",
     "Charuco",
@@ -47,46 +54,45 @@ __all__ = [
     "Diagnosis",
     "ErrorMap",
     "HoldOut",
+    "LaserBoardView",
+    "LensFold",
     "LidarCamera",
+    "RigFit",
     "RigStd",
-    "SizeErrors",
     "StereoCalibration",
+    "board_pose",
+    "board_size_error_pct",
     "board_text",
-    "board_view",
-    "bootstrap_covariance",
+    "boards_per_cell",
     "calibrate_camera",
     "calibrate_lidar_to_camera",
     "calibrate_stereo",
-    "checked",
-    "choose",
+    "calibration_facts",
+    "calibration_text",
+    "check_rows",
+    "choose_lens_model",
     "compare_calibrations",
-    "covered",
     "diagnose",
     "epipolar_errors_px",
     "error_map",
-    "facts",
     "find_board",
+    "find_board_in_scan",
     "find_charuco",
     "find_checkerboard",
     "find_in_files",
     "find_in_pairs",
-    "folds",
-    "hold_out",
-    "leave_one_out",
-    "meaning",
-    "parameter_names",
-    "parameters",
-    "pose",
+    "find_laser_boards_in_files",
+    "fit_rig",
+    "fold_inside",
+    "hold_out_errors",
+    "hold_out_splits",
+    "interval_table",
+    "meaning_rows",
+    "parameter_rows",
     "rectified_std",
-    "refused",
-    "remarks",
     "rig_covariance",
+    "rig_difference",
+    "rig_parameter_names",
     "rig_std",
-    "size_error",
-    "sort_pairs",
-    "summary",
-    "table",
     "triangulate",
-    "vector",
-    "views_from_files",
 ]

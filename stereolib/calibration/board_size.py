@@ -1,4 +1,4 @@
-"""Calibrations in millimetres: boards that a rig has never seen, triangulated and held against their true size."""
+"""Calibrations judged in millimetres: boards that a rig has never seen, triangulated and held against their size."""
 
 from __future__ import annotations
 
@@ -6,22 +6,26 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stereolib.base import Float64, Floats
 from stereolib.calibration.boards import Board, BoardViews
-from stereolib.calibration.bundle_adjustment import Fit, moved
+from stereolib.calibration.bundle_adjustment import RigFit, moved_rig
 from stereolib.rig import StereoRig
-
-Array = np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
 class SizeErrors:
-    """Triangulated boards against the true one, per pair (n,), in per cent; NaN where too few corners were found.
+    """Sizes of triangulated boards against the true one, per pair; NaN where too few corners were found.
 
-    ``square_pct``: edges of the squares, both ways; ``board_pct``: the length over all along the longer side.
+    Attributes
+    ----------
+    square_pct : (n,) float64, %
+        Edges of the squares, both ways.
+    board_pct : (n,) float64, %
+        The length over all along the longer side.
     """
 
-    square_pct: Array
-    board_pct: Array
+    square_pct: Float64
+    board_pct: Float64
 
     @property
     def square_error_pct(self) -> float:
@@ -30,25 +34,35 @@ class SizeErrors:
 
     @property
     def board_error_pct(self) -> float:
-        """The same of the board's longer side."""
+        """Mean over the pairs of the amount by which the board's longer side is wrong, whatever its sign."""
         return float(np.nanmean(np.abs(self.board_pct)))
 
 
-def triangulate(rig: StereoRig, left_px: Array, right_px: Array) -> Array:
-    """Points seen at these pixels of the original, distorted images.
+def triangulate(rig: StereoRig, left_px: Floats, right_px: Floats) -> Float64:
+    """Triangulate points from their pixels in the original, distorted images.
 
     Parameters
     ----------
+    rig : StereoRig
     left_px, right_px : (N, 2) arrays, px
 
     Returns
     -------
-    (N, 3) float64, mm, in the left camera's frame; NaN where a pixel is
+    (N, 3) float64, mm
+        In the left camera's frame; NaN where a pixel is.
 
     Notes
     -----
-    With ``x = X/Z`` the ideal coordinates, least squares of ``X - x_l Z = 0``, ``Y - y_l Z = 0`` and the same of
-    ``R X + T`` for the right camera: four equations a point, whose errors are pixels times Z/f.
+    With ``x = X/Z`` the ideal coordinates, least squares of ``X - x_l Z = 0``, ``Y - y_l Z = 0`` and the same for
+    ``R X + T`` in the right camera: four equations a point, whose errors are pixels times Z/f.
+
+    Examples
+    --------
+    >>> from stereolib.rig import Camera
+    >>> camera = Camera([[700, 0, 320], [0, 700, 240], [0, 0, 1]], [], (640, 480))
+    >>> rig = StereoRig(camera, camera, np.eye(3), [-90.0, 0, 0])
+    >>> triangulate(rig, np.array([[390.0, 240.0]]), np.array([[320.0, 240.0]])).round(6)
+    array([[ 90.,   0., 900.]])
     """
     left, right = rig.left.rays(left_px), rig.right.rays(right_px)
     A, b = np.zeros((len(left), 4, 3)), np.zeros((len(left), 4))
@@ -57,48 +71,71 @@ def triangulate(rig: StereoRig, left_px: Array, right_px: Array) -> Array:
     A[:, 2:] = rig.R[:2] - right[:, :2, None] * rig.R[2]
     b[:, 2:] = right[:, :2] * rig.T[2] - rig.T[:2]
     AT = A.transpose(0, 2, 1)
-    return np.linalg.solve(AT @ A, AT @ b[..., None])[..., 0]
+    return np.asarray(np.linalg.solve(AT @ A, AT @ b[..., None])[..., 0])
 
 
-def leave_one_out(views: BoardViews, fitted: Fit) -> SizeErrors:
-    """Size errors of every pair by a rig calibrated without it (`bundle.Fit.without_each`)."""
+def left_out_size_errors(views: BoardViews, fitted: RigFit) -> SizeErrors:
+    """Measure every pair's board by a rig calibrated without it (`RigFit.without_each`).
+
+    Parameters
+    ----------
+    views : BoardViews
+    fitted : RigFit
+        Of these views.
+
+    Returns
+    -------
+    SizeErrors
+    """
     errors = []
     for k, step in enumerate(fitted.without_each()):
         try:
-            points = triangulate(moved(fitted.rig, step), views.left_px[k], views.right_px[k])
-            errors.append(size_error(points, views.board))
+            points = triangulate(moved_rig(fitted.rig, step), views.left_px[k], views.right_px[k])
+            errors.append(board_size_error_pct(points, views.board))
         except ValueError:  # without this pair the rest does not hold a camera
             errors.append((np.nan, np.nan))
     return SizeErrors(*np.array(errors).T)
 
 
-def size_error(points_mm: Array, board: Board) -> tuple[float, float]:
-    """Edge of the squares and length of the longer side of a triangulated board, per cent off the truth.
+def board_size_error_pct(points_mm: Floats, board: Board) -> tuple[float, float]:
+    """Tell by how much a triangulated board is larger than the true one.
 
     Parameters
     ----------
-    points_mm : (corners, 3), NaN where not known
+    points_mm : (corners, 3) array
+        NaN where not known.
+    board : Checkerboard or Charuco
+
+    Returns
+    -------
+    square_pct, board_pct : float, %
+        Of the squares' edges, and of the length of the longer side.
 
     Notes
     -----
     Length of all rows and columns of corners over the true length of the same ones, each taken from its first to its
     last known corner: the mean of single edges would count their noise, which only ever lengthens, as size.
+
+    Examples
+    --------
+    >>> from stereolib.calibration import Checkerboard
+    >>> board = Checkerboard(9, 6, 25.0)
+    >>> [round(error, 3) for error in board_size_error_pct(1.01 * board.points_mm, board)]
+    [1.0, 1.0]
     """
     shape = board.rows, board.columns, 3
-    found, true = points_mm.reshape(shape), board.points_mm.astype(float).reshape(shape)
-    true = np.where(np.isfinite(found), true, np.nan)  # the same corners on both
-    rows, columns = ((_spans(a), _spans(b)) for a, b in ((found, true), (_turned(found), _turned(true))))
+    measured, true = points_mm.reshape(shape), board.points_mm.astype(float).reshape(shape)
+    true = np.where(np.isfinite(measured), true, np.nan)  # the same corners on both
+    rows, columns = (
+        (_spans(a), _spans(b)) for a, b in ((measured, true), (measured.swapaxes(0, 1), true.swapaxes(0, 1)))
+    )
     longer = rows if board.columns >= board.rows else columns
     both = rows[0] + columns[0], rows[1] + columns[1]
     square_pct, board_pct = (100 * (a / b - 1) if b else np.nan for a, b in (both, longer))
     return square_pct, board_pct
 
 
-def _turned(grid: Array) -> Array:
-    return grid.transpose(1, 0, 2)
-
-
-def _spans(grid: Array) -> float:
+def _spans(grid: Floats) -> float:
     """Sum over the rows of the distance between the first and the last known corner."""
     length = 0.0
     for row in grid:

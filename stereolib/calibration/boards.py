@@ -1,19 +1,22 @@
-"""Calibration boards: where their corners are, in the same order in both views."""
+"""Calibration boards, and where their corners are in pictures, in the same order in both views."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import cv2
 import numpy as np
 
+from stereolib.base import Float32, UInt8
 from stereolib.rig import check_pair, to_grey
 
-Array = np.ndarray
 #: Steps, and px: to the end, where one of 1e-3 px stops elsewhere on every processor; as fast, most corners take few.
 _CORNER_STOP = (100, 1e-7)
+_HALF_WINDOW_PX = (2, 15)  # of the refinement: less holds no gradient, more reaches over what a lens bends
+_LEAST_NUMBERED = 8  # corners of a ChArUco board: a pose has six unknowns, some are to spare
+_ASPECTS = (0.8, 1.25)  # printers stretch by a per cent, so that anything beyond is a slip
 
 
 @dataclass(frozen=True)
@@ -28,6 +31,12 @@ class Checkerboard:
         Edge of a square, the mean of both if a printer stretched them.
     aspect : float
         Height of a square over its width, 1 unless measured: printers stretch by a per cent.
+
+    Examples
+    --------
+    >>> Checkerboard(9, 6, 25.0).points_mm[:2]
+    array([[ 0.,  0.,  0.],
+           [25.,  0.,  0.]], dtype=float32)
     """
 
     columns: int
@@ -47,11 +56,11 @@ class Checkerboard:
             )
         if not (np.isfinite(self.square_mm) and self.square_mm > 0):
             raise ValueError(f"the square's edge must be a positive number of mm, got {self.square_mm}")
-        if not 0.8 < self.aspect < 1.25:
+        if not _ASPECTS[0] < self.aspect < _ASPECTS[1]:
             raise ValueError(f"a square's height over its width must be near 1, got {self.aspect}")
 
     @property
-    def points_mm(self) -> Array:
+    def points_mm(self) -> Float32:
         """Corners on the board, row by row from the upper left. (columns * rows, 3) float32, mm, z = 0."""
         width = 2 * self.square_mm / (1 + self.aspect)
         return _grid(self.columns, self.rows, width, width * self.aspect)
@@ -93,7 +102,7 @@ class Charuco:
             raise ValueError(f"unknown ArUco dictionary {self.dictionary!r}; one is called 5X5_100")
 
     @property
-    def points_mm(self) -> Array:
+    def points_mm(self) -> Float32:
         """Corners on the board, row by row from the upper left. (columns * rows, 3) float32, mm, z = 0."""
         return _grid(self.columns, self.rows, self.square_mm, self.square_mm)
 
@@ -114,14 +123,22 @@ Board = Checkerboard | Charuco
 class BoardViews:
     """Corners of all pairs in which both cameras saw the board.
 
-    ``left_px`` and ``right_px`` are (n, corners, 2) float32, NaN for corners that were not found (never on a
-    checkerboard); ``names`` are those pairs', ``missing`` the others'.
+    Attributes
+    ----------
+    board : Checkerboard or Charuco
+    size : (width, height), px
+    left_px, right_px : (n, corners, 2) float32, px
+        NaN for corners that were not found (never on a checkerboard).
+    names : tuple of str
+        Of those pairs.
+    missing : tuple of str
+        Names of the pairs in which a camera did not see the board.
     """
 
     board: Board
     size: tuple[int, int]
-    left_px: Array
-    right_px: Array
+    left_px: Float32
+    right_px: Float32
     names: tuple[str, ...]
     missing: tuple[str, ...]
 
@@ -129,14 +146,23 @@ class BoardViews:
         return len(self.names)
 
     def only(self, indices: Sequence[int]) -> BoardViews:
-        """The pairs of these indices."""
+        """Choose the pairs of these indices.
+
+        Parameters
+        ----------
+        indices : sequence of int
+
+        Returns
+        -------
+        BoardViews
+        """
         keep = list(indices)
         names = tuple(self.names[i] for i in keep)
-        return BoardViews(self.board, self.size, self.left_px[keep], self.right_px[keep], names, self.missing)
+        return replace(self, left_px=self.left_px[keep], right_px=self.right_px[keep], names=names)
 
 
-def find_checkerboard(image: Array, board: Checkerboard) -> Array | None:
-    """Corners of a checkerboard to sub-pixel.
+def find_checkerboard(image: UInt8, board: Checkerboard) -> Float32 | None:
+    """Find the corners of a checkerboard to sub-pixel.
 
     The sector-based detector goes first (Duda & Frese, BMVC 2018: robust to noise and blur), where it finds nothing
     the classic one. Both are refined on the grey-value gradient (Foerstner, `cv2.cornerSubPix`) in a window that
@@ -146,6 +172,7 @@ def find_checkerboard(image: Array, board: Checkerboard) -> Array | None:
     Parameters
     ----------
     image : (H, W) or (H, W, 3) uint8
+    board : Checkerboard
 
     Returns
     -------
@@ -164,8 +191,13 @@ def find_checkerboard(image: Array, board: Checkerboard) -> Array | None:
     return _refined(grey, corners.reshape(-1, 2), board)
 
 
-def find_charuco(image: Array, board: Charuco) -> Array | None:
-    """Corners of a ChArUco board to sub-pixel, by their numbers, refined as those of a checkerboard.
+def find_charuco(image: UInt8, board: Charuco) -> Float32 | None:
+    """Find the corners of a ChArUco board to sub-pixel, by their numbers, refined as those of a checkerboard.
+
+    Parameters
+    ----------
+    image : (H, W) or (H, W, 3) uint8
+    board : Charuco
 
     Returns
     -------
@@ -175,25 +207,49 @@ def find_charuco(image: Array, board: Charuco) -> Array | None:
     """
     grey = to_grey(image)
     corners, ids, *_ = cv2.aruco.CharucoDetector(board.printed).detectBoard(grey)
-    found = np.full((board.columns * board.rows, 2), np.nan, np.float32)
-    if ids is None or len(ids) < 8:
+    if ids is None or len(ids) < _LEAST_NUMBERED:
         return None
-    found[ids.ravel()] = corners.reshape(-1, 2)
-    at = np.unravel_index(ids.ravel(), (board.rows, board.columns))
-    if min(len(np.unique(index)) for index in at) < 2:
+    row_column = np.unravel_index(ids.ravel(), (board.rows, board.columns))
+    if min(len(np.unique(index)) for index in row_column) < 2:
         return None
-    return _refined(grey, found, board)
+    all_corners = np.full((board.columns * board.rows, 2), np.nan, np.float32)
+    all_corners[ids.ravel()] = corners.reshape(-1, 2)
+    return _refined(grey, all_corners, board)
 
 
-def find_board(image: Array, board: Board) -> Array | None:
-    """`find_checkerboard` or `find_charuco`, as the board is."""
+def find_board(image: UInt8, board: Board) -> Float32 | None:
+    """Find a board's corners by `find_checkerboard` or `find_charuco`, as the board is.
+
+    Parameters
+    ----------
+    image : (H, W) or (H, W, 3) uint8
+    board : Checkerboard or Charuco
+
+    Returns
+    -------
+    (columns * rows, 2) float32, px, or None
+
+    Examples
+    --------
+    >>> find_board(np.full((240, 320), 128, np.uint8), Checkerboard(9, 6, 25.0)) is None
+    True
+    """
     return find_charuco(image, board) if isinstance(board, Charuco) else find_checkerboard(image, board)
 
 
-def match_order(left_px: Array, right_px: Array) -> Array:
-    """The right view's corners (N, 2), turned by 180 degrees if they run against the left view's.
+def match_order(left_px: Float32, right_px: Float32) -> Float32:
+    """Turn the right view's corners by 180 degrees if they run against the left view's.
 
     Numbered corners need no such care; where some are missing (NaN) nothing is turned.
+
+    Parameters
+    ----------
+    left_px, right_px : (N, 2) float32, px
+
+    Returns
+    -------
+    (N, 2) float32, px
+        The right view's.
     """
     if np.isnan(left_px[[0, -1]]).any() or np.isnan(right_px[[0, -1]]).any():
         return right_px
@@ -202,18 +258,23 @@ def match_order(left_px: Array, right_px: Array) -> Array:
 
 
 def find_in_pairs(
-    pairs: Iterable[tuple[Array, Array]],
-    board: Board,
-    names: Sequence[str] | None = None,
-    *,
-    progress: bool = True,
+    pairs: Iterable[tuple[UInt8, UInt8]], board: Board, names: Sequence[str] | None = None, *, progress: bool = True
 ) -> BoardViews:
     """Find the board in stereo pairs, two views at a time over all cores.
 
     Parameters
     ----------
-    pairs : iterable of (left, right) images
-    names : what to call the pairs in messages
+    pairs : iterable of (left, right)
+        Images, (H, W) or (H, W, 3) uint8.
+    board : Checkerboard or Charuco
+    names : sequence of str, optional
+        What to call the pairs in messages.
+    progress : bool
+        Show a bar.
+
+    Returns
+    -------
+    BoardViews
 
     Raises
     ------
@@ -233,13 +294,27 @@ def find_in_pairs(
             )
     images = [image for pair in pairs for image in pair]
     corners = list(over_cores(lambda image: find_board(image, board), images, "finding boards", progress=progress))
-    return paired(corners, board, names, pairs[0][0].shape[1::-1])
+    return pair_views(corners, board, names, pairs[0][0].shape[1::-1])
 
 
 def over_cores(task: Callable[[Any], Any], items: Sequence[Any], what: str, *, progress: bool) -> Iterator[Any]:
-    """Results of a task on every item, in order, by threads on all cores; OpenCV lets go of Python's lock.
+    """Run a task on every item, by threads on all cores; OpenCV lets go of Python's lock.
 
     OpenCV's own threads rest meanwhile: they and ours would stand in each other's way.
+
+    Parameters
+    ----------
+    task : callable
+    items : sequence
+    what : str
+        The bar's title.
+    progress : bool
+        Show a bar.
+
+    Yields
+    ------
+    object
+        The results in the order of the items.
     """
     from joblib import Parallel, cpu_count, delayed
     from tqdm.auto import tqdm
@@ -255,8 +330,23 @@ def over_cores(task: Callable[[Any], Any], items: Sequence[Any], what: str, *, p
         cv2.setNumThreads(threads)
 
 
-def paired(corners: Sequence[Array | None], board: Board, names: Sequence[str], size: tuple[int, int]) -> BoardViews:
-    """Views of the pairs in which both cameras saw the board, from left, right, left, right ...
+def pair_views(
+    corners: Sequence[Float32 | None], board: Board, names: Sequence[str], size: tuple[int, int]
+) -> BoardViews:
+    """Gather the pairs in which both cameras saw the board.
+
+    Parameters
+    ----------
+    corners : sequence of (N, 2) float32 or None
+        Of left, right, left, right, ... images.
+    board : Checkerboard or Charuco
+    names : sequence of str
+        Of all pairs.
+    size : (width, height), px
+
+    Returns
+    -------
+    BoardViews
 
     Raises
     ------
@@ -288,24 +378,25 @@ def paired(corners: Sequence[Array | None], board: Board, names: Sequence[str], 
     return BoardViews(board, size, left_px, right_px, tuple(names[i] for i in both), missing)
 
 
-def _grid(columns: int, rows: int, width_mm: float, height_mm: float) -> Array:
+def _grid(columns: int, rows: int, width_mm: float, height_mm: float) -> Float32:
     grid = np.zeros((columns * rows, 3), np.float32)
     grid[:, :2] = np.mgrid[:columns, :rows].T.reshape(-1, 2) * (width_mm, height_mm)
     return grid
 
 
-def _refined(grey: Array, corners_px: Array, board: Board) -> Array:
-    """Corners (N, 2) on the grey-value gradient.
+def _refined(grey: UInt8, corners_px: Float32, board: Board) -> Float32:
+    """Move corners (N, 2) onto the grey-value gradient.
 
-    The window reaches half of the shortest edge in pixels, 2 to 15, and no marker, whose edges would pull at it.
+    The window reaches half of the shortest edge in pixels, within `_HALF_WINDOW_PX`, and no marker,
+    whose edges would pull at it.
     """
     reach = (1 - board.marker_mm / board.square_mm) / 2 if isinstance(board, Charuco) else 0.5
     grid = corners_px.reshape(board.rows, board.columns, 2)
     edges = [np.linalg.norm(np.diff(grid, axis=axis), axis=2).ravel() for axis in (0, 1)]
-    half = int(np.clip(reach * np.nanmin(np.concatenate(edges)), 2, 15))
+    half = int(np.clip(reach * np.nanmin(np.concatenate(edges)), *_HALF_WINDOW_PX))
     criteria = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, *_CORNER_STOP)
-    seen = np.isfinite(corners_px).all(axis=1)
+    known = np.isfinite(corners_px).all(axis=1)
     refined = corners_px.astype(np.float32, copy=True)
-    window = refined[seen].reshape(-1, 1, 2)
-    refined[seen] = cv2.cornerSubPix(grey, window, (half, half), (-1, -1), criteria)[:, 0]
+    window = refined[known].reshape(-1, 1, 2)
+    refined[known] = cv2.cornerSubPix(grey, window, (half, half), (-1, -1), criteria)[:, 0]
     return refined

@@ -8,41 +8,53 @@ pairs (Triggs et al., Bundle adjustment: a modern synthesis, 2000, section 6).
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
 
+from stereolib.base import Bools, Float64, Floats
 from stereolib.calibration.boards import BoardViews
 from stereolib.rig import Camera, StereoRig
 
-Array = np.ndarray
-_DAMPING = 1e-3
+_DAMPING = 1e-3  # of the first Levenberg-Marquardt step, over the diagonal
+_MOST_DAMPING = 1e8  # steps that are damped so much and still gain nothing are at the minimum
+_LEAST_GAIN = 1e-9  # share of the sum of squares: a step that gains less is the last one
+_POSE_ROUNDS = 10  # steps of the boards' poses alone, which have six unknowns each and settle in three
 #: Gauss-Newton steps after `cv2.solvePnP`, which stops at 1e-7 rad: each gains two digits or more, six reach rounding.
 _POSE_STEPS = 6
+_POSE_WORSE = 1e-6  # of the sum of squares: far above rounding, so that every processor decides alike
+_POSE_SAME_PX2 = 1e-12  # sums of squares below are a perfect fit
+_UNHELD = 1e-13  # of the largest eigenvalue: directions below are held by nothing
+_LEAST_EIGENVALUE = 1e-14  # of the largest: bounds the covariance of directions that nothing holds
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
+class RigFit:
     """A rig, the boards' poses in the left camera, and the problem linearised there.
 
     Attributes
     ----------
-    turns (n, 3, 3), shifts (n, 3) mm : ``x_left = turn @ x_board + shift``
-    residuals_px : (n, 2, corners, 2), found minus predicted, left then right; 0 where `seen` is False
+    rig : StereoRig
+    turns, shifts : (n, 3, 3) and (n, 3) float64, mm
+        Poses of the boards: ``x_left = turn @ x_board + shift``.
+    residuals_px : (n, 2, corners, 2) float64
+        Found minus predicted, left then right; 0 where `seen` is False.
     seen : (n, 2, corners) bool
-    normal : (n, s, s), each pair's part of the normal matrix, its pose eliminated
-    gradient : (n, s), each pair's part of the right-hand side
+    normal : (n, s, s) float64
+        Each pair's part of the normal matrix, its pose eliminated.
+    gradient : (n, s) float64
+        Each pair's part of the right-hand side.
     """
 
     rig: StereoRig
-    turns: Array
-    shifts: Array
-    residuals_px: Array
-    seen: Array
-    normal: Array
-    gradient: Array
-    _poses: tuple[Array, Array, Array]
+    turns: Float64
+    shifts: Float64
+    residuals_px: Float64
+    seen: Bools
+    normal: Float64
+    gradient: Float64
+    _poses: tuple[Float64, Float64, Float64]
 
     @property
     def rms_px(self) -> float:
@@ -50,9 +62,9 @@ class Fit:
         return float(np.sqrt((self.residuals_px**2).sum() / self.seen.sum()))
 
     @property
-    def pair_rms_px(self) -> Array:
-        """The same of each pair and camera, (n, 2)."""
-        return np.sqrt((self.residuals_px**2).sum(axis=(2, 3)) / self.seen.sum(axis=2))
+    def pair_rms_px(self) -> Float64:
+        """Rms distance of found and predicted corners in each pair and camera. (n, 2)."""
+        return np.asarray(np.sqrt((self.residuals_px**2).sum(axis=(2, 3)) / self.seen.sum(axis=2)))
 
     @property
     def sigma_px(self) -> float:
@@ -60,16 +72,20 @@ class Fit:
         free = 2 * int(self.seen.sum()) - 6 * len(self.turns) - self.normal.shape[1]
         return float(np.sqrt((self.residuals_px**2).sum() / max(free, 1)))
 
-    def without_each(self) -> Array:
-        """How the shared parameters move when each pair in turn is left out. (n, s).
+    def without_each(self) -> Float64:
+        """How the shared parameters move when each pair in turn is left out.
 
         One Gauss-Newton step from the optimum, ``-(N - N_k)^-1 g_k``: exact to first order.
+
+        Returns
+        -------
+        (n, s) float64
         """
         rest = self.normal.sum(axis=0) - self.normal
         return np.array([_solve(N, -g) for N, g in zip(rest, self.gradient, strict=True)])
 
 
-def fit(views: BoardViews, rig: StereoRig, *, iterations: int = 30, free: bool = True) -> Fit:
+def fit_rig(views: BoardViews, rig: StereoRig, *, iterations: int = 30, free: bool = True) -> RigFit:
     """Fit a rig and the boards' poses to all corners, from a start that is near.
 
     Parameters
@@ -78,25 +94,31 @@ def fit(views: BoardViews, rig: StereoRig, *, iterations: int = 30, free: bool =
         Corners that were not found are NaN.
     rig : StereoRig
         Where to start; the number of its coefficients is that of the lens fitted.
+    iterations : int
+        Steps at most.
     free : bool
         False keeps the rig and poses the boards only, as for pairs that the rig has never seen.
+
+    Returns
+    -------
+    RigFit
 
     Notes
     -----
     Levenberg-Marquardt with the diagonal as the scale, until a step gains less than 1e-9 of the sum of squares.
     """
-    now = _linearise(views, rig, *_start(views, rig))
+    now = _linearise(views, rig, *board_poses(views.board.points_mm, views.left_px, rig.left))
     if not free:
         return _posed(views, now, iterations)
     damping = _DAMPING
     for _ in range(iterations):
         before = float((now.residuals_px**2).sum())
         gain = -1.0
-        while gain < 0 and damping < 1e8:
+        while gain < 0 and damping < _MOST_DAMPING:
             total = now.normal.sum(axis=0)
             step = _solve(total + damping * np.diag(np.diag(total)), now.gradient.sum(axis=0))
             try:
-                trial = _linearise(views, moved(now.rig, step), *_pose_step(now, step))
+                trial = _linearise(views, moved_rig(now.rig, step), *_pose_step(now, step))
                 gain = before - float((trial.residuals_px**2).sum())
             except ValueError:  # a step out of what a camera can be
                 gain = -1.0
@@ -104,13 +126,42 @@ def fit(views: BoardViews, rig: StereoRig, *, iterations: int = 30, free: bool =
         if gain < 0:
             break
         now = trial
-        if gain <= 1e-9 * before:
+        if gain <= _LEAST_GAIN * before:
             break
     return now
 
 
-def moved(rig: StereoRig, step: Array) -> StereoRig:
-    """A rig after a step (s,) of its shared parameters."""
+def lens_vector(camera: Camera) -> Float64:
+    """Write fx fy cx cy and the n coefficients of a camera in a row.
+
+    Parameters
+    ----------
+    camera : Camera
+
+    Returns
+    -------
+    (4 + n,) float64
+
+    Examples
+    --------
+    >>> lens_vector(Camera([[700, 0, 320], [0, 710, 240], [0, 0, 1]], [], (640, 480)))
+    array([700., 710., 320., 240.])
+    """
+    return np.concatenate([camera.K[[0, 1, 0, 1], [0, 1, 2, 2]], camera.dist])
+
+
+def moved_rig(rig: StereoRig, step: Float64) -> StereoRig:
+    """Move a rig by a step of its shared parameters; `rig_difference` undoes it.
+
+    Parameters
+    ----------
+    rig : StereoRig
+    step : (s,) float64
+
+    Returns
+    -------
+    StereoRig
+    """
     n = 4 + rig.left.dist.size
     cameras = []
     for camera, part in ((rig.left, step[:n]), (rig.right, step[n : 2 * n])):
@@ -120,56 +171,108 @@ def moved(rig: StereoRig, step: Array) -> StereoRig:
     return StereoRig(cameras[0], cameras[1], turn @ rig.R, rig.T + step[2 * n + 3 :])
 
 
-def vector(rig: StereoRig, reference: StereoRig) -> Array:
-    """The step (s,) that leads from one rig to another of the same lens model; undoes `moved`."""
-    parts = [
-        np.concatenate([a.K[[0, 1, 0, 1], [0, 1, 2, 2]] - b.K[[0, 1, 0, 1], [0, 1, 2, 2]], a.dist - b.dist])
-        for a, b in ((rig.left, reference.left), (rig.right, reference.right))
-    ]
-    return np.concatenate([*parts, cv2.Rodrigues(rig.R @ reference.R.T)[0].ravel(), rig.T - reference.T])
+def rig_difference(rig: StereoRig, reference: StereoRig) -> Float64:
+    """Tell by which step of the shared parameters one rig differs from another of the same lens model.
 
-
-def project(camera: Camera, points: Array) -> tuple[Array, Array, Array]:
-    """Pixels (..., 2) of points (..., 3) in the camera's frame, and derivatives.
+    Parameters
+    ----------
+    rig, reference : StereoRig
 
     Returns
     -------
-    pixels : (..., 2)
-    by_point : (..., 2, 3), px/mm
-    by_lens : (..., 2, 4 + n), by fx fy cx cy and the coefficients
+    (s,) float64
+        In the order of `rig_parameter_names`: px, coefficients, rad, mm. R's part are the turns about x, y and z that
+        lead from the reference's to the rig's.
+
+    Examples
+    --------
+    >>> left = Camera([[700, 0, 320], [0, 700, 240], [0, 0, 1]], [], (640, 480))
+    >>> one, other = (StereoRig(left, left, np.eye(3), [x, 0, 0]) for x in (-90.5, -93.0))
+    >>> rig_difference(one, other)[-3:]
+    array([2.5, 0. , 0. ])
+    """
+    lenses = [lens_vector(a) - lens_vector(b) for a, b in ((rig.left, reference.left), (rig.right, reference.right))]
+    return np.concatenate([*lenses, cv2.Rodrigues(rig.R @ reference.R.T)[0].ravel(), rig.T - reference.T])
+
+
+def with_coefficients(rig: StereoRig, count: int) -> StereoRig:
+    """Give both lenses of a rig another number of coefficients: further ones are zero, superfluous ones are cut.
+
+    Parameters
+    ----------
+    rig : StereoRig
+    count : int
+
+    Returns
+    -------
+    StereoRig
+    """
+    left, right = (Camera(c.K, np.pad(c.dist, (0, count))[:count], c.size) for c in (rig.left, rig.right))
+    return StereoRig(left, right, rig.R, rig.T)
+
+
+def project_with_derivatives(camera: Camera, points_mm: Float64) -> tuple[Float64, Float64, Float64]:
+    """Project points, with the derivatives of their pixels.
+
+    Parameters
+    ----------
+    camera : Camera
+    points_mm : (..., 3) float64
+        In the camera's frame.
+
+    Returns
+    -------
+    pixels : (..., 2) float64
+    by_point : (..., 2, 3) float64, px/mm
+    by_lens : (..., 2, 4 + n) float64
+        By fx fy cx cy and the coefficients.
     """
     dist = camera.dist if camera.dist.size else np.zeros(5)
-    none = np.zeros(3)
-    pixels, jacobian = cv2.projectPoints(points.reshape(-1, 1, 3), none, none, camera.K, dist)
-    jacobian = jacobian.reshape(*points.shape[:-1], 2, -1)
-    return pixels.reshape(*points.shape[:-1], 2), jacobian[..., 3:6], jacobian[..., 6 : 10 + camera.dist.size]
+    none, shape = np.zeros(3), points_mm.shape[:-1]
+    pixels, jacobian = cv2.projectPoints(points_mm.reshape(-1, 1, 3), none, none, camera.K, dist)
+    jacobian = jacobian.reshape(*shape, 2, -1)
+    return pixels.reshape(*shape, 2), jacobian[..., 3:6], jacobian[..., 6 : 10 + camera.dist.size]
 
 
-def crosses(vectors: Array) -> Array:
-    """``-skew(v)`` of vectors (..., 3): the derivative of ``w x v`` by w. (..., 3, 3)."""
+def turn_derivatives(vectors: Float64) -> Float64:
+    """Differentiate ``w x v`` by w, which is ``-skew(v)``.
+
+    Parameters
+    ----------
+    vectors : (..., 3) float64
+
+    Returns
+    -------
+    (..., 3, 3) float64
+
+    Examples
+    --------
+    >>> turn_derivatives(np.array([1.0, 2.0, 3.0]))[0]
+    array([ 0.,  3., -2.])
+    """
     x, y, z = np.moveaxis(vectors, -1, 0)
     o = np.zeros_like(x)
     return np.stack([o, z, -y, -z, o, x, y, -x, o], -1).reshape(*vectors.shape, 3)
 
 
-def _linearise(views: BoardViews, rig: StereoRig, turns: Array, shifts: Array) -> Fit:
+def _linearise(views: BoardViews, rig: StereoRig, turns: Float64, shifts: Float64) -> RigFit:
     board = views.board.points_mm.astype(float)
     turned = board @ turns.transpose(0, 2, 1)
     X = turned + shifts[:, None]
     RX = X @ rig.R.T
     n = 4 + rig.left.dist.size
-    found = np.stack([views.left_px, views.right_px], 1).astype(float)
-    seen = np.isfinite(found).all(axis=-1)
-    predicted_l, by_point_l, by_lens_l = project(rig.left, X)
-    predicted_r, by_point_r, by_lens_r = project(rig.right, RX + rig.T)
-    residuals = np.where(seen[..., None], found - np.stack([predicted_l, predicted_r], 1), 0.0)
+    corners_px = np.stack([views.left_px, views.right_px], 1).astype(float)
+    seen = np.isfinite(corners_px).all(axis=-1)
+    predicted_l, by_point_l, by_lens_l = project_with_derivatives(rig.left, X)
+    predicted_r, by_point_r, by_lens_r = project_with_derivatives(rig.right, RX + rig.T)
+    residuals = np.where(seen[..., None], corners_px - np.stack([predicted_l, predicted_r], 1), 0.0)
     pairs, corners = X.shape[:2]
     shared = np.zeros((pairs, 2, corners, 2, 2 * n + 6))
     shared[:, 0, ..., :n], shared[:, 1, ..., n : 2 * n] = by_lens_l, by_lens_r
-    shared[:, 1, ..., 2 * n : 2 * n + 3] = by_point_r @ crosses(RX)
+    shared[:, 1, ..., 2 * n : 2 * n + 3] = by_point_r @ turn_derivatives(RX)
     shared[:, 1, ..., 2 * n + 3 :] = by_point_r
     by_point = np.stack([by_point_l, by_point_r @ rig.R], 1)
-    pose = np.concatenate([by_point @ crosses(turned)[:, None], by_point], -1)
+    pose = np.concatenate([by_point @ turn_derivatives(turned)[:, None], by_point], -1)
     shared *= seen[..., None, None]
     pose *= seen[..., None, None]
     J, P, r = shared.reshape(pairs, -1, 2 * n + 6), pose.reshape(pairs, -1, 6), residuals.reshape(pairs, -1, 1)
@@ -178,10 +281,10 @@ def _linearise(views: BoardViews, rig: StereoRig, turns: Array, shifts: Array) -
     cross, own = PT @ J, PT @ r
     normal = JT @ J - cross.transpose(0, 2, 1) @ inverse @ cross
     gradient = (JT @ r - cross.transpose(0, 2, 1) @ inverse @ own)[..., 0]
-    return Fit(rig, turns, shifts, residuals, seen, normal, gradient, (inverse, cross, own[..., 0]))
+    return RigFit(rig, turns, shifts, residuals, seen, normal, gradient, (inverse, cross, own[..., 0]))
 
 
-def _pose_step(now: Fit, step: Array) -> tuple[Array, Array]:
+def _pose_step(now: RigFit, step: Float64) -> tuple[Float64, Float64]:
     """The poses after a step of the shared parameters: each pair's own least squares."""
     inverse, cross, own = now._poses
     pose = np.einsum("kij,kj->ki", inverse, own - cross @ step)
@@ -189,38 +292,44 @@ def _pose_step(now: Fit, step: Array) -> tuple[Array, Array]:
     return turned, now.shifts + pose[:, 3:]
 
 
-def _posed(views: BoardViews, now: Fit, iterations: int) -> Fit:
+def _posed(views: BoardViews, now: RigFit, iterations: int) -> RigFit:
     still = np.zeros(now.normal.shape[1])
-    for _ in range(min(iterations, 10)):
+    for _ in range(min(iterations, _POSE_ROUNDS)):
         trial = _linearise(views, now.rig, *_pose_step(now, still))
         gain = 1 - float((trial.residuals_px**2).sum()) / max(float((now.residuals_px**2).sum()), 1e-30)
         if gain < 0:
             break
         now = trial
-        if gain < 1e-9:
+        if gain < _LEAST_GAIN:
             break
     return now
 
 
-def _start(views: BoardViews, rig: StereoRig) -> tuple[Array, Array]:
-    """Poses of the boards by the left camera alone."""
-    turns, shifts = poses(views.board.points_mm, views.left_px, rig.left)
-    return turns, shifts
+def board_poses(board_mm: Floats, corners_px: Floats, camera: Camera) -> tuple[Float64, Float64]:
+    """Pose each board by one camera.
 
+    Parameters
+    ----------
+    board_mm : (N, 3) array
+    corners_px : (n, N, 2) array
+        NaN where not found.
+    camera : Camera
 
-def poses(board_mm: Array, corners_px: Array, camera: Camera) -> tuple[Array, Array]:
-    """Pose of each board by one camera: turns (n, 3, 3) and shifts (n, 3) mm; corners (n, N, 2), NaN not found."""
-    found = []
+    Returns
+    -------
+    turns, shifts : (n, 3, 3) and (n, 3) float64, mm
+    """
+    turns, shifts = [], []
     for corners in np.asarray(corners_px, float):
         seen = np.isfinite(corners[:, 0])
-        turn, shift = pose(board_mm[seen], corners[seen], camera)
-        found.append((cv2.Rodrigues(turn)[0], shift))
-    turns, shifts = zip(*found, strict=True)
+        turn, shift = board_pose(board_mm[seen], corners[seen], camera)
+        turns.append(cv2.Rodrigues(turn)[0])
+        shifts.append(shift)
     return np.array(turns), np.array(shifts)
 
 
-def pose(board_mm: Array, corners_px: Array, camera: Camera) -> tuple[Array, Array]:
-    """Pose of one board by one camera, to rounding: the same on every processor.
+def board_pose(board_mm: Floats, corners_px: Floats, camera: Camera) -> tuple[Float64, Float64]:
+    """Pose one board by one camera, to rounding: the same on every processor.
 
     Parameters
     ----------
@@ -231,44 +340,70 @@ def pose(board_mm: Array, corners_px: Array, camera: Camera) -> tuple[Array, Arr
 
     Returns
     -------
-    turn, shift : (3,) float64
-        ``x_camera = Rodrigues(turn) @ x_board + shift``, rad and mm.
+    turn, shift : (3,) float64, rad and mm
+        ``x_camera = Rodrigues(turn) @ x_board + shift``.
 
     Notes
     -----
     Minimises distances in pixels, as `cv2.solvePnP` does, which stops early and at another place for every order of
-    summation. `cv2.solvePnPRefineVVS` would minimise them after undistorting, by a few fixed-point steps.
+    summation. `cv2.solvePnPRefineVVS` would minimise them after undistorting, by a few fixed-point steps. Steps that
+    lead away from what `cv2.solvePnP` found are undone: of both poses the one that fits better is returned.
+
+    Examples
+    --------
+    >>> camera = Camera([[700, 0, 320], [0, 700, 240], [0, 0, 1]], [], (640, 480))
+    >>> board = np.array([[0.0, 0, 0], [80, 0, 0], [0, 50, 0], [80, 50, 0], [40, 20, 0]])
+    >>> turn, shift = board_pose(board, camera.project(board + [-30, 10, 600]), camera)
+    >>> bool(abs(turn).max() < 1e-9), shift.round(6)
+    (True, array([-30.,  10., 600.]))
     """
     points, corners = np.asarray(board_mm, float), np.asarray(corners_px, float)
     _, turn, shift = cv2.solvePnP(points, corners, camera.K, camera.dist)
-    for _ in range(_POSE_STEPS):
+    first, misses = (turn, shift), []
+    for _ in range(_POSE_STEPS + 1):
         pixels, J = cv2.projectPoints(points, turn, shift, camera.K, camera.dist)
-        step = np.linalg.lstsq(J[:, :6], (corners - pixels[:, 0]).ravel(), rcond=None)[0]
+        residuals = (corners - pixels[:, 0]).ravel()
+        misses.append(float(residuals @ residuals))
+        if not np.isfinite(misses[-1]) or len(misses) > _POSE_STEPS:
+            break
+        step = np.linalg.lstsq(J[:, :6], residuals, rcond=None)[0]
         turn, shift = turn + step[:3, None], shift + step[3:, None]
+    if not misses[-1] <= misses[0] * (1 + _POSE_WORSE) + _POSE_SAME_PX2:
+        turn, shift = first
     return turn.ravel(), shift.ravel()
 
 
-def _solve(normal: Array, right: Array) -> Array:
-    """Solution of symmetric normal equations, columns scaled to one, directions that nothing holds left at rest."""
+def _scaled_eigen(normal: Float64) -> tuple[Float64, Float64, Float64]:
+    """Scale that makes the columns of a normal matrix one, and the eigenvalues and vectors of what it makes of it."""
     scale = 1 / np.sqrt(np.maximum(np.diag(normal), 1e-300))
     values, vectors = np.linalg.eigh(normal * scale * scale[:, None])
-    usable = values > 1e-13 * values[-1]
-    return scale * (vectors[:, usable] @ ((vectors[:, usable].T @ (scale * right)) / values[usable]))
+    return scale, values, vectors
 
 
-def covariance(normal: Array) -> Array:
-    """Inverse of a normal matrix (s, s); directions that nothing holds come out huge, not zero."""
-    scale = 1 / np.sqrt(np.maximum(np.diag(normal), 1e-300))
-    values, vectors = np.linalg.eigh(normal * scale * scale[:, None])
-    values = np.maximum(values, 1e-14 * values[-1])
-    return scale[:, None] * ((vectors / values) @ vectors.T) * scale
+def _solve(normal: Float64, right: Float64) -> Float64:
+    """Solution of symmetric normal equations; directions that nothing holds are left at rest."""
+    scale, values, vectors = _scaled_eigen(normal)
+    usable = values > _UNHELD * values[-1]
+    return np.asarray(scale * (vectors[:, usable] @ ((vectors[:, usable].T @ (scale * right)) / values[usable])))
 
 
-def only(fitted: Fit, indices: Array) -> Fit:
-    """A fit's pairs of these indices, linearised where they were."""
-    inverse, cross, own = fitted._poses
-    return replace(
-        fitted, turns=fitted.turns[indices], shifts=fitted.shifts[indices],
-        residuals_px=fitted.residuals_px[indices], seen=fitted.seen[indices], normal=fitted.normal[indices],
-        gradient=fitted.gradient[indices], _poses=(inverse[indices], cross[indices], own[indices]),
-    )  # fmt: skip
+def inverse_normal(normal: Float64) -> Float64:
+    """Invert a normal matrix; directions that nothing holds come out huge, not zero.
+
+    Parameters
+    ----------
+    normal : (s, s) float64
+
+    Returns
+    -------
+    (s, s) float64
+
+    Examples
+    --------
+    >>> inverse_normal(np.diag([4.0, 0.5])).round(6)
+    array([[0.25, 0.  ],
+           [0.  , 2.  ]])
+    """
+    scale, values, vectors = _scaled_eigen(normal)
+    values = np.maximum(values, _LEAST_EIGENVALUE * values[-1])
+    return np.asarray(scale[:, None] * ((vectors / values) @ vectors.T) * scale)

@@ -7,23 +7,31 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from stereolib.base import Bools, Float64, Floats, Ints
 from stereolib.calibration.boards import BoardViews
 
-Array = np.ndarray
-_CELL_PX = 20
+_CELL_PX = 20  # side of a cell: well below a board's square in most pictures
 _REGION_SHARE = 0.08  # a ninth of the image with less of it covered counts as not seen
-_THIRD_SHARE = 0.02  # the same for a third of one camera's image
-_SPREAD = 1.2  # farthest over nearest board
-_TILT_DEG = 10.0
+_THIRD_SHARE = 0.02  # a third of one camera's image with less of it covered counts as not seen
+_SPREAD = 1.2  # farthest over nearest board: with less the focal length hangs on the tilts alone
+_FULL_SPREAD = 1.5  # scores 1
+_TILT_DEG = 10.0  # boards tilted by less count as parallel to the image
+_FULL_TILT_DEG = 20.0  # scores 1
 _ROWS, _COLUMNS = ("upper", "middle", "lower"), ("left", "centre", "right")
 
 
 @dataclass(frozen=True)
 class Coverage:
-    """Scores from 0 to 1, and what is missing in words.
+    """Scores of a set of boards from 0 to 1, and what is missing in words.
 
-    ``image`` is the share of both images' area that boards reached, ``distance`` and ``tilt`` the share of the spread
-    that a good set has; ``score`` is their mean. ``missing`` names parts, as ``"no views in the lower right"``.
+    Attributes
+    ----------
+    image : float
+        Share of both images' area that boards reached.
+    distance, tilt : float
+        Share of the spread that a good set has.
+    missing : tuple of str
+        What no board covers, as ``"no views in the lower right"``.
     """
 
     image: float
@@ -41,12 +49,18 @@ class Coverage:
         return f"{parts}; " + ("; ".join(self.missing) or "no third of an image and no tilt is missing")
 
 
-def measure(views: BoardViews, turns: Array, shifts: Array) -> Coverage:
-    """Coverage of a set of boards.
+def judge_coverage(views: BoardViews, turns: Float64, shifts: Float64) -> Coverage:
+    """Judge what a set of boards covers.
 
     Parameters
     ----------
-    turns (n, 3, 3), shifts (n, 3) mm : poses of the boards in the left camera
+    views : BoardViews
+    turns, shifts : (n, 3, 3) and (n, 3) float64, mm
+        Poses of the boards in the left camera.
+
+    Returns
+    -------
+    Coverage
 
     Notes
     -----
@@ -54,9 +68,9 @@ def measure(views: BoardViews, turns: Array, shifts: Array) -> Coverage:
     axes score 1; the angle is that of the board's normal with the optical axis, because boards parallel to the image
     leave the focal length open.
     """
-    masks = [covered(corners, views.size) for corners in (views.left_px, views.right_px)]
-    missing = _regions([mask > 0 for mask in masks])
-    missing += _one_sided([mask > 0 for mask in masks], missing)
+    masks = [boards_per_cell(corners, views.size) > 0 for corners in (views.left_px, views.right_px)]
+    missing = _regions(masks)
+    missing += _one_sided(masks, missing)
     centres = shifts + turns @ views.board.points_mm.mean(axis=0)
     near, far = float(centres[:, 2].min()), float(centres[:, 2].max())
     if far < _SPREAD * near:
@@ -65,29 +79,36 @@ def measure(views: BoardViews, turns: Array, shifts: Array) -> Coverage:
     about = np.degrees(np.abs(np.arctan2(normal[:, :2], normal[:, 2:])))  # about the vertical, the horizontal axis
     vertical, horizontal = (float(np.sort(angles)[-max(2, len(angles) // 5)]) for angles in about.T)
     if max(vertical, horizontal) < _TILT_DEG:
-        missing.append(f"all boards fronto-parallel (hardly one tilted by more than {max(vertical, horizontal):.0f} "
-                       f"degrees): tilt some by 20 to 40, both ways")  # fmt: skip
+        most = f"hardly one tilted by more than {max(vertical, horizontal):.0f} degrees"
+        missing.append(f"all boards fronto-parallel ({most}): tilt some by 20 to 40, both ways")
     elif vertical < _TILT_DEG:
         missing.append("no boards turned about the vertical axis (left or right side nearer)")
     elif horizontal < _TILT_DEG:
         missing.append("no boards tilted about the horizontal axis (upper or lower edge nearer)")
-    tilt = np.mean(np.minimum(1, np.array([vertical, horizontal]) / 20))
-    image = float(np.mean([mask > 0 for mask in masks]))
-    return Coverage(image, float(min(1.0, (far / near - 1) / 0.5)), float(tilt), tuple(missing))
+    tilt = np.mean(np.minimum(1, np.array([vertical, horizontal]) / _FULL_TILT_DEG))
+    distance = min(1.0, (far / near - 1) / (_FULL_SPREAD - 1))
+    return Coverage(float(np.mean(masks)), float(distance), float(tilt), tuple(missing))
 
 
-def tilts_rad(turns: Array) -> Array:
-    """Angle between each board's normal and the optical axis. (n,)."""
-    return np.arccos(np.clip(np.abs(turns[:, 2, 2]), 0, 1))
-
-
-def covered(corners_px: Array, size: tuple[int, int]) -> Array:
-    """How many boards cover each cell of 20 x 20 px. (height / 20, width / 20) int.
+def boards_per_cell(corners_px: Floats, size: tuple[int, int]) -> Ints:
+    """Count how many boards cover each cell of 20 x 20 px.
 
     Parameters
     ----------
-    corners_px : (n, corners, 2), NaN where not found
+    corners_px : (n, corners, 2) array
+        NaN where not found.
     size : (width, height), px
+
+    Returns
+    -------
+    (height / 20, width / 20) int
+
+    Examples
+    --------
+    >>> corners = np.array([[[0.0, 0], [40, 0], [40, 20], [0, 20]]])
+    >>> boards_per_cell(corners, (80, 40))
+    array([[1, 1, 0, 0],
+           [0, 0, 0, 0]])
     """
     width, height = size
     cells = -(-width // _CELL_PX), -(-height // _CELL_PX)
@@ -100,7 +121,7 @@ def covered(corners_px: Array, size: tuple[int, int]) -> Array:
     return count
 
 
-def _one_sided(masks: list[Array], known: list[str]) -> list[str]:
+def _one_sided(masks: list[Bools], known: list[str]) -> list[str]:
     """Upright thirds that one camera alone never saw a board in."""
     return [
         f"no views in the {name} third of the {side} image"
@@ -110,24 +131,24 @@ def _one_sided(masks: list[Array], known: list[str]) -> list[str]:
     ]
 
 
-def _regions(masks: list[Array]) -> list[str]:
+def _regions(masks: list[Bools]) -> list[str]:
     """Ninths of the image that no board reaches in either camera; a whole third is named as one.
 
     In either, because a board near the left rim of the left image is out of the right camera's sight.
     """
-    empty: Array = np.ones((3, 3), bool)
+    empty: Bools = np.ones((3, 3), bool)
     for mask in masks:
         for i, band in enumerate(np.array_split(mask, 3, axis=0)):
             for j, part in enumerate(np.array_split(band, 3, axis=1)):
                 empty[i, j] &= part.mean() < _REGION_SHARE
     if not empty[1, 1] and empty[[0, 2]].all() and empty[1, [0, 2]].any():
         return ["no views outside the centre"]
-    found = []
+    missing = []
     for names, lines in ((_ROWS, empty), (_COLUMNS, empty.T)):
-        found += [f"no views in the {name} third" for name, line in zip(names, lines, strict=True) if line.all()]
+        missing += [f"no views in the {name} third" for name, line in zip(names, lines, strict=True) if line.all()]
     rows, columns = np.all(empty, axis=1, keepdims=True), np.all(empty, axis=0, keepdims=True)
     whole = empty & (rows | columns)
     for i, j in np.argwhere(empty & ~whole):
         name = "centre" if i == j == 1 else f"{_ROWS[i]} {_COLUMNS[j]}"
-        found.append(f"no views in the {name}")
-    return found
+        missing.append(f"no views in the {name}")
+    return missing

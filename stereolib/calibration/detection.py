@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import io
-import zipfile
 from collections.abc import Sequence
 from functools import partial
 from os import PathLike
@@ -12,14 +11,16 @@ from pathlib import Path
 
 import numpy as np
 
-from stereolib.base import write_atomic
-from stereolib.calibration.boards import Board, BoardViews, Charuco, find_board, over_cores, paired
+from stereolib.base import Float32, read_bytes, write_atomic
+from stereolib.calibration.boards import Board, BoardViews, Charuco, find_board, over_cores, pair_views
 from stereolib.rig import read_image
 
-Array = np.ndarray
 #: Folder beside the images; one small file for each view, named by what was in the image and which board was sought.
 CACHE = ".stereolib_corners"
 _VERSION = 2  # of the detector: a change of its results must change it
+_CACHE_LIMIT_BYTES = 2**20  # corners of a board are some kB
+_LISTED = 20  # lines of an error's list, a screen
+View = tuple[Float32 | None, tuple[int, int]]
 
 
 def find_in_files(
@@ -35,6 +36,20 @@ def find_in_files(
     Each view is kept as soon as it is done (`CACHE`, by the sha256 of the file's bytes), so that an interruption
     loses nothing and a second run reads. A folder that cannot be written to is searched anew each time.
 
+    Parameters
+    ----------
+    left, right : sequences of path
+        Image files, one for one.
+    board : Checkerboard or Charuco
+    cache : bool
+        Read and keep what was found.
+    progress : bool
+        Show a bar.
+
+    Returns
+    -------
+    BoardViews
+
     Raises
     ------
     ValueError
@@ -46,28 +61,29 @@ def find_in_files(
     search = partial(_find, board=board, cache=cache)
     results = list(over_cores(search, files, "finding boards", progress=progress))
     if wrong := [text for text in results if isinstance(text, str)]:
-        listed = "\n  ".join(wrong[:20]) + ("\n  ..." if len(wrong) > 20 else "")
-        raise ValueError(f"{len(wrong)} of {len(files)} files are no readable images:\n  {listed}")
+        raise ValueError(f"{len(wrong)} of {len(files)} files are no readable images:{_lines(wrong)}")
     sizes = [result[1] for result in results]
     usual = max(sorted(set(sizes)), key=sizes.count)
     if odd := [f"{file} is {w}x{h}" for file, (w, h) in zip(files, sizes, strict=True) if (w, h) != usual]:
-        listed = "\n  ".join(odd[:20]) + ("\n  ..." if len(odd) > 20 else "")
-        raise ValueError(f"all images must have one size, most are {usual[0]}x{usual[1]}, but:\n  {listed}")
-    return paired([result[0] for result in results], board, [file.name for file in files[::2]], usual)
+        raise ValueError(f"all images must have one size, most are {usual[0]}x{usual[1]}, but:{_lines(odd)}")
+    return pair_views([result[0] for result in results], board, [file.name for file in files[::2]], usual)
 
 
-def _find(file: Path, *, board: Board, cache: bool) -> tuple[Array | None, tuple[int, int]] | str:
+def _lines(texts: Sequence[str]) -> str:
+    return "".join(f"\n  {text}" for text in (*texts[:_LISTED], *["..."] * (len(texts) > _LISTED)))
+
+
+def _find(file: Path, *, board: Board, cache: bool) -> View | str:
     """Corners and size of one file, or what is wrong with it."""
     try:
-        data = file.read_bytes()
+        data = read_bytes(file)
+        key = hashlib.sha256(data + f"|{_sought(board)}|{_VERSION}".encode()).hexdigest()
+        kept = file.parent / CACHE / f"{key[:32]}.npz"
+        if cache and (known := _load(kept, board)) is not None:
+            return known
+        image = read_image(file)
     except OSError as error:
         return f"{file}: {error.strerror or error}"
-    key = hashlib.sha256(data + f"|{_sought(board)}|{_VERSION}".encode()).hexdigest()
-    kept = file.parent / CACHE / f"{key[:32]}.npz"
-    if cache and (known := _load(kept)) is not None:
-        return known
-    try:
-        image = read_image(file)
     except ValueError as error:
         return str(error)
     corners, size = find_board(image, board), (image.shape[1], image.shape[0])
@@ -84,20 +100,23 @@ def _sought(board: Board) -> str:
     return pattern
 
 
-def _keep(kept: Path, corners: Array | None, size: tuple[int, int]) -> None:
+def _keep(kept: Path, corners: Float32 | None, size: tuple[int, int]) -> None:
     stream = io.BytesIO()
     np.savez(stream, corners=np.zeros((0, 2), np.float32) if corners is None else corners, size=np.array(size))
     try:
         write_atomic(kept, stream.getvalue())
-    except OSError:
+    except (OSError, ValueError):
         return  # a folder for reading only: nothing is lost but time
 
 
-def _load(kept: Path) -> tuple[Array | None, tuple[int, int]] | None:
-    """What `_keep` wrote; None if there is nothing, or nothing readable."""
+def _load(kept: Path, board: Board) -> View | None:
+    """What `_keep` wrote; None if there is nothing, or nothing of its kind: it is computed again and replaced."""
     try:
-        with np.load(io.BytesIO(kept.read_bytes()), allow_pickle=False) as stored:
-            corners, (width, height) = stored["corners"], stored["size"].tolist()
-    except (OSError, ValueError, KeyError, zipfile.BadZipFile):
+        with np.load(io.BytesIO(read_bytes(kept, limit_bytes=_CACHE_LIMIT_BYTES)), allow_pickle=False) as stored:
+            corners, size = stored["corners"], stored["size"]
+    except Exception:  # whatever stands in that file, it was not written here
         return None
-    return (corners if len(corners) else None), (width, height)
+    shapes = ((0, 2), (board.columns * board.rows, 2))
+    if corners.dtype != np.float32 or corners.shape not in shapes or size.dtype.kind != "i" or size.shape != (2,):
+        return None
+    return (corners if len(corners) else None), (int(size[0]), int(size[1]))

@@ -7,21 +7,31 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stereolib.calibration import bundle_adjustment
+from stereolib.base import Float64, Ints
 from stereolib.calibration.boards import BoardViews
+from stereolib.calibration.bundle_adjustment import RigFit, fit_rig, with_coefficients
 from stereolib.calibration.solve import LENS_MODELS, calibrate_stereo
-from stereolib.rig import Camera, StereoRig
+from stereolib.rig import StereoRig
 
-Array = np.ndarray
-Split = tuple[Array, Array]
+Split = tuple[Ints, Ints]
 _BETTER = 0.02  # a longer lens must lower the hold-out error by so much to be worth its coefficients
-_USUAL = "brown3"
+_USUAL = "brown3"  # Table I's, and what webcams need
+_FOLDS = 5  # enough pairs to fit on, and each left out once
 _FEW_STEPS = 6  # enough for coefficients that the boards hold; the others would creep on and gain nothing
 
 
 @dataclass(frozen=True)
 class HoldOut:
-    """One lens model: rms on the pairs fitted and on the pairs left out, px, over all splits."""
+    """How well one lens model explains pairs that it was fitted to, and pairs left out.
+
+    Attributes
+    ----------
+    model : str
+        A name of `LENS_MODELS`.
+    coefficients : int
+    train_rms_px, hold_out_rms_px : float
+        Over all splits.
+    """
 
     model: str
     coefficients: int
@@ -29,47 +39,71 @@ class HoldOut:
     hold_out_rms_px: float
 
 
-def folds(pairs: int, count: int = 5, *, few: bool = False) -> list[Split]:
-    """Splits of ``pairs`` into (fitted, left out): every count-th pair is left out in turn.
+def hold_out_splits(pairs: int, count: int = _FOLDS, *, few: bool = False) -> list[Split]:
+    """Split pairs into those to fit and those to leave out: every count-th pair is left out in turn.
 
     Parameters
     ----------
+    pairs, count : int
     few : bool
         The other way round: fit on every count-th pair, look at all others.
+
+    Returns
+    -------
+    list of (fitted, left out)
+        Indices of the pairs, as arrays of int.
+
+    Raises
+    ------
+    ValueError
+        If there are too few pairs for so many parts.
+
+    Examples
+    --------
+    >>> [left_out.tolist() for _, left_out in hold_out_splits(5, 2)]
+    [[0, 2, 4], [1, 3]]
     """
     if not 2 <= count <= pairs // (3 if few else 1):
         raise ValueError(f"{pairs} pairs cannot be split into {count} parts of {'at least three' if few else 'one'}")
-    everyone = np.arange(pairs)
+    everyone: Ints = np.arange(pairs)
     parts = [(everyone[everyone % count != k], everyone[k::count]) for k in range(count)]
     return [(out, rest) for rest, out in parts] if few else parts
 
 
-def hold_out(
+def hold_out_errors(
     views: BoardViews, models: Sequence[str] = tuple(LENS_MODELS), splits: Sequence[Split] | None = None
 ) -> list[HoldOut]:
-    """Train and hold-out error of lens models, both views of a pair always on the same side.
+    """Compare lens models by how well they predict pairs that they were not fitted to.
+
+    Both views of a pair are always on the same side of a split.
 
     Parameters
     ----------
-    models : names of `LENS_MODELS`
-        From short to long, each one's fit being the next one's start.
-    splits : from `folds`
-        Five folds if not given.
+    views : BoardViews
+    models : sequence of str
+        Names of `LENS_MODELS`, from short to long: each one's fit is the next one's start.
+    splits : sequence of (fitted, left out), optional
+        From `hold_out_splits`; five folds if not given.
+
+    Returns
+    -------
+    list of HoldOut
+        In the order of `models`.
 
     Notes
     -----
     A pair left out is posed anew, six numbers, and the rig stays.
     """
-    splits = folds(len(views), min(5, len(views) // 2)) if splits is None else splits
-    squares: dict[str, Array] = {model: np.zeros(4) for model in models}
+    splits = hold_out_splits(len(views), min(_FOLDS, len(views) // 2)) if splits is None else splits
+    squares: dict[str, Float64] = {model: np.zeros(4) for model in models}
     for train, test in splits:
         rig: StereoRig | None = None
         known, unknown = views.only(train.tolist()), views.only(test.tolist())
         for model in models:
-            longer = None if rig is None else padded(rig, LENS_MODELS[model][0])
-            fitted = bundle_adjustment.fit(known, longer) if longer else calibrate_stereo(known, model=model).fit
+            longer = None if rig is None else lengthened(rig, LENS_MODELS[model][0])
+            fitted = fit_rig(known, longer) if longer else calibrate_stereo(known, model=model).fit
             rig = fitted.rig
-            held = bundle_adjustment.fit(unknown, rig, free=False)
+            held = fit_rig(unknown, rig, free=False)
             sums = [((f.residuals_px**2).sum(), f.seen.sum()) for f in (fitted, held)]
             squares[model] += np.array(sums).ravel()
     return [
@@ -78,46 +112,97 @@ def hold_out(
     ]
 
 
-def left_out_rms_px(fitted: bundle_adjustment.Fit) -> float:
-    """Rms of every pair before the rig of all other pairs, px: `hold_out` with as many splits as pairs.
+def left_out_rms_px(fitted: RigFit) -> float:
+    """Predict every pair by the rig of all other pairs: `hold_out_errors` with as many splits as pairs.
+
+    Parameters
+    ----------
+    fitted : RigFit
+
+    Returns
+    -------
+    float, px
+        Rms over all corners.
 
     Notes
     -----
     Without a refit: pair k's sum of squares after a step d of the shared parameters, its board posed anew, is
-    ``c_k - 2 g_k'd + d'N_k d`` to first order, and ``d = -(N - N_k)^-1 g_k`` leaves it out (`bundle.Fit.without_each`).
+    ``c_k - 2 g_k'd + d'N_k d`` to first order, and ``d = -(N - N_k)^-1 g_k`` leaves it out (`RigFit.without_each`).
     """
     steps, own = fitted.without_each(), (fitted.residuals_px**2).sum(axis=(1, 2, 3))
     more = np.einsum("ks,kst,kt->k", steps, fitted.normal, steps) - 2 * (fitted.gradient * steps).sum(axis=1)
     return float(np.sqrt((own + more).sum() / fitted.seen.sum()))
 
 
-def neighbours(views: BoardViews, fitted: bundle_adjustment.Fit, model: str) -> list[HoldOut]:
-    """`left_out_rms_px` of a lens model and of its neighbours: cheap enough to be asked of every calibration.
+def neighbour_errors(views: BoardViews, fitted: RigFit, model: str) -> list[HoldOut]:
+    """Compare a lens model with its neighbours by `left_out_rms_px`: cheap enough for every calibration.
 
     The neighbours are the next longer one, all up to ``brown3`` if that is not enough, and for models beyond it
     ``brown3`` and those between.
+
+    Parameters
+    ----------
+    views : BoardViews
+    fitted : RigFit
+        Of these views with this model.
+    model : str
+        A name of `LENS_MODELS`.
+
+    Returns
+    -------
+    list of HoldOut
+        Shortest model first.
     """
     names = list(LENS_MODELS)
     usual, at = names.index(_USUAL), names.index(model)
     rig = fitted.rig if at <= usual else calibrate_stereo(views, model=_USUAL).rig
     results = []
     for name in names[min(at, usual) : max(at + 1, usual) + 1]:
-        longer = bundle_adjustment.fit(views, padded(rig, LENS_MODELS[name][0]), iterations=_FEW_STEPS)
+        longer = fit_rig(views, lengthened(rig, LENS_MODELS[name][0]), iterations=_FEW_STEPS)
         rig = longer.rig
         results.append(HoldOut(name, LENS_MODELS[name][0], longer.rms_px, left_out_rms_px(longer)))
     return results
 
 
-def choose(results: Sequence[HoldOut]) -> str:
-    """The shortest model whose hold-out error is within 2 % of the lowest."""
+def choose_lens_model(results: Sequence[HoldOut]) -> str:
+    """Choose the shortest model whose hold-out error is within 2 % of the lowest.
+
+    Parameters
+    ----------
+    results : sequence of HoldOut
+        From `hold_out_errors`.
+
+    Returns
+    -------
+    str
+        A name of `LENS_MODELS`.
+
+    Examples
+    --------
+    >>> choose_lens_model([HoldOut("brown3", 5, 0.048, 0.0485), HoldOut("rational8", 8, 0.047, 0.048)])
+    'brown3'
+    """
     limit = (1 + _BETTER) * min(r.hold_out_rms_px for r in results)
     return min((r for r in results if r.hold_out_rms_px <= limit), key=lambda r: r.coefficients).model
 
 
-def padded(rig: StereoRig, coefficients: int) -> StereoRig:
-    """The same rig with a longer lens, whose new coefficients are zero."""
+def lengthened(rig: StereoRig, coefficients: int) -> StereoRig:
+    """Give a rig a longer lens, whose new coefficients are zero.
+
+    Parameters
+    ----------
+    rig : StereoRig
+    coefficients : int
+
+    Returns
+    -------
+    StereoRig
+
+    Raises
+    ------
+    ValueError
+        If the lens has more coefficients than that.
+    """
     if rig.left.dist.size > coefficients:
         raise ValueError(f"a lens of {rig.left.dist.size} coefficients cannot be shortened to {coefficients}")
-    more = (0, coefficients - rig.left.dist.size)
-    left, right = (Camera(c.K, np.pad(c.dist, more), c.size) for c in (rig.left, rig.right))
-    return StereoRig(left, right, rig.R, rig.T)
+    return with_coefficients(rig, coefficients)

@@ -8,73 +8,93 @@ from typing import Any
 import cv2
 import numpy as np
 
-from stereolib.calibration import bundle_adjustment
+from stereolib.base import Bools, Float32, Float64, Floats
 from stereolib.calibration.boards import Board, BoardViews
-from stereolib.rig import Camera, RectifiedRig, StereoRig, distort
-
-Array = np.ndarray
+from stereolib.calibration.bundle_adjustment import RigFit, fit_rig
+from stereolib.rig import Camera, RectifiedRig, StereoRig
 
 #: Lens models by name, shortest first: (number of coefficients, OpenCV flags). Table I is ``brown3``; ``brown2`` is all
 #: that Kalibr's files hold.
 LENS_MODELS: dict[str, tuple[int, int]] = {
-    "pinhole": (
-        0,
-        cv2.CALIB_ZERO_TANGENT_DIST | cv2.CALIB_FIX_K1 | cv2.CALIB_FIX_K2 | cv2.CALIB_FIX_K3,
-    ),
+    "pinhole": (0, cv2.CALIB_ZERO_TANGENT_DIST | cv2.CALIB_FIX_K1 | cv2.CALIB_FIX_K2 | cv2.CALIB_FIX_K3),
     "brown2": (4, cv2.CALIB_FIX_K3),
     "brown3": (5, 0),
     "rational8": (8, cv2.CALIB_RATIONAL_MODEL),
     "thin_prism12": (12, cv2.CALIB_RATIONAL_MODEL | cv2.CALIB_THIN_PRISM_MODEL),
-    "tilted14": (
-        14,
-        cv2.CALIB_RATIONAL_MODEL | cv2.CALIB_THIN_PRISM_MODEL | cv2.CALIB_TILTED_MODEL,
-    ),
+    "tilted14": (14, cv2.CALIB_RATIONAL_MODEL | cv2.CALIB_THIN_PRISM_MODEL | cv2.CALIB_TILTED_MODEL),
 }
-_MIN_VIEWS = 3
-_CRITERIA = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 200, 1e-10)
-#: Long lenses creep along a flat valley, and a step is slow.
-_FEW_STEPS = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 30, 1e-10)
+_MIN_VIEWS = 3  # of a board: two leave the centre of the image open
+_SAME_PX = 2.0  # boards whose corners differ by less were held still: a hand moves them farther
+_STEPS = 200  # to where OpenCV stops by itself
+_LONG_LENS_STEPS = 30  # lenses of more than eight coefficients creep along a flat valley, and a step is slow
+_LONG_LENS = 8
+_LEAST_CHANGE = 1e-10  # of the parameters, relative: OpenCV's other end
 
 
 @dataclass(frozen=True, eq=False)
 class CameraCalibration:
     """One camera: the lens, its standard deviations, and how well the corners fit.
 
-    ``std`` is (4 + n,): of fx fy cx cy (px) and of the n coefficients. ``view_rms_px`` is (views,).
+    Attributes
+    ----------
+    camera : Camera
+    std : (4 + n,) float64
+        Of fx fy cx cy (px) and of the n coefficients.
+    rms_px : float
+        Over all corners.
+    view_rms_px : (views,) float64
     """
 
     camera: Camera
-    std: Array
+    std: Float64
     rms_px: float
-    view_rms_px: Array
+    view_rms_px: Float64
 
 
 @dataclass(frozen=True, eq=False)
 class StereoCalibration:
-    """The pair: the rig, the two single calibrations it began from, and the fit per pair ``view_rms_px`` (n, 2).
+    """The calibrated pair, and what it began from.
 
-    ``fit`` is the joint problem, linearised at the rig: `uncertainty` and `diagnosis` go on from it.
+    Attributes
+    ----------
+    left, right : CameraCalibration
+        The two single calibrations.
+    fit : RigFit
+        The joint problem, linearised at the rig: `rig_covariance` and `diagnose` go on from it.
     """
 
-    rig: StereoRig
     left: CameraCalibration
     right: CameraCalibration
-    rms_px: float
-    view_rms_px: Array
-    fit: bundle_adjustment.Fit
+    fit: RigFit
+
+    @property
+    def rig(self) -> StereoRig:
+        """The calibrated rig."""
+        return self.fit.rig
+
+    @property
+    def rms_px(self) -> float:
+        """Rms distance of found and predicted corners over both cameras."""
+        return self.fit.rms_px
 
 
 def calibrate_camera(
-    board: Board, corners_px: Array, size: tuple[int, int], *, model: str = "brown3"
+    board: Board, corners_px: Floats, size: tuple[int, int], *, model: str = "brown3"
 ) -> CameraCalibration:
     """Calibrate one camera (Zhang's method, `cv2.calibrateCamera`).
 
     Parameters
     ----------
+    board : Checkerboard or Charuco
     corners_px : (views, corners, 2) array
-    size : (width, height)
+        NaN where a corner was not found.
+    size : (width, height), px
     model : str
         A name of `LENS_MODELS`.
+
+    Returns
+    -------
+    CameraCalibration
 
     Raises
     ------
@@ -88,11 +108,17 @@ def calibrate_camera(
             f"{views} views of the board are too few: at least {_MIN_VIEWS} with different tilts are needed, "
             f"and 15 to 30 give a trustworthy lens"
         )
-    if (np.nanmax(corners_px, axis=0) - np.nanmin(corners_px, axis=0)).max() < 2:
+    if (np.nanmax(corners_px, axis=0) - np.nanmin(corners_px, axis=0)).max() < _SAME_PX:
         raise ValueError(f"all {views} views show the board in the same place: move and tilt it between pictures")
     points, images = _lists(board, corners_px)
     rms, K, dist, _, _, std, _, view_rms = cv2.calibrateCameraExtended(
-        points, images, size, None, None, flags=flags, criteria=_CRITERIA if count <= 8 else _FEW_STEPS
+        points,
+        images,
+        size,
+        None,
+        None,
+        flags=flags,
+        criteria=_until(_STEPS if count <= _LONG_LENS else _LONG_LENS_STEPS),
     )
     if not np.isfinite(rms):
         raise ValueError(f"the calibration of {views} views did not converge: are they all tilted the same way?")
@@ -109,11 +135,15 @@ def calibrate_stereo(views: BoardViews, *, model: str = "brown3", fixed: bool = 
     Parameters
     ----------
     views : BoardViews
-        From `targets.find_in_pairs` or `detection.find_in_files`.
+        From `find_in_pairs` or `find_in_files`.
     model : str
         A name of `LENS_MODELS`.
     fixed : bool
         Keep the single lenses and find R and T alone, as the paper does.
+
+    Returns
+    -------
+    StereoCalibration
 
     Raises
     ------
@@ -123,7 +153,7 @@ def calibrate_stereo(views: BoardViews, *, model: str = "brown3", fixed: bool = 
     Notes
     -----
     R and T come from `cv2.stereoCalibrate` with the lenses fixed. It must be told the model's flags again: without
-    them it reads only k1 k2 p1 p2 k3 of a longer lens and drops the rest in silence. The joint step is `bundle.fit`,
+    them it reads only k1 k2 p1 p2 k3 of a longer lens and drops the rest in silence. The joint step is `fit_rig`,
     which meets `cv2.stereoCalibrate`'s minimum in a tenth of its time (in a hundredth with 14 coefficients).
     """
     left, right = (
@@ -135,93 +165,36 @@ def calibrate_stereo(views: BoardViews, *, model: str = "brown3", fixed: bool = 
             f"the right camera comes out {T[0]:.0f} mm to the LEFT of the left one: the two image sets are "
             f"exchanged; swap them (or both cameras hang upside down: turn all pictures by 180 degrees)"
         )
-    fit = bundle_adjustment.fit(views, StereoRig(left.camera, right.camera, R, T), free=not fixed)
-    return StereoCalibration(fit.rig, left, right, fit.rms_px, fit.pair_rms_px, fit)
+    return StereoCalibration(left, right, fit_rig(views, StereoRig(left.camera, right.camera, R, T), free=not fixed))
 
 
-def _relative(views: BoardViews, left: Camera, right: Camera, flags: int) -> tuple[Array, Array]:
+def _relative(views: BoardViews, left: Camera, right: Camera, flags: int) -> tuple[Float64, Float64]:
     """R and T (mm) with both lenses fixed, by `cv2.stereoCalibrate`."""
-    stereo: Any = cv2.stereoCalibrate  # whose type stubs do not allow for vectors
     shared = np.isfinite(views.left_px) & np.isfinite(views.right_px)
     points, first = _lists(views.board, np.where(shared, views.left_px, np.nan))
     _, second = _lists(views.board, np.where(shared, views.right_px, np.nan))
+    lenses = [part for camera in (left, right) for part in (camera.K.copy(), _padded(camera.dist))]
     flags |= cv2.CALIB_FIX_INTRINSIC
-    lenses = left.K.copy(), _padded(left.dist), right.K.copy(), _padded(right.dist)
-    _, _, _, _, _, R, T, *_ = stereo(points, first, second, *lenses, views.size, flags=flags, criteria=_CRITERIA)
+    stereo: Any = cv2.stereoCalibrate  # whose type stubs do not allow for vectors
+    _, _, _, _, _, R, T, *_ = stereo(points, first, second, *lenses, views.size, flags=flags, criteria=_until(_STEPS))
     return R, T.ravel()
 
 
-def view_errors_px(camera: Camera, board: Board, corners_px: Array) -> Array:
-    """How well a lens explains views that it may never have seen: each board is posed anew, the lens stays.
+def epipolar_errors_px(rectified: RectifiedRig, views: BoardViews) -> Float64:
+    """Subtract the row of each corner in the rectified right image from that in the left one: 0 for a perfect rig.
 
     Parameters
     ----------
-    corners_px : (views, corners, 2) array
-
-    Returns
-    -------
-    (views, corners, 2) float64, px
-        Corner found minus corner predicted; its rms over views left out of the calibration is the hold-out error.
-    """
-    errors = np.empty(np.shape(corners_px))
-    for k, (turn, shift) in enumerate(zip(*bundle_adjustment.poses(board.points_mm, corners_px, camera), strict=True)):
-        errors[k] = corners_px[k] - camera.project(board.points_mm @ turn.T + shift)
-    return errors
-
-
-@dataclass(frozen=True)
-class Fold:
-    """Where a lens folds over inside the image: ``pixels`` of it have no direction, from ``radius_px`` outwards."""
-
-    where: str
-    pixels: int
-    radius_px: float
-    share: float
-
-    def __str__(self) -> str:
-        return f"folds over in the {self.where}, {self.radius_px:.0f} px and more from the centre"
-
-
-def fold_inside(camera: Camera) -> Fold | None:
-    """Whether a lens folds over inside its image, and where; None when it does not.
-
-    A radial polynomial that fits the boards may turn back where none was seen: ``d(r g)/dr <= 0``. What the image
-    shows there has no inverse.
-    """
-    if not np.isfinite(camera.fold_radius):
-        return None
-    width, height = camera.size
-    u, v = np.meshgrid(np.arange(width), np.arange(height))
-    angle = np.linspace(0, 2 * np.pi, 361)
-    ring, _ = distort(camera.fold_radius * np.column_stack([np.cos(angle), np.sin(angle)]), camera.dist)
-    radius = np.hypot((u - camera.K[0, 2]) / camera.K[0, 0], (v - camera.K[1, 2]) / camera.K[1, 1])
-    outside = radius > 0.97 * np.hypot(*ring.T).min()  # within, every pixel has a direction
-    lost = np.zeros((height, width), bool)
-    lost[outside] = ~np.isfinite(camera.rays(np.column_stack([u[outside], v[outside]]))[:, 0])
-    if not lost.any():
-        return None
-    corners = (
-        (f"{row} {column}", int(part.sum()))
-        for row, band in zip(("upper", "lower"), np.array_split(lost, 2), strict=True)
-        for column, part in zip(("left", "right"), np.array_split(band, 2, axis=1), strict=True)
-    )
-    where = " and ".join(f"{name} corner ({count} px)" for name, count in corners if count)
-    far = np.hypot(u - camera.K[0, 2], v - camera.K[1, 2])[lost].min()
-    return Fold(where, int(lost.sum()), float(far), float(lost.mean()))
-
-
-def epipolar_errors_px(rectified: RectifiedRig, views: BoardViews) -> Array:
-    """Row of each corner in the rectified left image minus its row in the right one: zero for a perfect rig.
+    rectified : RectifiedRig
+    views : BoardViews
 
     Returns
     -------
     (views, corners) float64, px
     """
-    left, right = (
-        rectified.rectify_points(np.reshape(corners, (-1, 2)), side)[:, 1]
-        for corners, side in ((views.left_px, "left"), (views.right_px, "right"))
-    )
-    return (left - right).reshape(len(views), -1)
+    sides = (views.left_px, "left"), (views.right_px, "right")
+    left, right = (rectified.rectify_points(np.reshape(corners, (-1, 2)), side)[:, 1] for corners, side in sides)
+    return np.reshape(left - right, (len(views), -1))
 
 
 def _model(name: str) -> tuple[int, int]:
@@ -230,12 +203,17 @@ def _model(name: str) -> tuple[int, int]:
     return LENS_MODELS[name]
 
 
-def _lists(board: Board, corners_px: Array) -> tuple[list[Array], list[Array]]:
+def _until(steps: int) -> tuple[int, int, float]:
+    """Criteria of an optimiser of OpenCV."""
+    return (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, steps, _LEAST_CHANGE)
+
+
+def _lists(board: Board, corners_px: Floats) -> tuple[list[Float32], list[Float32]]:
     """Board points and corners of each view as OpenCV takes them, without the corners that are NaN."""
-    seen = np.isfinite(corners_px).all(axis=-1)
-    points = [board.points_mm[at] for at in seen]
-    return points, [np.float32(c[at]).reshape(-1, 1, 2) for c, at in zip(corners_px, seen, strict=True)]
+    known: Bools = np.asarray(np.isfinite(corners_px).all(axis=-1))
+    points = [board.points_mm[at] for at in known]
+    return points, [c[at].astype(np.float32).reshape(-1, 1, 2) for c, at in zip(corners_px, known, strict=True)]
 
 
-def _padded(dist: Array) -> Array:
+def _padded(dist: Float64) -> Float64:
     return np.pad(dist, (0, max(0, 5 - dist.size)))[None].copy()

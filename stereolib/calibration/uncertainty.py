@@ -7,54 +7,53 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stereolib.calibration.boards import BoardViews
-from stereolib.calibration.bundle_adjustment import Fit, covariance, crosses, fit, project, vector
-from stereolib.rig import Camera, RectifiedRig, StereoRig
+from stereolib.base import Bools, Float64, Ints
+from stereolib.calibration.bundle_adjustment import (
+    RigFit,
+    inverse_normal,
+    lens_vector,
+    project_with_derivatives,
+    rig_difference,
+    turn_derivatives,
+    with_coefficients,
+)
+from stereolib.rig import RectifiedRig, StereoRig
 
 if TYPE_CHECKING:
     import pandas as pd
 
-Array = np.ndarray
 #: Fewer pairs than this say too little about their own scatter.
 MIN_JACKKNIFE = 10
 #: Half the width of a 95 % interval in standard deviations: Student's t for thirty pairs.
-INTERVAL = 2.05
-_LENS = (
-    "fx",
-    "fy",
-    "cx",
-    "cy",
-    "k1",
-    "k2",
-    "p1",
-    "p2",
-    "k3",
-    "k4",
-    "k5",
-    "k6",
-    "s1",
-    "s2",
-    "s3",
-    "s4",
-    "tau_x",
-    "tau_y",
-)
+INTERVAL_STDS = 2.05
+_DIST_NAMES = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4", "tau_x", "tau_y")
+#: Parameters of a lens, the coefficients in OpenCV's order.
+LENS_NAMES = ("fx", "fy", "cx", "cy", *_DIST_NAMES)
+_BASELINES = (6.5, 10.0, 15.0)  # depths over which the rectified pictures' errors are asked: where rigs measure
 
 
 @dataclass(frozen=True, eq=False)
 class RigStd:
-    """Standard deviations (one sigma; `INTERVAL` of them to either side make the 95 % interval) of a rig's parameters.
+    """Standard deviations of a rig's parameters: `INTERVAL_STDS` of them to either side make the 95 % interval.
 
-    ``left_K``, ``right_K`` are (4,): fx fy cx cy, px; ``left_dist``, ``right_dist`` as the lens's coefficients;
-    ``R_rad`` (3,) turns about the right camera's x, y and z; ``T_mm`` (3,); ``baseline_mm``.
+    Attributes
+    ----------
+    left_K, right_K : (4,) float64, px
+        Of fx fy cx cy.
+    left_dist, right_dist : (n,) float64
+        Of the lens's coefficients.
+    R_rad : (3,) float64
+        Of turns about the right camera's x, y and z.
+    T_mm : (3,) float64
+    baseline_mm : float
     """
 
-    left_K: Array
-    left_dist: Array
-    right_K: Array
-    right_dist: Array
-    R_rad: Array
-    T_mm: Array
+    left_K: Float64
+    left_dist: Float64
+    right_K: Float64
+    right_dist: Float64
+    R_rad: Float64
+    T_mm: Float64
     baseline_mm: float
 
 
@@ -62,14 +61,21 @@ class RigStd:
 class ErrorMap:
     """One-sigma errors that a calibration's uncertainty causes at one depth, on a grid of left pixels.
 
-    ``columns_px`` (w,), ``rows_px`` (h,); ``depth_mm`` and ``length_mm`` (h, w), the latter of a level length of
-    ``of_mm`` held there. NaN where the right camera does not see the point.
+    Attributes
+    ----------
+    columns_px, rows_px : (w,) and (h,) int
+    depth_mm : (h, w) float64
+        NaN where the right camera does not see the point.
+    length_mm : (h, w) float64
+        Of a level length of `of_mm` held there; NaN likewise.
+    at_mm, of_mm : float
+        The depth, and the length.
     """
 
-    columns_px: Array
-    rows_px: Array
-    depth_mm: Array
-    length_mm: Array
+    columns_px: Ints
+    rows_px: Ints
+    depth_mm: Float64
+    length_mm: Float64
     at_mm: float
     of_mm: float
 
@@ -78,15 +84,20 @@ class ErrorMap:
 class Agreement:
     """Two calibrations of one rig from different pictures.
 
-    ``z`` (s,): difference of each parameter over its predicted standard deviation; ``names`` (s,).
-    ``depth_mm`` (h, w): difference of the depths that both give the same pixels; ``predicted_mm`` (h, w) its predicted
-    standard deviation.
+    Attributes
+    ----------
+    names : (s,) tuple of str
+        Of the parameters.
+    z : (s,) float64
+        Difference of each parameter over its predicted standard deviation.
+    depth_mm, predicted_mm : (h, w) float64
+        Difference of the depths that both give the same pixels, and its predicted standard deviation.
     """
 
     names: tuple[str, ...]
-    z: Array
-    depth_mm: Array
-    predicted_mm: Array
+    z: Float64
+    depth_mm: Float64
+    predicted_mm: Float64
 
     @property
     def rms_z(self) -> float:
@@ -94,16 +105,27 @@ class Agreement:
         return float(np.sqrt(np.mean(self.z**2)))
 
 
-def rig_covariance(fitted: Fit, *, method: str = "auto") -> Array:
-    """Covariance of the shared parameters. (s, s), in `bundle`'s order.
+def rig_covariance(fitted: RigFit, *, method: str = "auto") -> Float64:
+    """Estimate the covariance of a rig's parameters.
 
     Parameters
     ----------
+    fitted : RigFit
     method : "auto" | "jackknife" | "corners"
         ``"corners"`` takes every corner's error as independent: ``sigma^2 (J'J)^-1``. ``"jackknife"`` leaves each pair
         out in turn, ``(n - 1)/n sum d_k d_k'``, and so also counts errors that a pair's corners share: a board that
         bends, a hand that moved between two shutters. On rendered boards both agree; on real webcams the first is too
         small several times over. ``"auto"`` is the jackknife from `MIN_JACKKNIFE` pairs on.
+
+    Returns
+    -------
+    (s, s) float64
+        In the order of `rig_parameter_names`.
+
+    Raises
+    ------
+    ValueError
+        If the method is none of these.
 
     References
     ----------
@@ -113,38 +135,64 @@ def rig_covariance(fitted: Fit, *, method: str = "auto") -> Array:
         raise ValueError(f'method must be "auto", "jackknife" or "corners", got {method!r}')
     pairs = len(fitted.turns)
     if method == "corners" or (method == "auto" and pairs < MIN_JACKKNIFE):
-        return fitted.sigma_px**2 * covariance(fitted.normal.sum(axis=0))
+        return fitted.sigma_px**2 * inverse_normal(fitted.normal.sum(axis=0))
     moves = fitted.without_each()
     moves = moves - moves.mean(axis=0)
-    return (pairs - 1) / pairs * moves.T @ moves
+    return np.asarray((pairs - 1) / pairs * moves.T @ moves)
 
 
-def bootstrap_covariance(views: BoardViews, fitted: Fit, draws: int, rng: np.random.Generator) -> Array:
-    """The same by refitting on pairs drawn with replacement: slow, and independent of any Jacobian. (s, s)."""
-    moves = []
-    for _ in range(draws):
-        drawn = views.only(rng.integers(0, len(views), len(views)).tolist())
-        moves.append(vector(fit(drawn, fitted.rig).rig, fitted.rig))
-    return np.cov(np.array(moves).T)
+def rig_parameter_names(rig: StereoRig) -> tuple[str, ...]:
+    """Name the parameters of a rig in the order of its covariance.
 
+    Parameters
+    ----------
+    rig : StereoRig
 
-def parameter_names(rig: StereoRig) -> tuple[str, ...]:
-    """Names of the shared parameters in their order: ``"left fx"``, ... ``"Rx"``, ... ``"Tz"``."""
-    lens = _LENS[: 4 + rig.left.dist.size]
+    Returns
+    -------
+    (s,) tuple of str
+        ``"left fx"``, ... ``"right fx"``, ... ``"Rx"``, ... ``"Tz"``.
+
+    Examples
+    --------
+    >>> from stereolib.rig import Camera
+    >>> camera = Camera([[700, 0, 320], [0, 700, 240], [0, 0, 1]], [], (640, 480))
+    >>> rig_parameter_names(StereoRig(camera, camera, np.eye(3), [-90, 0, 0]))[3:9]
+    ('left cy', 'right fx', 'right fy', 'right cx', 'right cy', 'Rx')
+    """
+    lens = LENS_NAMES[: 4 + rig.left.dist.size]
     return (*(f"{side} {name}" for side in ("left", "right") for name in lens), "Rx", "Ry", "Rz", "Tx", "Ty", "Tz")
 
 
-def rig_std(rig: StereoRig, covariance: Array) -> RigStd:
-    """Standard deviations from `rig_covariance`."""
+def rig_std(rig: StereoRig, covariance: Float64) -> RigStd:
+    """Sort the standard deviations of a rig's parameters by their names.
+
+    Parameters
+    ----------
+    rig : StereoRig
+    covariance : (s, s) float64
+        From `rig_covariance`.
+
+    Returns
+    -------
+    RigStd
+    """
     std, n = np.sqrt(np.diag(covariance)), 4 + rig.left.dist.size
     along = rig.T / rig.baseline_mm
     baseline = float(np.sqrt(along @ covariance[-3:, -3:] @ along))
-    left, right, R, T = std[:n], std[n : 2 * n], std[2 * n : 2 * n + 3], std[2 * n + 3 :]
+    left, right, R, T = np.split(std, [n, 2 * n, 2 * n + 3])
     return RigStd(left[:4], left[4:], right[:4], right[4:], R, T, baseline)
 
 
-def table(rig: StereoRig, covariance: Array, truth: StereoRig) -> pd.DataFrame:
-    """Every parameter of a rig with its 95 % interval, beside the true one; ready to be shown.
+def interval_table(rig: StereoRig, covariance: Float64, truth: StereoRig) -> pd.DataFrame:
+    """Lay out every parameter of a rig with its 95 % interval beside the true one, ready to be shown.
+
+    Parameters
+    ----------
+    rig : StereoRig
+    covariance : (s, s) float64
+        From `rig_covariance`.
+    truth : StereoRig
 
     Returns
     -------
@@ -154,52 +202,59 @@ def table(rig: StereoRig, covariance: Array, truth: StereoRig) -> pd.DataFrame:
     """
     import pandas as pd
 
-    n = rig.left.dist.size
-    left, right = (Camera(c.K, np.pad(c.dist, (0, n))[:n], c.size) for c in (truth.left, truth.right))
-    truth = StereoRig(left, right, truth.R, truth.T)
-    ours = np.concatenate([*(_lens_values(c) for c in (rig.left, rig.right)), vector(rig, truth)[-6:-3], rig.T])
-    true = np.concatenate([*(_lens_values(c) for c in (truth.left, truth.right)), np.zeros(3), truth.T])
+    truth = with_coefficients(truth, rig.left.dist.size)
+    turns = rig_difference(rig, truth)[-6:-3]
+    ours = np.concatenate([lens_vector(rig.left), lens_vector(rig.right), turns, rig.T])
+    true = np.concatenate([lens_vector(truth.left), lens_vector(truth.right), np.zeros(3), truth.T])
     rows = []
-    widths = INTERVAL * np.sqrt(np.diag(covariance))
-    for name, a, b, width in zip(parameter_names(rig), true, ours, widths, strict=True):
+    widths = INTERVAL_STDS * np.sqrt(np.diag(covariance))
+    for name, a, b, width in zip(rig_parameter_names(rig), true, ours, widths, strict=True):
         digits = int(np.clip(1 - np.floor(np.log10(width)), 1, 7))  # two digits of the interval
         inside = "yes" if abs(b - a) <= width else "no"
         rows.append((name, f"{a:.{digits}f}", f"{b:.{digits}f}", f"{width:.{digits}f}", inside))
     return pd.DataFrame(rows, columns=["parameter", "true", "ours", "± (95 %)", "inside"])
 
 
-def triangulation_jacobian(rig: StereoRig, points_mm: Array) -> Array:
-    """How triangulated points move when the rig's parameters do and the pixels stay. (N, 3, s), mm per unit.
+def triangulation_jacobian(rig: StereoRig, points_mm: Float64) -> Float64:
+    """Differentiate triangulated points by the rig's parameters, the pixels staying.
 
     Parameters
     ----------
-    points_mm : (N, 3) in the left camera's frame
+    rig : StereoRig
+    points_mm : (N, 3) float64
+        In the left camera's frame.
+
+    Returns
+    -------
+    (N, 3, s) float64
+        mm per unit of each parameter.
 
     Notes
     -----
     With ``u`` the four pixel coordinates of a point X: ``du = A dX + B dp = 0``, so ``dX/dp = -(A'A)^-1 A' B``.
     """
     turned = points_mm @ rig.R.T
-    _, left_by_point, by_left = project(rig.left, points_mm)
-    _, right_by_point, by_right = project(rig.right, turned + rig.T)
+    _, left_by_point, by_left = project_with_derivatives(rig.left, points_mm)
+    _, right_by_point, by_right = project_with_derivatives(rig.right, turned + rig.T)
     n = by_left.shape[-1]
     B = np.zeros((len(points_mm), 4, 2 * n + 6))
     B[:, :2, :n], B[:, 2:, n : 2 * n] = by_left, by_right
-    B[:, 2:, 2 * n : 2 * n + 3] = right_by_point @ crosses(turned)
+    B[:, 2:, 2 * n : 2 * n + 3] = right_by_point @ turn_derivatives(turned)
     B[:, 2:, 2 * n + 3 :] = right_by_point
     A = np.concatenate([left_by_point, right_by_point @ rig.R], 1)
     AT = A.transpose(0, 2, 1)
-    return -np.linalg.solve(AT @ A, AT @ B)
+    return np.asarray(-np.linalg.solve(AT @ A, AT @ B))
 
 
-def rectified_std(rectified: RectifiedRig, covariance: Array, *, step_px: int = 40) -> dict[str, float]:
-    """What the uncertainty of a calibration leaves open in its rectified pictures, as standard deviations.
+def rectified_std(rectified: RectifiedRig, covariance: Float64, *, step_px: int = 40) -> dict[str, float]:
+    """Tell what the uncertainty of a calibration leaves open in its rectified pictures, as standard deviations.
 
     Parameters
     ----------
     rectified : RectifiedRig
         Of the calibrated rig.
-    covariance : (s, s), from `rig_covariance`
+    covariance : (s, s) float64
+        From `rig_covariance`.
     step_px : int
         Spacing of the left pixels that are asked.
 
@@ -216,8 +271,8 @@ def rectified_std(rectified: RectifiedRig, covariance: Array, *, step_px: int = 
     and of the turn about y, each of some tenths of a pixel, cancel but for their sum.
     """
     rig, scale = rectified.rig, rectified.f_px * rectified.baseline_mm
-    grids = [_grid(rig, k * rig.baseline_mm, step_px)[2:] for k in (6.5, 10.0, 15.0)]
-    points = np.concatenate([points[seen] for points, seen in grids])
+    grids = [_grid(rig, k * rig.baseline_mm, step_px)[2:] for k in _BASELINES]
+    points = np.concatenate([points[in_sight] for points, in_sight in grids])
     depth = points[:, 2]
     moves = -triangulation_jacobian(rig, points)[:, 2] / depth[:, None] ** 2
     offset = scale * np.linalg.lstsq(np.column_stack([np.ones_like(depth), 1 / depth]), moves, rcond=None)[0][0]
@@ -229,53 +284,70 @@ def rectified_std(rectified: RectifiedRig, covariance: Array, *, step_px: int = 
 
 
 def error_map(
-    rig: StereoRig, covariance: Array, *, at_mm: float = 700.0, of_mm: float = 100.0, step_px: int = 20
+    rig: StereoRig, covariance: Float64, *, at_mm: float = 700.0, of_mm: float = 100.0, step_px: int = 20
 ) -> ErrorMap:
-    """What the uncertainty of the calibration does to depths and lengths, over the left image.
+    """Map what the uncertainty of the calibration does to depths and lengths, over the left image.
 
     Parameters
     ----------
-    covariance : (s, s), from `rig_covariance`
+    rig : StereoRig
+    covariance : (s, s) float64
+        From `rig_covariance`.
     at_mm : float
         Depth along the left optical axis.
     of_mm : float
         The length, level and across the line of sight.
+    step_px : int
+        Spacing of the grid.
+
+    Returns
+    -------
+    ErrorMap
 
     Notes
     -----
     ``sigma^2 = g C g'`` with g the row of `triangulation_jacobian` for the depth, or the difference of two for a
     length. The noise of a matched pixel comes on top of it.
     """
-    columns, rows, points, seen = _grid(rig, at_mm, step_px)
+    columns, rows, points, in_sight = _grid(rig, at_mm, step_px)
     half = np.array([of_mm / 2, 0.0, 0.0])
     ends = triangulation_jacobian(rig, points + half)[:, 0] - triangulation_jacobian(rig, points - half)[:, 0]
     depth = triangulation_jacobian(rig, points)[:, 2]
     sigmas = [np.sqrt(np.einsum("ni,ij,nj->n", g, covariance, g)) for g in (depth, ends)]
-    depth_mm, length_mm = (np.where(seen, s, np.nan).reshape(len(rows), len(columns)) for s in sigmas)
+    depth_mm, length_mm = (np.where(in_sight, s, np.nan).reshape(len(rows), len(columns)) for s in sigmas)
     return ErrorMap(columns, rows, depth_mm, length_mm, at_mm, of_mm)
 
 
-def compare_calibrations(first: Fit, second: Fit, *, at_mm: float = 700.0, step_px: int = 20) -> Agreement:
-    """Whether two calibrations from disjoint pictures differ by what their uncertainties predict."""
-    difference = vector(first.rig, second.rig)
+def compare_calibrations(first: RigFit, second: RigFit, *, at_mm: float = 700.0, step_px: int = 20) -> Agreement:
+    """Find out whether two calibrations from disjoint pictures differ by what their uncertainties predict.
+
+    Parameters
+    ----------
+    first, second : RigFit
+    at_mm : float
+        Depth at which they are compared.
+    step_px : int
+        Spacing of the grid of left pixels.
+
+    Returns
+    -------
+    Agreement
+    """
+    difference = rig_difference(first.rig, second.rig)
     total = rig_covariance(first) + rig_covariance(second)
-    _, rows, points, seen = _grid(second.rig, at_mm, step_px)
+    _, rows, points, in_sight = _grid(second.rig, at_mm, step_px)
     by_depth = triangulation_jacobian(second.rig, points)[:, 2]
     values = by_depth @ difference, np.sqrt(np.einsum("ni,ij,nj->n", by_depth, total, by_depth))
-    depth, predicted = (np.where(seen, v, np.nan).reshape(len(rows), -1) for v in values)
-    return Agreement(parameter_names(first.rig), difference / np.sqrt(np.diag(total)), depth, predicted)
+    depth, predicted = (np.where(in_sight, v, np.nan).reshape(len(rows), -1) for v in values)
+    return Agreement(rig_parameter_names(first.rig), difference / np.sqrt(np.diag(total)), depth, predicted)
 
 
-def _lens_values(camera: Camera) -> Array:
-    return np.concatenate([camera.K[[0, 1, 0, 1], [0, 1, 2, 2]], camera.dist])
-
-
-def _grid(rig: StereoRig, at_mm: float, step_px: int) -> tuple[Array, Array, Array, Array]:
+def _grid(rig: StereoRig, at_mm: float, step_px: int) -> tuple[Ints, Ints, Float64, Bools]:
     """Columns, rows, points at a depth on a grid of left pixels (N, 3), and whether the right camera sees them."""
     width, height = rig.left.size
     columns, rows = np.arange(step_px // 2, width, step_px), np.arange(step_px // 2, height, step_px)
     pixels = np.stack(np.meshgrid(columns, rows), -1).reshape(-1, 2)
     points = rig.left.rays(pixels, clamp=True) * at_mm
     where = rig.right.project(points @ rig.R.T + rig.T)
-    seen = np.all((where >= 0) & (where <= np.array(rig.right.size) - 1), axis=1)
-    return columns, rows, points, seen
+    in_sight = np.all((where >= 0) & (where <= np.array(rig.right.size) - 1), axis=1)
+    return columns, rows, points, in_sight

@@ -1,7 +1,8 @@
-"""What a calibration says of itself, as facts for programs and as text for people."""
+"""What a calibration says of itself: facts for programs, text for people."""
 
 from __future__ import annotations
 
+import re
 import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
@@ -10,154 +11,193 @@ from typing import Any
 import cv2
 import numpy as np
 
+from stereolib.base import Float64
 from stereolib.calibration.boards import Board, Charuco
+from stereolib.calibration.bundle_adjustment import lens_vector
 from stereolib.calibration.diagnosis import Diagnosis
+from stereolib.calibration.uncertainty import LENS_NAMES
 
-Array = np.ndarray
 #: What a verdict allows.
-MEANS = {
+VERDICT_MEANINGS = {
     "good": "nothing that was tested speaks against this calibration, measure with it",
     "usable": "sizes and depths to a few per cent; mend what is named for more",
     "bad": "do not measure with it; mend what is named and calibrate again",
 }
-#: Coefficients in OpenCV's order.
-DIST_NAMES = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4", "tau_x", "tau_y")
-_TIED = "\N{NO-BREAK SPACE}"
-_K_NAMES = ("fx", "fy", "cx", "cy")
+_TIED = "\N{NO-BREAK SPACE}"  # keeps a name and its value on one line
+_WIDTH = 120  # columns of the text
 
 
-def facts(diagnosis: Diagnosis) -> dict[str, Any]:
-    """Everything that a program may want to know, ready for JSON; what is not known is None.
+def calibration_facts(diagnosis: Diagnosis) -> dict[str, Any]:
+    """Collect everything that a program may want to know of a calibration, ready for JSON.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
 
     Returns
     -------
     dict
         ``verdict reasons warnings model board rms_px K dist R T baseline_mm std pairs_used pairs_refused groups
         coverage errors checks lens_models``. K and dist are of ``left`` and ``right``, T is in mm. ``std`` repeats
-        their names; its K are fx fy cx cy, and ``R_rad`` are turns about the right camera's axes.
+        their names; its K are fx fy cx cy, and ``R_rad`` are turns about the right camera's axes. What is not known
+        is None.
     """
-    rig, std, board, score = diagnosis.rig, diagnosis.std, diagnosis.views.board, diagnosis.coverage
-    errors = diagnosis.error_map
-    return _plain(
-        {
-            "verdict": diagnosis.verdict,
-            "reasons": diagnosis.reasons,
-            "warnings": diagnosis.warnings,
-            "model": diagnosis.model,
-            "board": asdict(board),
-            "rms_px": diagnosis.rms_px,
-            "K": {"left": rig.left.K, "right": rig.right.K},
-            "dist": {"left": rig.left.dist, "right": rig.right.dist},
-            "R": rig.R,
-            "T": rig.T,
-            "baseline_mm": rig.baseline_mm,
-            "std": {
-                "K": {"left": std.left_K, "right": std.right_K},
-                "dist": {"left": std.left_dist, "right": std.right_dist},
-                "R_rad": std.R_rad,
-                "T": std.T_mm,
-                "baseline_mm": std.baseline_mm,
-                "rectified": diagnosis.rectified_std,
-            },
-            "pairs_used": diagnosis.pairs_used,
-            "pairs_refused": refused(diagnosis),
-            "pair_rms_px": dict(zip(diagnosis.pairs_used, diagnosis.pair_rms_px, strict=True)),
-            "groups": diagnosis.groups,
-            "coverage": {
-                "score": score.score,
-                "image": score.image,
-                "distance": score.distance,
-                "tilt": score.tilt,
-                "missing": score.missing,
-            },
-            "errors": {
-                "square_pct": diagnosis.square_error_pct,
-                "board_pct": diagnosis.board_error_pct,
-                "epipolar_rms_px": diagnosis.epipolar_rms_px,
-                "worst_pair": diagnosis.worst_pair,
-                "worst_pair_px": diagnosis.worst_pair_px,
-                "at_mm": errors.at_mm,
-                "depth_std_mm": _median(errors.depth_mm),
-                "length_std_mm": _median(errors.length_mm),
-                "length_mm": errors.of_mm,
-            },
-            "folds": diagnosis.folds,
-            "checks": {check.name: check._asdict() for check in diagnosis.checks},
-            "lens_models": {lens.model: asdict(lens) for lens in diagnosis.lenses},
-        }
-    )
+    d, rig, std, errors = diagnosis, diagnosis.rig, diagnosis.std, diagnosis.error_map
+    told = {name: getattr(d, name) for name in ("verdict", "reasons", "warnings", "model")}
+    told |= {
+        "board": asdict(d.views.board),
+        "rms_px": d.rms_px,
+        "K": {"left": rig.left.K, "right": rig.right.K},
+        "dist": {"left": rig.left.dist, "right": rig.right.dist},
+        "R": rig.R,
+        "T": rig.T,
+        "baseline_mm": rig.baseline_mm,
+        "std": {
+            "K": {"left": std.left_K, "right": std.right_K},
+            "dist": {"left": std.left_dist, "right": std.right_dist},
+            "R_rad": std.R_rad,
+            "T": std.T_mm,
+            "baseline_mm": std.baseline_mm,
+            "rectified": d.rectified_std,
+        },
+        "pairs_used": d.pairs_used,
+        "pairs_refused": d.pairs_left_out,
+        "pair_rms_px": dict(zip(d.pairs_used, d.pair_rms_px, strict=True)),
+        "groups": d.groups,
+        "coverage": {"score": d.coverage.score} | asdict(d.coverage),
+        "errors": {
+            "square_pct": d.square_error_pct,
+            "board_pct": d.board_error_pct,
+            "epipolar_rms_px": d.epipolar_rms_px,
+            "worst_pair": d.worst_pair,
+            "worst_pair_px": d.worst_pair_px,
+            "at_mm": errors.at_mm,
+            "depth_std_mm": _median(errors.depth_mm),
+            "length_std_mm": _median(errors.length_mm),
+            "length_mm": errors.of_mm,
+        },
+        "folds": d.folds,
+        "checks": {check.name: check._asdict() for check in d.checks},
+        "lens_models": {lens.model: asdict(lens) for lens in d.lenses},
+    }
+    plain: dict[str, Any] = _plain(told)
+    return plain
 
 
-def refused(diagnosis: Diagnosis) -> dict[str, str]:
-    """Pairs that the calibration does not stand on, and why."""
-    unseen = {name: "the board was not found in both views" for name in diagnosis.views.missing}
-    return unseen | dict(diagnosis.pairs_refused)
+def calibration_text(diagnosis: Diagnosis) -> str:
+    """Write a calibration as text: a line for each item, standard deviations behind ``±``.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+
+    Returns
+    -------
+    str
+        Lines of at most 120 columns.
+    """
+    rows = _rows("summary", diagnosis)
+    width = max(len(name) for name, _ in rows) + 2
+    wrap = textwrap.TextWrapper(_WIDTH, subsequent_indent=" " * width, break_long_words=False, break_on_hyphens=False)
+    return "\n".join(line for name, text in rows for line in wrap.wrap(f"{name:{width}}{text}")).replace(_TIED, " ")
 
 
-def summary(diagnosis: Diagnosis) -> str:
-    """The verdict as text: a line for each thing, standard deviations behind ``±``."""
-    names, left_out = diagnosis.pairs_used, refused(diagnosis)
-    lines = [(diagnosis.verdict, MEANS.get(diagnosis.verdict, ""))]
-    lines += [("because", text) for text in diagnosis.reasons] + [("note", text) for text in remarks(diagnosis)]
-    lines += [("rms (px)", f"{diagnosis.rms_px:.4f}  ({diagnosis.model}, {len(names)} pairs)")]
-    lines += parameters(diagnosis)
-    lines += meaning(diagnosis)
-    lines += [("pairs used", f"{len(names)}: {' '.join(names)}"), ("pairs refused", str(len(left_out) or "none"))]
-    lines += [("", f"{name}: {reason}") for name, reason in left_out.items()]
-    width = max(len(name) for name, _ in lines) + 2
-    wrapped = (textwrap.wrap(f"{name:{width}}{text}", 120, subsequent_indent=" " * width, break_long_words=False,
-                             break_on_hyphens=False) for name, text in lines)  # fmt: skip
-    return "\n".join(line for entry in wrapped for line in entry).replace(_TIED, " ")
+def parameter_rows(diagnosis: Diagnosis) -> list[tuple[str, str]]:
+    """Write every parameter of a calibration, standard deviations behind ``±``.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+
+    Returns
+    -------
+    list of (name, text)
+    """
+    return _rows("parameters", diagnosis)
 
 
-def remarks(diagnosis: Diagnosis) -> list[str]:
-    """The warnings that are not among the verdict's reasons."""
-    return [text for text in diagnosis.warnings if text not in diagnosis.reasons]
+def meaning_rows(diagnosis: Diagnosis) -> list[tuple[str, str]]:
+    """Write what a calibration means in millimetres.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+
+    Returns
+    -------
+    list of (name, text)
+    """
+    return _rows("meaning", diagnosis)
 
 
-def parameters(diagnosis: Diagnosis) -> list[tuple[str, str]]:
-    """Name and text of every parameter, standard deviations behind ``±``."""
-    rig, std = diagnosis.rig, diagnosis.std
-    rows = [("baseline (mm)", _pm(rig.baseline_mm, std.baseline_mm))]
-    for side, camera, K_std, dist_std in (
-        ("left", rig.left, std.left_K, std.left_dist),
-        ("right", rig.right, std.right_K, std.right_dist),
-    ):
-        values = camera.K[[0, 1, 0, 1], [0, 1, 2, 2]]
-        rows.append((f"K {side} (px)", _named(_K_NAMES, values, K_std)))
-        rows.append((f"dist {side}", _named(DIST_NAMES[: camera.dist.size], camera.dist, dist_std)))
-    turns = np.degrees(np.ravel(cv2.Rodrigues(rig.R)[0]))
-    rows += [("R", "  ".join("[" + " ".join(f"{v:9.6f}" for v in row) + "]" for row in rig.R))]
-    rows += [("R as turns (deg)", _named("xyz", turns, np.degrees(std.R_rad)))]
-    return [*rows, ("T (mm)", _named("xyz", rig.T, std.T_mm))]
+def check_rows(diagnosis: Diagnosis) -> list[tuple[str, str, str, str]]:
+    """Write everything of a calibration that has limits.
 
+    Parameters
+    ----------
+    diagnosis : Diagnosis
 
-def meaning(diagnosis: Diagnosis) -> list[tuple[str, str]]:
-    """Name and text of what the calibration means in millimetres."""
-    d, errors, score = diagnosis, diagnosis.error_map, diagnosis.coverage
-    depth, length = _median(errors.depth_mm), _median(errors.length_mm)
-    lenses = ", ".join(f"{lens.model} {lens.hold_out_rms_px:.4f} px" for lens in d.lenses)
-    return [
-        ("scale", f"all lengths rest on squares of {_edges(d.views.board)}; the distance of the lenses by a ruler "
-                  f"checks them"),
-        (f"at {errors.at_mm:g} mm", f"depth ± {depth:.2g} mm, a length of {errors.of_mm:g} mm ± {length:.2g} mm, if "
-                                    f"the lens model fits"),
-        *([("lens models", f"rms of boards left out: {lenses}")] if lenses else []),
-        ("each pair left out", f"squares {d.square_error_pct:.3f} % off, board {d.board_error_pct:.3f} %"),
-        ("rows, rectified", f"{d.epipolar_rms_px:.3f} px rms, worst {d.worst_pair}: {d.worst_pair_px:.3f} px"),
-        ("coverage", f"{score.score:.0%}: {score}"),
-    ]  # fmt: skip
-
-
-def checked(diagnosis: Diagnosis) -> list[tuple[str, str, str, str]]:
-    """Everything with limits: what it is, its value, up to where it is good, and up to where usable."""
+    Returns
+    -------
+    list of (name, value, good, usable)
+        Up to which value it is good, and up to which usable.
+    """
     return [(c.name, f"{c.value:.2f} {c.unit}", f"{c.good:.3g}", f"{c.usable:.3g}") for c in diagnosis.checks]
 
 
 def board_text(board: Board) -> str:
-    """What the board was said to be."""
+    """Write what a board was said to be.
+
+    Parameters
+    ----------
+    board : Checkerboard or Charuco
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> from stereolib.calibration import Checkerboard
+    >>> board_text(Checkerboard(9, 6, 25.0))
+    'checkerboard of 9 x 6 inner corners, squares of 25 mm'
+    """
     kind = f"ChArUco board ({board.dictionary})" if isinstance(board, Charuco) else "checkerboard"
     return f"{kind} of {board.columns} x {board.rows} inner corners, squares of {_edges(board)}"
+
+
+def _rows(template: str, d: Diagnosis) -> list[tuple[str, str]]:
+    """Lines ``name | text`` of a template; a line's end within a value is a blank."""
+    import jinja2
+
+    templates = jinja2.Environment(
+        loader=jinja2.PackageLoader("stereolib.calibration"),
+        autoescape=False,  # plain text; whoever puts it into HTML escapes it
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        keep_trailing_newline=True,
+        finalize=lambda value: re.sub(r"[\r\n]", " ", str(value)),
+    )
+    errors, rig = d.error_map, d.rig
+    text = templates.get_template(f"{template}.txt.jinja").render(
+        d=d,
+        rig=rig,
+        std=d.std,
+        errors=errors,
+        named=_named,
+        with_std=_with_std,
+        lens_names=LENS_NAMES,
+        verdict_meaning=VERDICT_MEANINGS.get(d.verdict, ""),
+        lenses={"left": lens_vector(rig.left), "right": lens_vector(rig.right)},
+        rows_of_R=["[" + " ".join(f"{v:9.6f}" for v in row) + "]" for row in rig.R],
+        turns_deg=np.degrees(np.ravel(cv2.Rodrigues(rig.R)[0])),
+        turns_std_deg=np.degrees(d.std.R_rad),
+        squares=_edges(d.views.board),
+        depth_mm=_median(errors.depth_mm),
+        length_mm=_median(errors.length_mm),
+        lens_errors=[f"{lens.model} {lens.hold_out_rms_px:.4f} px" for lens in d.lenses],
+    )
+    return [(name, value) for name, _, value in (line.partition(" | ") for line in text.split("\n") if line)]
 
 
 def _edges(board: Board) -> str:
@@ -167,12 +207,13 @@ def _edges(board: Board) -> str:
     return f"{width:.4g} x {width * board.aspect:.4g} mm"
 
 
-def _named(names: Sequence[str], values: Array, stds: Array) -> str:
-    tied = (f"{name} {_pm(v, s)}".replace(" ", _TIED) for name, v, s in zip(names, values, stds, strict=True))
-    return "  ".join(tied) or "none"
+def _named(names: Sequence[str], values: Float64, stds: Float64) -> str:
+    """As many values as there are, each behind its name."""
+    entries = zip(names, values, stds, strict=False)
+    return "  ".join(f"{name} {_with_std(v, s)}".replace(" ", _TIED) for name, v, s in entries) or "none"
 
 
-def _pm(value: float, std: float) -> str:
+def _with_std(value: float, std: float) -> str:
     """``729.91 ± 0.12``: the deviation with two digits, the value with as many decimals."""
     if not (np.isfinite(std) and std > 0):
         return f"{value:.6g}"
@@ -180,7 +221,7 @@ def _pm(value: float, std: float) -> str:
     return f"{round(value, decimals) + 0.0:.{decimals}f} ± {std:.{decimals}f}"  # + 0.0: never -0.00
 
 
-def _median(values: Array) -> float:
+def _median(values: Float64) -> float:
     finite = values[np.isfinite(values)]
     return float(np.median(finite)) if finite.size else float("nan")
 

@@ -67,7 +67,7 @@ def _run(arguments: argparse.Namespace) -> int:
             raise ValueError(f"{name} must be a positive number of mm, got {value}")
     pairs = pair_files(arguments.left, arguments.right)
 
-    from stereolib.calibration import LENS_MODELS, detection, diagnosis, wording
+    from stereolib.calibration import LENS_MODELS, calibration_facts, calibration_text, diagnose, find_in_files
     from stereolib.plotting import write_calibration_report
     from stereolib.rig import formats
 
@@ -78,15 +78,15 @@ def _run(arguments: argparse.Namespace) -> int:
             fits = [name for name, (count, _) in LENS_MODELS.items() if count <= most]
             raise ValueError(f"--format {kind} cannot hold a {arguments.model} lens: pass --model {fits[-1]}")
     left, right = zip(*pairs, strict=True)
-    views = detection.find_in_files(left, right, board, progress=sys.stderr.isatty())
+    views = find_in_files(left, right, board, progress=sys.stderr.isatty())
     if len(views) < MIN_PAIRS:
         raise ValueError(
             f"the board of {arguments.board} inner corners was found in both views of only {len(views)} pairs "
             f"({', '.join(views.names)}), not in {', '.join(views.missing)}: at least {MIN_PAIRS} are needed, 15 to "
             f"30 give a trustworthy lens; is the board's size right?"
         )
-    result = diagnosis.diagnose(views, model=arguments.model, ruler_mm=arguments.ruler_mm, at_mm=arguments.at_mm)
-    facts = wording.facts(result)
+    result = diagnose(views, model=arguments.model, ruler_mm=arguments.ruler_mm, at_mm=arguments.at_mm)
+    facts = calibration_facts(result)
     notes = {name: entry for name, entry in facts.items() if name not in ("K", "dist", "R", "T")}  # the file has them
     write_calibration_report(written[1], result, dict(zip((path.name for path in left), pairs, strict=True)))
     result.rig.save(written[0], calibration=notes)
@@ -95,7 +95,7 @@ def _run(arguments: argparse.Namespace) -> int:
     if arguments.json:
         print(json.dumps(facts, indent=1, allow_nan=False))
     else:
-        print(wording.summary(result))
+        print(calibration_text(result))
         print(f"written: {' '.join(map(str, written))}")
     return REFUSED if result.verdict == "bad" else DONE
 

@@ -29,7 +29,7 @@ def _configure(parser: argparse.ArgumentParser) -> None:
 def _run(arguments: argparse.Namespace) -> int:
     import numpy as np
 
-    from stereolib.calibration import calibrate_lidar_to_camera, views_from_files
+    from stereolib.calibration import calibrate_lidar_to_camera, find_laser_boards_in_files
     from stereolib.measurement import save_laser_pose
     from stereolib.rig import StereoRig
 
@@ -46,7 +46,7 @@ def _run(arguments: argparse.Namespace) -> int:
             f"{len(files[0])} pictures ({' '.join(_PICTURES)}) and {len(files[1])} scans (.bin): there must be one "
             f"scan for each picture, in the order of their names"
         )
-    views = views_from_files(files[0], files[1], board, rig.left, margin_mm=arguments.margin_mm)
+    views = find_laser_boards_in_files(files[0], files[1], board, rig.left, margin_mm=arguments.margin_mm)
     pose = calibrate_lidar_to_camera(views)
     save_laser_pose(arguments.calibration, pose)
     turn, shift = float(np.degrees(pose.std_rad).max()), float(pose.std_mm.max())

@@ -1,7 +1,8 @@
-from .assemble import Map, merge, size_table
-from .files import COLORS, Cloud, Solid, cloud, joined, solids, write_cloud, write_grid, write_mesh
-from .occupancy import FREE, OCCUPIED, OccupancyGrid, occupancy_grid
-from .scan_matching import ScanMatch, disturbed, refine_poses
+from .assemble import Map, merge_stations, size_table
+from .files import write_cloud, write_grid, write_mesh
+from .occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, occupancy_grid
+from .scan_matching import ScanMatch, disturb_poses, refine_poses
+from .shapes import COLORS, Cloud, Solid, colored_cloud, join_clouds, map_solids
 from .sightings import MapObject
 from .stations import Station
 from .view import view_map
@@ -11,6 +12,7 @@ __all__ = [
     "COLORS",
     "FREE",
     "OCCUPIED",
+    "UNKNOWN",
     "Cloud",
     "Map",
     "MapObject",
@@ -19,14 +21,14 @@ __all__ = [
     "ScanMatch",
     "Solid",
     "Station",
-    "cloud",
-    "disturbed",
-    "joined",
-    "merge",
+    "colored_cloud",
+    "disturb_poses",
+    "join_clouds",
+    "map_solids",
+    "merge_stations",
     "occupancy_grid",
     "refine_poses",
     "size_table",
-    "solids",
     "view_map",
     "write_cloud",
     "write_grid",

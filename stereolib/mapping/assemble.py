@@ -7,20 +7,20 @@ stretches are walls. The map's frame is that of the poses: x forward, y left, z 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stereolib.mapping.sightings import MapObject, Sighting, merged, same_thing
+from stereolib.base import Float64
+from stereolib.mapping.sightings import MapObject, Sighting, may_be_same, merge_sightings
 from stereolib.mapping.stations import Station
 from stereolib.mapping.walls import MapWall, find_walls
-from stereolib.measurement import MeasuredObject
+from stereolib.measurement import SIZE_NAMES, MeasuredObject
 
 if TYPE_CHECKING:
     import pandas as pd
 
-Array = np.ndarray
 _WALL_MM = 60.0  # what lies nearer to a wall belongs to it
 
 
@@ -50,33 +50,33 @@ class Map:
         return tuple(chr(65 + k % 26) + str(k // 26 or "") for k in range(len(self.objects)))
 
     @property
-    def things(self) -> tuple[MeasuredObject, ...]:
-        """The objects alone."""
-        return tuple(found.thing for found in self.objects)
+    def measured(self) -> tuple[MeasuredObject, ...]:
+        """The objects' sizes and places, without their sightings."""
+        return tuple(each.fused for each in self.objects)
 
     @property
     def volume_l(self) -> tuple[float, float]:
         """Volume of all objects whose sizes are known, and its standard deviation, litres."""
-        return self._total(lambda thing: thing.volume_l)
+        return self._total(lambda each: each.volume_l)
 
     @property
     def surface_m2(self) -> tuple[float, float]:
         """Area of their sides and tops, and its standard deviation, m^2."""
-        return self._total(lambda thing: thing.surface_m2)
+        return self._total(lambda each: each.surface_m2)
 
     @property
-    def readings_mm(self) -> Array:
+    def readings_mm(self) -> Float64:
         """All stations' readings, (N, 2) mm."""
         return np.concatenate([station.to_map(station.scan_mm) for station in self.stations])
 
     def _total(self, of: Callable[[MeasuredObject], tuple[float, float]]) -> tuple[float, float]:
-        known = np.array([of(thing) for thing in self.things if np.isfinite(of(thing)).all()])
+        known = np.array([of(each) for each in self.measured if np.isfinite(of(each)).all()])
         if not len(known):
             raise ValueError("the map has no object of which all three sizes are known: nothing to add up")
         return float(known[:, 0].sum()), float(np.sqrt((known[:, 1] ** 2).sum()))
 
 
-def merge(
+def merge_stations(
     stations: Sequence[Station],
     *,
     rng: np.random.Generator,
@@ -89,15 +89,19 @@ def merge(
     Parameters
     ----------
     stations : sequence of Station
-        Their poses known, or refined by `stereolib.scan_matching.refine_poses`.
+        Their poses known, or refined by `refine_poses`.
     rng : numpy.random.Generator
         For the walls.
     gate : float
-        In standard deviations: how far sightings of one thing may lie apart, and what counts as a disagreement.
+        In standard deviations: how far sightings of one object may lie apart, and what counts as a disagreement.
     max_size_mm : float
         Deepest object that two opposite faces are joined to.
     least_wall_mm : float
         Straight stretches that are longer are walls.
+
+    Returns
+    -------
+    Map
 
     Raises
     ------
@@ -109,65 +113,63 @@ def merge(
     walls = find_walls(stations, rng=rng, least_mm=least_wall_mm)
     objects, lost = _objects(stations, walls, gate, max_size_mm)
     if objects:  # their readings make no walls
-        walls = find_walls(stations, [f.thing for f in objects], rng=rng, least_mm=least_wall_mm)
+        walls = find_walls(stations, [each.fused for each in objects], rng=rng, least_mm=least_wall_mm)
     if not objects and not walls:
         readings = sum(len(station.scan_mm) for station in stations)
         raise ValueError(
             f"the map is empty: none of the {len(stations)} stations measured an object, and their {readings} readings "
             f"make no wall of {least_wall_mm:g} mm. See the warnings of the single measurements, or go nearer"
         )
-    found = Map(tuple(objects), tuple(walls), tuple(stations), ())
+    result = Map(tuple(objects), tuple(walls), tuple(stations), ())
     warnings = [] if objects else [f"no object: none of the {len(stations)} stations measured one"]
-    for name, each in zip(found.names, objects, strict=True):
+    for name, each in zip(result.names, objects, strict=True):
         warnings += [f"{name}: {text}" for text in each.conflicts]
-        unknown = (
-            (size, each.thing.reasons[size]) for size in ("length", "width", "height") if size in each.thing.reasons
-        )
-        warnings += [f"{name}: its {size} is unknown, {reason}" for size, reason in unknown]
-    return Map(found.objects, found.walls, found.stations, tuple(warnings + lost))
+        reasons = each.fused.reasons
+        warnings += [f"{name}: its {size} is unknown, {reasons[size]}" for size in SIZE_NAMES if size in reasons]
+    return replace(result, warnings=tuple(warnings + lost))
 
 
 def _objects(
     stations: Sequence[Station], walls: Sequence[MapWall], gate: float, max_size_mm: float
 ) -> tuple[list[MapObject], list[str]]:
     """Sightings grouped, two faces before single ones, the surer first: objects, and what could not be measured."""
-    seen = [
-        Sighting.of(k, thing, station.pose, station.covariance)
+    sightings = [
+        Sighting.of(k, each, station.pose, station.covariance)
         for k, station in enumerate(stations, start=1)
-        for thing in station.objects
-        if np.isfinite(thing.position_mm).all()
+        for each in station.objects
+        if np.isfinite(each.position_mm).all()
     ]
     rank = {"box": 0, "circle": 0, "irregular": 1, "face": 2}
     groups: list[MapObject] = []
     lost = []
-    for s in sorted(seen, key=lambda s: (np.isnan(s.values[3:]).all(), rank[s.seen.shape], s.spread_mm)):
-        if s.seen.shape != "box" and any(wall.near(s.values[:2], _WALL_MM + gate * s.spread_mm) for wall in walls):
+    for s in sorted(sightings, key=lambda s: (np.isnan(s.values[3:]).all(), rank[s.measured.shape], s.spread_mm)):
+        if s.measured.shape != "box" and any(wall.near(s.values[:2], _WALL_MM + gate * s.spread_mm) for wall in walls):
             continue  # a piece of wall that stood by itself in a picture
         near = [
             k
             for k, group in enumerate(groups)
             if s.station not in {other.station for other in group.sightings}
-            and same_thing(group, s, gate=gate, max_size_mm=max_size_mm)
+            and may_be_same(group, s, gate=gate, max_size_mm=max_size_mm)
         ]
         if near:
-            off = [np.linalg.norm(groups[k].thing.position_mm - s.values[:2]) for k in near]
+            off = [np.linalg.norm(groups[k].fused.position_mm - s.values[:2]) for k in near]
             k = near[int(np.argmin(off))]
-            groups[k] = merged([*groups[k].sightings, s], gate=gate)
+            groups[k] = merge_sightings([*groups[k].sightings, s], gate=gate)
         elif np.isfinite(s.values[3:]).any():
-            groups.append(merged([s], gate=gate))
-        elif not any(np.linalg.norm(group.thing.position_mm - s.values[:2]) < max_size_mm / 2 for group in groups):
+            groups.append(merge_sightings([s], gate=gate))
+        elif not any(np.linalg.norm(group.fused.position_mm - s.values[:2]) < max_size_mm / 2 for group in groups):
             x, y = s.values[:2]
-            why = next(iter(s.seen.reasons.values()), "no size is known")
+            why = next(iter(s.measured.reasons.values()), "no size is known")
             lost.append(f"station {s.station} saw something at x {x:.0f}, y {y:.0f} mm and could not measure it: {why}")
-    return sorted(groups, key=lambda group: float(np.linalg.norm(group.thing.position_mm))), lost
+    return sorted(groups, key=lambda group: float(np.linalg.norm(group.fused.position_mm))), lost
 
 
-def size_table(things: Sequence[MeasuredObject], names: Sequence[str]) -> pd.DataFrame:
-    """Sizes as a table: ``"400.9 ± 0.8"`` mm with one standard deviation, ``"?"`` where unknown.
+def size_table(objects: Sequence[MeasuredObject], names: Sequence[str]) -> pd.DataFrame:
+    """Lay out sizes: ``"400.9 ± 0.8"`` mm with one standard deviation, ``"?"`` where unknown.
 
     Parameters
     ----------
-    things : sequence of MeasuredObject
+    objects : sequence of MeasuredObject
     names : sequence of str
 
     Returns
@@ -181,7 +183,7 @@ def size_table(things: Sequence[MeasuredObject], names: Sequence[str]) -> pd.Dat
         return f"{value:.{digits}f} ± {std:.{digits}f}" if np.isfinite(value) else "?"
 
     rows = []
-    for name, thing in zip(names, things, strict=True):
-        sizes = [text(*each) for each in zip(thing.size_mm, thing.std_mm, strict=True)]
-        rows.append([name, thing.shape, *sizes, text(*thing.volume_l, 2)])
+    for name, each in zip(names, objects, strict=True):
+        sizes = [text(*size) for size in zip(each.size_mm, each.std_mm, strict=True)]
+        rows.append([name, each.shape, *sizes, text(*each.volume_l, 2)])
     return pd.DataFrame(rows, columns=["name", "shape", "length_mm", "width_mm", "height_mm", "volume_l"])

@@ -7,11 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stereolib.base import set_frozen
+from stereolib.base import Float64, Floats, Ints, UInt8, set_frozen
 from stereolib.mapping.stations import Station
 
-Array = np.ndarray
 FREE, UNKNOWN, OCCUPIED = 254, 205, 0  # grey levels of ROS's map_server
+_MOST_CELLS = 25e6  # bytes of memory, several times; a hall of 100 m by 100 m at 20 mm
+_BEAMS_AT_ONCE = 500  # bounds the memory of their crossings
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,21 +29,37 @@ class OccupancyGrid:
         Side of a cell.
     """
 
-    cells: Array
-    origin_mm: Array
+    cells: UInt8
+    origin_mm: Float64
     resolution_mm: float
 
     def __post_init__(self) -> None:
         set_frozen(self, cells=np.asarray(self.cells, np.uint8), origin_mm=np.asarray(self.origin_mm, float))
 
-    def at(self, points_mm: Array) -> Array:
-        """Cells of points (N, 2) mm, (N,) uint8; `UNKNOWN` outside the grid."""
+    def at(self, points_mm: Floats) -> UInt8:
+        """Look up the cells of points.
+
+        Parameters
+        ----------
+        points_mm : (N, 2) array
+
+        Returns
+        -------
+        (N,) uint8
+            `UNKNOWN` outside the grid.
+
+        Examples
+        --------
+        >>> grid = OccupancyGrid(np.array([[FREE, OCCUPIED]]), np.zeros(2), 20.0)
+        >>> grid.at(np.array([[10.0, 10.0], [30.0, 10.0], [50.0, 10.0]]))
+        array([254,   0, 205], dtype=uint8)
+        """
         column, row = np.floor((np.asarray(points_mm, float) - self.origin_mm) / self.resolution_mm).astype(int).T
         rows, columns = self.cells.shape
         inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
-        found = np.full(len(row), UNKNOWN, np.uint8)
-        found[inside] = self.cells[row[inside], column[inside]]
-        return found
+        levels = np.full(len(row), UNKNOWN, np.uint8)
+        levels[inside] = self.cells[row[inside], column[inside]]
+        return levels
 
 
 def occupancy_grid(
@@ -54,10 +71,15 @@ def occupancy_grid(
     ----------
     stations : sequence of Station
     resolution_mm : float
+        Side of a cell.
     margin_mm : float
         Rim of unknown cells around everything.
     least_share : float
         A cell is taken if at least this share of the beams that reach it end in it: others pass it at its corner.
+
+    Returns
+    -------
+    OccupancyGrid
 
     Raises
     ------
@@ -78,11 +100,11 @@ def occupancy_grid(
     both = np.concatenate([start, end])
     origin = np.floor((both.min(axis=0) - margin_mm) / resolution_mm) * resolution_mm
     columns, rows = (np.ceil((both.max(axis=0) + margin_mm - origin) / resolution_mm)).astype(int)
-    if rows * columns > 25e6:
+    if rows * columns > _MOST_CELLS:
         raise ValueError(f"cells of {resolution_mm:g} mm make {columns} x {rows} of them: take larger ones")
     passed, ended = np.zeros(rows * columns, int), np.zeros(rows * columns, int)
     a, b = (start - origin) / resolution_mm, (end - origin) / resolution_mm
-    for group in np.array_split(np.arange(len(a)), max(1, len(a) // 500)):
+    for group in np.array_split(np.arange(len(a)), max(1, len(a) // _BEAMS_AT_ONCE)):
         cells, last = _crossed(a[group], b[group], columns)
         passed += np.bincount(cells, minlength=len(passed))
         ended += np.bincount(last, minlength=len(ended))
@@ -92,7 +114,7 @@ def occupancy_grid(
     return OccupancyGrid(grid.reshape(rows, columns), origin, float(resolution_mm))
 
 
-def _crossed(a: Array, b: Array, columns: int) -> tuple[Array, Array]:
+def _crossed(a: Float64, b: Float64, columns: int) -> tuple[Ints, Ints]:
     """Cells that the lines a to b (N, 2), in cells, cross before their last one, and the last ones (N,)."""
     way = b - a
     most = int(np.ceil(np.abs(way)).max()) + 1

@@ -10,12 +10,25 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from stereolib.base import Float64, Ints, turn_2d
 from stereolib.laser import XV11_SIGMA
 from stereolib.mapping.stations import Station
 
-Array = np.ndarray
-_LEAST_PAIRS = 30
+_LEAST_PAIRS = 30  # of readings that two scans must have in common to be linked
 _BESIDE_MM = 200.0  # a reading may lie so far past the last one of the line it is matched with
+_REACH_MM = (300.0, 40.0)  # from a line, of the first and the last round: what poses are off by, and what bias leaves
+_FACING_RAD = np.deg2rad(35.0)  # between two matched bits: the far side of a thin box is another wall
+_ROUNDS = 12  # matchings, each followed by least squares
+_LEAST_SHARE = 0.012  # of the firmness of the best-held direction: less is refused
+_DOUBT = 2.0  # deviations from which on a pair counts less and less
+_STEPS = 20  # of least squares; most need four
+_STILL_MM = 0.01  # steps that are smaller end it, turns counted at a metre
+_HALF_WINDOW = 3  # readings to either side that tell whether the scan is straight there
+_LEAST_STRAIGHT = 10  # readings on straight bits
+_STRAIGHT = (3.0, 5.0)  # deviations of noise: at most across a straight bit, and at least along it
+_STEP_MM = (150.0, 0.05)  # longest gap within a bit: mm, and share of the range
+_TURN_RAD = 0.3  # where the normal turns by more from reading to reading another bit begins
+_ONE_LINE = 2.0  # deviations of noise: bits that are straighter are one line
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +48,7 @@ class ScanMatch:
     """
 
     stations: tuple[Station, ...]
-    covariance: Array
+    covariance: Float64
     rms_before_mm: float
     rms_after_mm: float
     pairs: int
@@ -44,12 +57,8 @@ class ScanMatch:
 def refine_poses(
     stations: Sequence[Station],
     *,
-    reach_mm: tuple[float, float] = (300.0, 40.0),
-    facing_rad: float = np.deg2rad(35.0),
-    rounds: int = 12,
     bias_mm: tuple[float, float] = (1.0, 0.8e-6),
-    least_share: float = 0.012,
-    sigma: Callable[[Array], Array] = XV11_SIGMA,
+    sigma: Callable[[Float64], Float64] = XV11_SIGMA,
 ) -> ScanMatch:
     """Refine the poses of stations by their scans; the first one stays.
 
@@ -57,21 +66,17 @@ def refine_poses(
     ----------
     stations : sequence of Station
         Two or more, with poses known to some 50 mm and 3 degrees.
-    reach_mm : (first, last)
-        How far off a line readings may lie to be matched with it; it shrinks from round to round.
-    facing_rad : float
-        How much the directions of two matched bits may differ: the far side of a thin box is another wall.
-    rounds : int
-        Matchings, each followed by least squares.
     bias_mm : (a, b)
         Standard deviations of what averaging does not remove, mm and 1/mm: `a` is what all readings of one station on
         one straight bit share (brightness and angle), ``b r^2`` what all readings share, as a laser that triangulates
         errs with the square of the range. The second is 0 if it was learnt and taken off
         (`stereolib.laser.learn_bias`).
-    least_share : float
-        How firmly every direction must be held, as a share of what the best-held one is; less is refused.
     sigma : callable
         Noise of a reading (see `stereolib.laser.find_segments`).
+
+    Returns
+    -------
+    ScanMatch
 
     Raises
     ------
@@ -91,17 +96,16 @@ def refine_poses(
     scans = [_Scan.of(k, station, sigma, bias_mm) for k, station in enumerate(stations, start=1)]
     poses = np.array([station.pose for station in stations])
     start = poses.copy()
-    pairs = None
-    for reach in np.geomspace(*reach_mm, rounds):
-        pairs = _match(scans, poses, reach, facing_rad)
+    for reach in np.geomspace(*_REACH_MM, _ROUNDS):  # the last one again at the poses that it led to
+        pairs = _match(scans, poses, reach)
         _check_linked(pairs, len(stations))
-        if reach == reach_mm[0]:
-            _check_held(scans, poses, pairs, least_share)
-        poses = _least_squares(scans, poses, pairs, max(2.0, reach / 40))
-    pairs = _match(scans, poses, reach_mm[1], facing_rad)
+        if reach == _REACH_MM[0]:
+            _check_held(scans, poses, pairs)
+        poses = _least_squares(scans, poses, pairs, max(_DOUBT, reach / _REACH_MM[1]))
+    pairs = _match(scans, poses, _REACH_MM[1])
     _check_linked(pairs, len(stations))
-    _check_held(scans, poses, pairs, least_share)
-    poses = _least_squares(scans, poses, pairs, 2.0)
+    _check_held(scans, poses, pairs)
+    poses = _least_squares(scans, poses, pairs, _DOUBT)
     covariance = _covariance(scans, poses, pairs)
     refined = [stations[0]]
     for k, station in enumerate(stations[1:]):
@@ -110,10 +114,29 @@ def refine_poses(
     return ScanMatch(tuple(refined), covariance, rms[0], rms[1], len(pairs[0]))
 
 
-def disturbed(
+def disturb_poses(
     stations: Sequence[Station], rng: np.random.Generator, off_mm: float, off_rad: float
 ) -> tuple[Station, ...]:
-    """The stations at wrong poses, but for the first: uniform errors up to `off_mm` along x and y, `off_rad` in yaw."""
+    """Put all stations but the first at wrong poses, to try `refine_poses`.
+
+    Parameters
+    ----------
+    stations : sequence of Station
+    rng : numpy.random.Generator
+    off_mm, off_rad : float
+        Largest errors, uniform, along x and y and in yaw.
+
+    Returns
+    -------
+    tuple of Station
+
+    Examples
+    --------
+    >>> stations = [Station(np.zeros(3), ()), Station(np.array([800.0, 0, 0]), ())]
+    >>> first, second = disturb_poses(stations, np.random.default_rng(0), 50.0, 0.05)
+    >>> bool((first.pose == 0).all()), bool(0 < abs(second.pose[0] - 800) < 50)
+    (True, True)
+    """
     errors = rng.uniform(-1, 1, (len(stations), 3)) * [off_mm, off_mm, off_rad]
     errors[0] = 0
     return tuple(replace(s, pose=s.pose + error) for s, error in zip(stations, errors, strict=True))
@@ -121,23 +144,35 @@ def disturbed(
 
 @dataclass(frozen=True, eq=False)
 class _Scan:
-    """Readings (N, 2) in the station's frame, what they are on the line of their straight bit, its normal towards the
-    laser (NaN where not straight) and number, the deviations of
-    noise and of what a bit's readings share, and the shift (N, 2) that all readings share."""
+    """A scan in its station's frame, and its straight bits.
 
-    points: Array
-    anchors: Array
-    normals: Array
-    bit: Array
-    noise: Array
-    bias: Array
-    common: Array
+    Attributes
+    ----------
+    points, anchors : (N, 2) float64, mm
+        Readings, and where they come to lie on the line of their straight bit.
+    normals : (N, 2) float64
+        Of the bit, towards the laser; NaN where not straight.
+    bit : (N,) int
+        Number of the bit.
+    noise, bias : (N,) float64, mm
+        Deviations by noise, and by what a bit's readings share.
+    common : (N, 2) float64, mm
+        The shift that all readings share.
+    """
+
+    points: Float64
+    anchors: Float64
+    normals: Float64
+    bit: Ints
+    noise: Float64
+    bias: Float64
+    common: Float64
 
     @classmethod
     def of(
-        cls, number: int, station: Station, sigma: Callable[[Array], Array], bias_mm: tuple[float, float], half: int = 3
+        cls, number: int, station: Station, sigma: Callable[[Float64], Float64], bias_mm: tuple[float, float]
     ) -> _Scan:
-        p = station.scan_mm
+        p, half = station.scan_mm, _HALF_WINDOW
         if len(p) < 2 * half + 1:
             raise ValueError(f"the scan of station {number} has {len(p)} readings: too few to match; scan again")
         window = (np.arange(len(p))[:, None] + np.arange(-half, half + 1)) % len(p)
@@ -149,14 +184,14 @@ class _Scan:
         step = np.linalg.norm(np.diff(q, axis=1), axis=2).max(axis=1)
         range_mm = np.linalg.norm(p - station.laser_mm, axis=1)
         noise = np.asarray(sigma(range_mm), float)
-        straight = (np.sqrt(values[:, 0]) < 3 * noise) & (step < 150.0 + 0.05 * range_mm)
-        straight &= np.sqrt(values[:, 1]) > 5 * noise
-        if straight.sum() < 10:
+        straight = (np.sqrt(values[:, 0]) < _STRAIGHT[0] * noise) & (step < _STEP_MM[0] + _STEP_MM[1] * range_mm)
+        straight &= np.sqrt(values[:, 1]) > _STRAIGHT[1] * noise
+        if straight.sum() < _LEAST_STRAIGHT:
             raise ValueError(
                 f"the scan of station {number} has no straight bit of wall or face among its {len(p)} readings to "
                 f"match with; scan where there are walls"
             )
-        turn = np.abs(np.diff(np.unwrap(np.arctan2(normals[:, 1], normals[:, 0])), prepend=0)) > 0.3
+        turn = np.abs(np.diff(np.unwrap(np.arctan2(normals[:, 1], normals[:, 0])), prepend=0)) > _TURN_RAD
         common = bias_mm[1] * range_mm[:, None] * (p - station.laser_mm)
         bias, bit = np.full(len(p), bias_mm[0]), np.cumsum(turn | ~straight)
         anchors, normals = p.copy(), np.where(straight[:, None], normals, np.nan)
@@ -166,18 +201,18 @@ class _Scan:
             middle = p[members].mean(axis=0)
             line = np.linalg.svd(p[members] - middle, full_matrices=False)[2][1]
             off = (p[members] - middle) @ line
-            if np.sqrt(np.mean(off**2)) < 2 * np.median(noise[members]):  # one line for all of it
+            if np.sqrt(np.mean(off**2)) < _ONE_LINE * np.median(noise[members]):  # one line for all of it
                 normals[members] = line * np.sign(line @ normals[members].sum(axis=0))
                 anchors[members] -= off[:, None] * line
         return cls(p, anchors, normals, bit, noise, bias, common)
 
 
-def _match(scans: Sequence[_Scan], poses: Array, reach: float, facing: float) -> tuple[Array, ...]:
+def _match(scans: Sequence[_Scan], poses: Float64, reach: float) -> tuple[Ints, ...]:
     """Pairs (station i, reading, station j, reading) that lie near each other and face the same way."""
     from scipy.spatial import cKDTree
 
     placed = [_placed(scan, pose) for scan, pose in zip(scans, poses, strict=True)]
-    found = []
+    pairs = []
     for j, (_, there, normals) in enumerate(placed):
         lines = np.flatnonzero(np.isfinite(normals[:, 0]))
         tree = cKDTree(there[lines])
@@ -187,25 +222,20 @@ def _match(scans: Sequence[_Scan], poses: Array, reach: float, facing: float) ->
             distance, nearest = tree.query(here, distance_upper_bound=max(reach, _BESIDE_MM))
             near = np.flatnonzero(np.isfinite(distance))
             q = lines[nearest[near]]
-            alike = (own[near] * normals[q]).sum(axis=1) > np.cos(facing)  # NaN is not alike
+            alike = (own[near] * normals[q]).sum(axis=1) > np.cos(_FACING_RAD)  # NaN is not alike
             alike &= np.abs(((here[near] - there[q]) * normals[q]).sum(axis=1)) < reach
             near, q = near[alike], q[alike]
-            found.append(np.stack([np.full(len(near), i), near, np.full(len(near), j), q]))
-    return tuple(np.concatenate(found, axis=1))
+            pairs.append(np.stack([np.full(len(near), i), near, np.full(len(near), j), q]))
+    return tuple(np.concatenate(pairs, axis=1))
 
 
-def _placed(scan: _Scan, pose: Array) -> tuple[Array, Array, Array]:
+def _placed(scan: _Scan, pose: Float64) -> tuple[Float64, Float64, Float64]:
     """Readings, anchors and normals in the map."""
-    R = _turn(pose[2])
+    R = turn_2d(-pose[2])  # transposed: points are rows
     return scan.points @ R + pose[:2], scan.anchors @ R + pose[:2], scan.normals @ R
 
 
-def _turn(yaw: float) -> Array:
-    """Transposed rotation: rows of points times it are turned by yaw."""
-    return np.array([[np.cos(yaw), np.sin(yaw)], [-np.sin(yaw), np.cos(yaw)]])
-
-
-def _residuals(scans: Sequence[_Scan], poses: Array, pairs: tuple[Array, ...]) -> tuple[Array, Array]:
+def _residuals(scans: Sequence[_Scan], poses: Float64, pairs: tuple[Ints, ...]) -> tuple[Float64, Float64]:
     """Distances of readings from their lines, mm, and the Jacobian with all poses, (N, 3 n)."""
     placed = [_placed(scan, pose) for scan, pose in zip(scans, poses, strict=True)]
     i, a, j, b = pairs
@@ -224,7 +254,7 @@ def _residuals(scans: Sequence[_Scan], poses: Array, pairs: tuple[Array, ...]) -
     return residual, J
 
 
-def _deviations(scans: Sequence[_Scan], pairs: tuple[Array, ...]) -> tuple[Array, Array]:
+def _deviations(scans: Sequence[_Scan], pairs: tuple[Ints, ...]) -> tuple[Float64, Float64]:
     """Of the distances of pairs: by noise and bias, and the bias's part, each (N,) mm."""
     i, a, j, b = pairs
     starts = np.cumsum([0, *(len(scan.points) for scan in scans)])
@@ -234,36 +264,36 @@ def _deviations(scans: Sequence[_Scan], pairs: tuple[Array, ...]) -> tuple[Array
     return np.hypot(np.hypot(noise[first], noise[second]), common), common
 
 
-def _least_squares(scans: Sequence[_Scan], poses: Array, pairs: tuple[Array, ...], doubt: float) -> Array:
+def _least_squares(scans: Sequence[_Scan], poses: Float64, pairs: tuple[Ints, ...], doubt: float) -> Float64:
     """Poses that bring the pairs together; pairs farther apart than `doubt` deviations count less and less.
 
     Gauss-Newton with Cauchy's weights ``1 / (1 + (r / (doubt s))^2)``.
     """
     deviation = _deviations(scans, pairs)[0]
     poses = poses.copy()
-    for _ in range(20):
+    for _ in range(_STEPS):
         residual, J = _residuals(scans, poses, pairs)
         J = J[:, 3:]
         weight = 1 / (deviation**2 + (residual / doubt) ** 2)
         step = np.linalg.solve(J.T @ (weight[:, None] * J), J.T @ (weight * residual)).reshape(-1, 3)
         poses[1:] -= step
-        if np.abs(step * [1.0, 1.0, 1000.0]).max() < 0.01:  # mm, and mm at one metre
+        if np.abs(step * [1.0, 1.0, 1000.0]).max() < _STILL_MM:  # mm, and mm at one metre
             break
     return poses
 
 
-def _covariance(scans: Sequence[_Scan], poses: Array, pairs: tuple[Array, ...]) -> Array:
+def _covariance(scans: Sequence[_Scan], poses: Float64, pairs: tuple[Ints, ...]) -> Float64:
     residual, J = _residuals(scans, poses, pairs)
     deviation, common = _deviations(scans, pairs)
     J = J[:, 3:] / deviation[:, None]
-    weight = 1 / (1 + (residual / deviation / 2) ** 2)
+    weight = 1 / (1 + (residual / deviation / _DOUBT) ** 2)
     inverse = np.linalg.inv(J.T @ (weight[:, None] * J))
     i, _, j, b = pairs
     wall = np.array([scans[k].bit[m] for k, m in zip(j, b, strict=True)])
     cluster = np.unique(np.stack([i, j, wall]), axis=1, return_inverse=True)[1].ravel()
     G = np.zeros((cluster.max() + 1, J.shape[1]))
     np.add.at(G, cluster, (weight * common / deviation)[:, None] * J)
-    turned = [scan.common @ _turn(pose[2]) for scan, pose in zip(scans, poses, strict=True)]
+    turned = [scan.common @ turn_2d(-pose[2]) for scan, pose in zip(scans, poses, strict=True)]
     normal = [_placed(scan, pose)[2] for scan, pose in zip(scans, poses, strict=True)]
     shift = np.array([(turned[k][m] - turned[n][q]) @ normal[n][q] for k, m, n, q in zip(*pairs, strict=True)])
     shared = J.T @ (weight * shift / deviation)
@@ -271,7 +301,7 @@ def _covariance(scans: Sequence[_Scan], poses: Array, pairs: tuple[Array, ...]) 
     return np.asarray(inverse @ (G.T @ G + own.T @ own + np.outer(shared, shared)) @ inverse)
 
 
-def _check_linked(pairs: tuple[Array, ...], count: int) -> None:
+def _check_linked(pairs: tuple[Ints, ...], count: int) -> None:
     """Refuse if the stations fall into groups that see nothing in common."""
     i, j = pairs[0], pairs[2]
     many = np.zeros((count, count))
@@ -288,7 +318,7 @@ def _check_linked(pairs: tuple[Array, ...], count: int) -> None:
         )
 
 
-def _check_held(scans: Sequence[_Scan], poses: Array, pairs: tuple[Array, ...], least_share: float) -> None:
+def _check_held(scans: Sequence[_Scan], poses: Float64, pairs: tuple[Ints, ...]) -> None:
     """Refuse if some motion of a station hardly changes any residual; say which."""
     J = _residuals(scans, poses, pairs)[1][:, 3:]
     reach = np.sqrt(np.mean(J[:, 2::3] ** 2) / np.mean(J[:, ::3] ** 2 + J[:, 1::3] ** 2)) + 1.0
@@ -299,7 +329,7 @@ def _check_held(scans: Sequence[_Scan], poses: Array, pairs: tuple[Array, ...], 
         block = slice(3 * k, 3 * k + 3)
         values, vectors = np.linalg.eigh(open_[block, block])
         times = float(values[-1] * np.linalg.eigvalsh(H[block, block])[-1])
-        if times * least_share < 1:
+        if times * _LEAST_SHARE < 1:
             continue
         x, y, turn = vectors[:, -1]
         if abs(turn) > np.hypot(x, y):

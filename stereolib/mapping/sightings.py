@@ -1,4 +1,4 @@
-"""One thing seen from several places: each sighting brought into the map, and all of them fused.
+"""One object seen from several places: each sighting brought into the map, and all of them fused.
 
 A box is ``(x, y, yaw, a, b, height)``: its centre, the direction of its side a, and its sides. A station that saw two
 faces tells all six; one that saw a single face tells where the middle of that side lies and how long it is, so that a
@@ -8,15 +8,21 @@ face from another side brings the depth that the first one hides.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 
+from stereolib.base import Float64, Ints, direction, turn_2d, wrap_rad
 from stereolib.measurement import SIZE_NAMES, MeasuredObject
 
-Array = np.ndarray
 _QUARTER = np.pi / 2
+_GATE = 4.0  # standard deviations: chance exceeds them once in 16000 times
+_STEPS = 6  # of Gauss-Newton; three reach rounding
+_THIN_MM = 20.0  # two faces that lie nearer are one, seen twice
+_RING = 24  # corners of a circle's outline
+_BOX_ORDER = [0, 1, 2, 3, 4, 5]  # of values: x, y, yaw, length, width, height
+_TURNED_ORDER = [0, 1, 2, 4, 3, 5]  # of a box turned by a quarter: length and width change places
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +33,7 @@ class Sighting:
     ----------
     station : int
         Its number, from 1.
-    seen : MeasuredObject
+    measured : MeasuredObject
         In the map's frame, its deviations without the station's own.
     values : (6,) float64
         x, y, yaw, length, width, height; mm and rad, NaN where unknown.
@@ -38,13 +44,13 @@ class Sighting:
     """
 
     station: int
-    seen: MeasuredObject
-    values: Array
-    covariance: Array
-    from_mm: Array
+    measured: MeasuredObject
+    values: Float64
+    covariance: Float64
+    from_mm: Float64
 
     @classmethod
-    def of(cls, station: int, seen: MeasuredObject, pose: Array, pose_covariance: Array) -> Sighting:
+    def of(cls, station: int, seen: MeasuredObject, pose: Float64, pose_covariance: Float64) -> Sighting:
         """Bring an object from the floor frame of a station into the map.
 
         Parameters
@@ -55,22 +61,28 @@ class Sighting:
         pose : (x_mm, y_mm, yaw_rad)
         pose_covariance : (3, 3) array
 
+        Returns
+        -------
+        Sighting
+
         Notes
         -----
         ``p = t + R(yaw) q``; the covariance of (x, y, yaw) is ``R S R' + J C J'`` with ``J = d(p, yaw) / d pose``.
         """
-        c, s = np.cos(pose[2]), np.sin(pose[2])
-        R = np.array([[c, -s], [s, c]])
+        R = turn_2d(pose[2])
         lever = R @ seen.position_mm
-        yaw = _wrapped(seen.yaw_rad + pose[2], np.pi)
+        yaw = float(wrap_rad(seen.yaw_rad + pose[2], np.pi))
         covariance = np.zeros((6, 6))
         covariance[:2, :2] = R @ seen.position_covariance @ R.T
         covariance[2, 2] = seen.yaw_std_rad**2
         covariance[3:, 3:] = seen.covariance
-        there = MeasuredObject(
-            seen.shape, seen.size_mm, seen.covariance, pose[:2] + lever, covariance[:2, :2].copy(), yaw,
-            seen.yaw_std_rad, pose[:2] + seen.outline_mm @ R.T, seen.sources, seen.reasons,
-        )  # fmt: skip
+        there = replace(
+            seen,
+            position_mm=pose[:2] + lever,
+            position_covariance=covariance[:2, :2].copy(),
+            yaw_rad=yaw,
+            outline_mm=pose[:2] + seen.outline_mm @ R.T,
+        )
         J = np.zeros((6, 3))
         J[:3] = [[1, 0, -lever[1]], [0, 1, lever[0]], [0, 0, 1]]
         values = np.array([*there.position_mm, yaw, *seen.size_mm])
@@ -89,7 +101,7 @@ class MapObject:
 
     Attributes
     ----------
-    thing : MeasuredObject
+    fused : MeasuredObject
         In the map's frame.
     stations : tuple of int
         Whose sightings went into it.
@@ -101,21 +113,25 @@ class MapObject:
         All of them.
     """
 
-    thing: MeasuredObject
+    fused: MeasuredObject
     stations: tuple[int, ...]
     conflicts: tuple[str, ...]
     misfit: float
     sightings: tuple[Sighting, ...]
 
 
-def merged(sightings: Sequence[Sighting], *, gate: float = 4.0) -> MapObject:
-    """Merge sightings of one thing, weighting them by their inverse covariances.
+def merge_sightings(sightings: Sequence[Sighting], *, gate: float = _GATE) -> MapObject:
+    """Merge sightings of one object, weighting them by their inverse covariances.
 
     Parameters
     ----------
     sightings : sequence of Sighting
     gate : float
         What fits the others with less than the probability of so many standard deviations is left out and reported.
+
+    Returns
+    -------
+    MapObject
 
     Notes
     -----
@@ -126,7 +142,7 @@ def merged(sightings: Sequence[Sighting], *, gate: float = 4.0) -> MapObject:
 
     kept, dropped = _of_one_kind(sightings)
     most = [chdtri(max(n, 1), 2 * ndtr(-gate)) for n in range(6 * len(kept) + 1)]  # chi square that chance leaves
-    while (found := _solve(kept))[2] > most[max(found[3], 0)] and len(kept) > 1:
+    while (solved := _solve(kept))[2] > most[max(solved[3], 0)] and len(kept) > 1:
         rest = [_solve([s for s in kept if s is not out]) for out in kept]
         # What fits, tells most and fits best stays; of two alone, the surer one.
         doubt = [
@@ -134,12 +150,12 @@ def merged(sightings: Sequence[Sighting], *, gate: float = 4.0) -> MapObject:
             for out, (x, _, chi2, n) in zip(kept, rest, strict=True)
         ]
         dropped.append(kept.pop(min(range(len(kept)), key=doubt.__getitem__)))
-    x, covariance, chi2, freedom = found
+    x, covariance, chi2, freedom = solved
     misfit = float(np.sqrt(chi2 / freedom)) if freedom > 0 else np.nan
     grown = covariance * max(np.nan_to_num(misfit), 1.0) ** 2
-    thing = _thing(kept, x, grown)
-    conflicts = tuple(_conflict(out, thing, x, grown) for out in dropped)
-    return MapObject(thing, tuple(s.station for s in kept), conflicts, misfit, tuple(sightings))
+    fused = _fused(kept, x, grown)
+    conflicts = tuple(_conflict(out, fused, x, grown) for out in dropped)
+    return MapObject(fused, tuple(s.station for s in kept), conflicts, misfit, tuple(sightings))
 
 
 def _of_one_kind(sightings: Sequence[Sighting]) -> tuple[list[Sighting], list[Sighting]]:
@@ -147,50 +163,54 @@ def _of_one_kind(sightings: Sequence[Sighting]) -> tuple[list[Sighting], list[Si
 
     An irregular outline goes with all; it tells the height.
     """
-    kinds = [{"face": "box"}.get(s.seen.shape, s.seen.shape) for s in sightings]
+    kinds = [{"face": "box"}.get(s.measured.shape, s.measured.shape) for s in sightings]
     count = {kind: kinds.count(kind) for kind in ("box", "circle") if kind in kinds}
     if not count:
         return list(sightings), []
     most = max(count, key=count.__getitem__)
     fits = [kind in (most, "irregular") for kind in kinds]
-    return [s for s, f in zip(sightings, fits, strict=True) if f], [
-        s for s, f in zip(sightings, fits, strict=True) if not f
-    ]
+    kept, others = ([s for s, f in zip(sightings, fits, strict=True) if f is kind] for kind in (True, False))
+    return kept, others
 
 
-def same_thing(fused: MapObject, other: Sighting, *, gate: float = 4.0, max_size_mm: float = 800.0) -> bool:
-    """Whether a sighting may be of the object: its middle lies in the other's outline, or their faces make one box.
+def may_be_same(known: MapObject, other: Sighting, *, gate: float = _GATE, max_size_mm: float = 800.0) -> bool:
+    """Find out whether a sighting may be of an object: a middle lies in an outline, or their faces make one box.
 
     Parameters
     ----------
+    known : MapObject
+    other : Sighting
     gate : float
         Standard deviations of their places by which outlines are widened.
     max_size_mm : float
         Deepest box that two opposite faces are taken to belong to.
+
+    Returns
+    -------
+    bool
     """
-    shapes = {fused.thing.shape, other.seen.shape}
-    if shapes == {"face"}:
-        x, _, chi2, freedom = _solve([*(s for s in fused.sightings if s.station in fused.stations), other])
-        return bool(chi2 < gate**2 * max(freedom, 1) / 2 and np.all(np.nan_to_num(x[3:5], nan=50.0) > 20.0)
-                    and np.nanmax(x[3:5]) < max_size_mm)  # fmt: skip
-    reach = gate * float(np.hypot(other.spread_mm, np.sqrt(np.trace(np.nan_to_num(fused.thing.position_covariance)))))
-    pairs = ((fused.thing, other.seen), (other.seen, fused.thing))
+    if known.fused.shape == other.measured.shape == "face":
+        x, _, chi2, freedom = _solve([*(s for s in known.sightings if s.station in known.stations), other])
+        deep = np.all(np.isnan(x[3:5]) | (x[3:5] > _THIN_MM)) and np.nanmax(x[3:5]) < max_size_mm
+        return bool(chi2 < gate**2 * max(freedom, 1) / 2 and deep)
+    reach = gate * float(np.hypot(other.spread_mm, np.sqrt(np.trace(np.nan_to_num(known.fused.position_covariance)))))
+    pairs = (known.fused, other.measured), (other.measured, known.fused)
     return any(_inside(point.position_mm, outline.outline_mm, reach) for point, outline in pairs)
 
 
-def _inside(point: Array, outline: Array, reach_mm: float) -> bool:
+def _inside(point: Float64, outline: Float64, reach_mm: float) -> bool:
     if len(outline) < 3 or not (np.isfinite(point).all() and np.isfinite(outline).all()):
         return False
     hull = cv2.convexHull(outline.astype(np.float32))
     return cv2.pointPolygonTest(hull, (float(point[0]), float(point[1])), True) > -reach_mm
 
 
-def _solve(sightings: Sequence[Sighting]) -> tuple[Array, Array, float, int]:
+def _solve(sightings: Sequence[Sighting]) -> tuple[Float64, Float64, float, int]:
     """Best box (6,), its covariance, chi square and degrees of freedom; NaN in what nobody saw."""
     x = _start(sightings)
     known = np.isfinite(x)
     N, chi2, rows = np.eye(6), 0.0, 0
-    for _ in range(6):
+    for _ in range(_STEPS):
         N, g, chi2, rows = np.zeros((6, 6)), np.zeros(6), 0.0, 0
         for sighting in sightings:
             residual, J, weight, _ = _residual(sighting, x)
@@ -205,14 +225,14 @@ def _solve(sightings: Sequence[Sighting]) -> tuple[Array, Array, float, int]:
     return x, covariance, chi2, rows - int(known.sum())
 
 
-def _start(sightings: Sequence[Sighting]) -> Array:
+def _start(sightings: Sequence[Sighting]) -> Float64:
     """A first box: the surest sighting of two faces, or what the faces together make."""
-    whole = [s for s in sightings if s.seen.shape != "face" and np.isfinite(s.values[:2]).all()]
+    whole = [s for s in sightings if s.measured.shape != "face" and np.isfinite(s.values[:2]).all()]
     first = min(whole or sightings, key=lambda s: (np.isnan(s.values[3:]).sum(), s.spread_mm))
     x = first.values.copy()
-    if first.seen.shape == "circle":
+    if first.measured.shape == "circle":
         x[4] = np.nan  # the same diameter once more
-    if first.seen.shape == "face":
+    if first.measured.shape == "face":
         x[2] = _outward(first)  # side a is the hidden depth
         x[3] = np.nan
         for other in sightings:
@@ -220,59 +240,59 @@ def _start(sightings: Sequence[Sighting]) -> Array:
             if side % 2:
                 x[3] = other.values[4]
             elif side == 2:
-                x[3] = abs((first.values[:2] - other.values[:2]) @ _unit(x[2]))
+                x[3] = abs((first.values[:2] - other.values[:2]) @ direction(x[2]))
         if np.isfinite(x[3]):
-            x[:2] -= x[3] / 2 * _unit(x[2])
+            x[:2] -= x[3] / 2 * direction(x[2])
     for k in (3, 4, 5):
-        if np.isnan(x[k]) and not (k == 4 and first.seen.shape == "circle"):
-            seen = [s.values[_order(s, x[2])][k] for s in sightings if s.seen.shape != "face" or k == 5]
-            x[k] = next((value for value in seen if np.isfinite(value)), x[k])
+        if np.isnan(x[k]) and not (k == 4 and first.measured.shape == "circle"):
+            known = [s.values[_order(s, x[2])][k] for s in sightings if s.measured.shape != "face" or k == 5]
+            x[k] = next((value for value in known if np.isfinite(value)), x[k])
     return x
 
 
-def _residual(sighting: Sighting, x: Array) -> tuple[Array, Array, Array, Array]:
+def _residual(sighting: Sighting, x: Float64) -> tuple[Float64, Float64, Float64, Ints]:
     """What a sighting misses of the box x, its Jacobian with x, its weights, and which values it knows."""
-    order, faces = _order(sighting, x[2]), sighting.seen.shape == "face"
+    order, faces = _order(sighting, x[2]), sighting.measured.shape == "face"
     expected, J = x.copy(), np.eye(6)
     if faces:
         side = _side(sighting, x[2])
         depth = 3 + side % 2
         if np.isfinite(x[depth]):  # the middle of that side
-            out, across = _unit(x[2] + side * _QUARTER), _unit(x[2] + (side + 1) * _QUARTER)
+            out, across = direction(x[2] + side * _QUARTER), direction(x[2] + (side + 1) * _QUARTER)
             expected[:2] += x[depth] / 2 * out
             J[:2, depth], J[:2, 2] = out / 2, x[depth] / 2 * across
     y, S = sighting.values[order].copy(), sighting.covariance[np.ix_(order, order)]
     known = np.isfinite(y) & np.isfinite(expected)
-    if sighting.seen.shape == "irregular":
+    if sighting.measured.shape == "irregular":
         known[:5] = False  # its readings are those of the near side
     if faces:
         known[3 + side % 2] = False
         if np.isnan(sighting.values[4]):  # an end is hidden: only the line counts
             T = np.eye(6)
-            T[:2, :2] = [_unit(x[2] + side * _QUARTER), _unit(x[2] + (side + 1) * _QUARTER)]
+            T[:2, :2] = [direction(x[2] + side * _QUARTER), direction(x[2] + (side + 1) * _QUARTER)]
             y, expected, J, S = T @ np.nan_to_num(y), T @ np.nan_to_num(expected), T @ J, T @ S @ T.T
             known[1] = False
     residual = y - expected
-    residual[2] = _wrapped(residual[2], _QUARTER)
+    residual[2] = wrap_rad(residual[2], _QUARTER)
     weight = np.linalg.inv(S[np.ix_(known, known)])
     J = np.where(np.isfinite(x), J[known], 0)
     return residual[known], J, weight, np.flatnonzero(known)
 
 
-def _order(sighting: Sighting, yaw: float) -> Array:
+def _order(sighting: Sighting, yaw: float) -> Ints:
     """Which of its values are the box's: length and width change places where it is turned by a quarter."""
-    if sighting.seen.shape == "face":  # its width lies across the way it faces
+    if sighting.measured.shape == "face":  # its width lies across the way it faces
         swap = _side(sighting, yaw) % 2 == 1
     else:
         swap = bool(np.isfinite(sighting.values[2]) and round((sighting.values[2] - yaw) / _QUARTER) % 2)
-    return np.array([0, 1, 2, 4, 3, 5] if swap else [0, 1, 2, 3, 4, 5])
+    return np.array(_TURNED_ORDER if swap else _BOX_ORDER)
 
 
 def _outward(sighting: Sighting) -> float:
     """Direction in which a face looks: at right angles to it, to where it was seen from. rad."""
     angle = sighting.values[2] + _QUARTER
     towards = sighting.from_mm - sighting.values[:2]
-    return float(angle if _unit(angle) @ towards > 0 else angle + np.pi)
+    return float(angle if direction(angle) @ towards > 0 else angle + np.pi)
 
 
 def _side(sighting: Sighting, yaw: float) -> int:
@@ -280,57 +300,56 @@ def _side(sighting: Sighting, yaw: float) -> int:
     return round((_outward(sighting) - yaw) / _QUARTER) % 4
 
 
-def _unit(angle: float) -> Array:
-    return np.array([np.cos(angle), np.sin(angle)])
-
-
-def _wrapped(angle: float, period: float) -> float:
-    return float((angle + period / 2) % period - period / 2)
-
-
-def _thing(kept: Sequence[Sighting], x: Array, covariance: Array) -> MeasuredObject:
+def _fused(kept: Sequence[Sighting], x: Float64, covariance: Float64) -> MeasuredObject:
     """The fused object: its length the longer side, its outline made from what is known."""
-    shapes = [s.seen.shape for s in kept]
+    shapes = [s.measured.shape for s in kept]
     if len(kept) == 1:
-        one, S = kept[0].seen, kept[0].covariance
-        return MeasuredObject(
-            one.shape, one.size_mm, one.covariance, one.position_mm, S[:2, :2], one.yaw_rad, float(np.sqrt(S[2, 2])),
-            one.outline_mm, one.sources, one.reasons,
-        )  # fmt: skip
+        S = kept[0].covariance
+        return replace(kept[0].measured, position_covariance=S[:2, :2], yaw_std_rad=float(np.sqrt(S[2, 2])))
     shape = next((kind for kind in ("box", "circle", "irregular") if kind in shapes), "face")
     if shape == "face" and np.isfinite(x[3:5]).all():
         shape = "box"
-    order = np.array([0, 1, 2, 3, 4, 5])
-    yaw = x[2]
+    order, yaw = _BOX_ORDER, x[2]
     if shape == "face":
         yaw = x[2] + _QUARTER
     elif shape == "box" and np.nan_to_num(x[4], nan=-1) > np.nan_to_num(x[3], nan=-1):
-        order, yaw = np.array([0, 1, 2, 4, 3, 5]), x[2] + _QUARTER
+        order, yaw = _TURNED_ORDER, x[2] + _QUARTER
     size, S = x[order][3:], covariance[np.ix_(order, order)]
     if shape == "circle":
         size, S = x[[3, 3, 5]], S[np.ix_([0, 1, 2, 3, 3, 5], [0, 1, 2, 3, 3, 5])]
-        outline = x[:2] + x[3] / 2 * np.stack([_unit(a) for a in np.arange(24) * np.pi / 12])
+        outline = x[:2] + x[3] / 2 * np.stack([direction(a) for a in np.arange(_RING) * np.pi / (_RING / 2)])
     elif shape == "irregular":
-        outline = max((s.seen.outline_mm for s in kept if s.seen.shape == shape), key=len)
+        outline = max((s.measured.outline_mm for s in kept if s.measured.shape == shape), key=len)
     else:
-        along, across = np.nan_to_num(size[0]) / 2 * _unit(yaw), np.nan_to_num(size[1]) / 2 * _unit(yaw + _QUARTER)
+        along, across = (
+            np.nan_to_num(size[0]) / 2 * direction(yaw),
+            np.nan_to_num(size[1]) / 2 * direction(yaw + _QUARTER),
+        )
         ends = ((-1, -1), (1, -1), (1, 1), (-1, 1))
         outline = x[:2] + np.array([i * along + j * across for i, j in ends])
         if shape == "face":
-            outline = x[:2] + size[1] / 2 * np.array([-_unit(yaw), _unit(yaw)])
-    reasons = {name: text for s in kept for name, text in s.seen.reasons.items() if name in SIZE_NAMES}
+            outline = x[:2] + size[1] / 2 * np.array([-direction(yaw), direction(yaw)])
+    reasons = {name: text for s in kept for name, text in s.measured.reasons.items() if name in SIZE_NAMES}
     reasons = {name: reasons.get(name, "no station saw it") for k, name in enumerate(SIZE_NAMES) if np.isnan(size[k])}
+    round_ = shape == "circle"
     return MeasuredObject(
-        shape, size, S[3:, 3:], x[:2], S[:2, :2], _wrapped(yaw, np.pi) if shape != "circle" else np.nan,
-        float(np.sqrt(S[2, 2])) if shape != "circle" else np.nan, outline,
-        {f"station {s.station}": s.seen.sources.get("lines", "") for s in kept}, reasons,
-    )  # fmt: skip
+        shape=shape,
+        size_mm=size,
+        covariance=S[3:, 3:],
+        position_mm=x[:2],
+        position_covariance=S[:2, :2],
+        yaw_rad=np.nan if round_ else float(wrap_rad(float(yaw), np.pi)),
+        yaw_std_rad=np.nan if round_ else float(np.sqrt(S[2, 2])),
+        outline_mm=outline,
+        sources={f"station {s.station}": s.measured.sources.get("lines", "") for s in kept},
+        reasons=reasons,
+    )
 
 
-def _conflict(out: Sighting, thing: MeasuredObject, x: Array, covariance: Array) -> str:
+def _conflict(out: Sighting, fused: MeasuredObject, x: Float64, covariance: Float64) -> str:
     """Say by what a sighting differs most, with both values."""
-    if "circle" in (out.seen.shape, thing.shape) and out.seen.shape != thing.shape:
-        return f"station {out.station} sees a {out.seen.shape}, the others a {thing.shape}"
+    if "circle" in (out.measured.shape, fused.shape) and out.measured.shape != fused.shape:
+        return f"station {out.station} sees a {out.measured.shape}, the others a {fused.shape}"
     residual, J, weight, which = _residual(out, x)
     S = np.linalg.inv(weight) + J @ np.nan_to_num(covariance) @ J.T
     rows = np.flatnonzero(np.abs(J).max(axis=1) > 0)

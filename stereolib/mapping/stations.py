@@ -7,10 +7,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from stereolib.base import finite_array, set_frozen
+from stereolib.base import Float64, Floats, finite_array, set_frozen, turn_2d
 from stereolib.measurement import MeasuredObject, Measurement
-
-Array = np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,11 +29,11 @@ class Station:
         Of `pose`, mm and rad; zero if the pose is known.
     """
 
-    pose: Array
+    pose: Float64
     objects: tuple[MeasuredObject, ...]
-    scan_mm: Array = field(default_factory=lambda: np.zeros((0, 2)))
-    laser_mm: Array = field(default_factory=lambda: np.zeros(2))
-    covariance: Array = field(default_factory=lambda: np.zeros((3, 3)))
+    scan_mm: Float64 = field(default_factory=lambda: np.zeros((0, 2)))
+    laser_mm: Float64 = field(default_factory=lambda: np.zeros(2))
+    covariance: Float64 = field(default_factory=lambda: np.zeros((3, 3)))
 
     def __post_init__(self) -> None:
         scan = np.asarray(self.scan_mm, float)
@@ -45,12 +43,35 @@ class Station:
         set_frozen(self, laser_mm=finite_array(self.laser_mm, (2,), "laser_mm"))
         set_frozen(self, covariance=finite_array(self.covariance, (3, 3), "covariance"))
 
-    def to_map(self, points_mm: Array) -> Array:
-        """Points (..., 2) of its floor frame in the map, mm."""
-        c, s = np.cos(self.pose[2]), np.sin(self.pose[2])
-        return np.asarray(points_mm) @ np.array([[c, s], [-s, c]]) + self.pose[:2]
+    def to_map(self, points_mm: Floats) -> Float64:
+        """Bring points of its floor frame into the map.
+
+        Parameters
+        ----------
+        points_mm : (..., 2) array
+
+        Returns
+        -------
+        (..., 2) float64, mm
+
+        Examples
+        --------
+        >>> Station(np.array([1000.0, 0, np.pi / 2]), ()).to_map(np.array([[100.0, 0]])).round(6)
+        array([[1000.,  100.]])
+        """
+        return np.asarray(np.asarray(points_mm) @ turn_2d(-self.pose[2]) + self.pose[:2])
 
     @classmethod
-    def of(cls, measured: Measurement, pose: Sequence[float] | Array) -> Station:
-        """A station from what `stereolib.measure.measure_objects` found there."""
+    def of(cls, measured: Measurement, pose: Sequence[float] | Float64) -> Station:
+        """Make a station of what `measure_objects` measured there.
+
+        Parameters
+        ----------
+        measured : Measurement
+        pose : (x_mm, y_mm, yaw_rad)
+
+        Returns
+        -------
+        Station
+        """
         return cls(np.asarray(pose, float), measured.objects, measured.scan_mm, measured.laser.t)

@@ -8,12 +8,19 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
+from stereolib.base import Bools, Float64, Ints
 from stereolib.laser import fit_walls
 from stereolib.mapping.stations import Station
 from stereolib.measurement import MeasuredObject
 
-Array = np.ndarray
 _BIAS_MM = 2.0  # of one station's readings on one wall: the laser's, which no averaging removes
+_THRESHOLD_MM = 15.0  # farthest reading from its wall: five deviations at 2 m
+_GAP_MM = 300.0  # a wall ends where it has no reading for so long: a door, or another wall
+_MARGIN_MM = 60.0  # readings that near to an object are the object's
+_LEAST_LINE_MM = 250.0  # shortest line that is tried
+_LEAST_READINGS = 10  # of a line: fewer are chance
+_REACH_MM = 250.0  # walls that end so near to where they meet end there
+_ACROSS = 0.5  # sine of the least angle at which walls are taken to meet
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,7 +30,8 @@ class MapWall:
     Attributes
     ----------
     ends_mm : (2, 2) float64
-    ends : two of ``"corner"`` (where it meets another wall), ``"open"`` (the last reading)
+    ends : (str, str)
+        ``"corner"`` (where it meets another wall) or ``"open"`` (the last reading).
     normal : (2,) float64
         Into the room, where the laser stood.
     offset_mm, offset_std_mm, angle_std_rad : float
@@ -32,9 +40,9 @@ class MapWall:
     readings : int
     """
 
-    ends_mm: Array
+    ends_mm: Float64
     ends: tuple[str, str]
-    normal: Array
+    normal: Float64
     offset_mm: float
     offset_std_mm: float
     angle_std_rad: float
@@ -46,8 +54,18 @@ class MapWall:
         """Distance of its ends, mm."""
         return float(np.linalg.norm(self.ends_mm[1] - self.ends_mm[0]))
 
-    def near(self, point_mm: Array, reach_mm: float) -> bool:
-        """Whether a point (2,) lies on the wall or behind it, up to a distance before it."""
+    def near(self, point_mm: Float64, reach_mm: float) -> bool:
+        """Find out whether a point lies on the wall, behind it, or up to a distance before it.
+
+        Parameters
+        ----------
+        point_mm : (2,) float64
+        reach_mm : float
+
+        Returns
+        -------
+        bool
+        """
         along = (self.ends_mm[1] - self.ends_mm[0]) / self.length_mm
         t = float((point_mm - self.ends_mm[0]) @ along)
         return bool(-reach_mm < t < self.length_mm + reach_mm and point_mm @ self.normal - self.offset_mm < reach_mm)
@@ -55,80 +73,78 @@ class MapWall:
 
 def find_walls(
     stations: Sequence[Station],
-    things: Sequence[MeasuredObject] = (),
+    objects: Sequence[MeasuredObject] = (),
     *,
     rng: np.random.Generator,
     least_mm: float = 700.0,
-    threshold_mm: float = 15.0,
-    gap_mm: float = 300.0,
-    margin_mm: float = 60.0,
 ) -> list[MapWall]:
-    """Walls in the scans of all stations.
+    """Find the walls in the scans of all stations.
 
     Parameters
     ----------
     stations : sequence of Station
-    things : sequence of MeasuredObject
-        In the map; readings within `margin_mm` of them are theirs.
+    objects : sequence of MeasuredObject
+        In the map; readings near to them are theirs.
     rng : numpy.random.Generator
     least_mm : float
         Shortest wall.
-    threshold_mm : float
-        Farthest reading from its wall.
-    gap_mm : float
-        A wall ends where it has no reading for so long.
+
+    Returns
+    -------
+    list of MapWall
+        The one with the most readings first.
 
     Notes
     -----
-    Lines are found one after the other (`stereolib.lrf_walls.fit_walls`). An offset is as uncertain as its scatter
+    Lines are found one after the other (`stereolib.laser.fit_walls`). An offset is as uncertain as its scatter
     over the root of the readings, and as the bias and the poses of the stations that see it.
     """
     points = np.concatenate([station.to_map(station.scan_mm) for station in stations])
     owner = np.repeat(np.arange(len(stations)), [len(station.scan_mm) for station in stations])
     free = np.ones(len(points), bool)
-    for thing in things:
-        free &= _distance_mm(points, thing.outline_mm) > margin_mm
+    for each in objects:
+        free &= _distance_mm(points, each.outline_mm) > _MARGIN_MM
     lines = []
-    while free.sum() > 10:
+    while free.sum() > _LEAST_READINGS:
+        left = np.where(free[:, None], points, np.nan)
         try:
-            (line,) = fit_walls(
-                np.where(free[:, None], points, np.nan), 1, threshold_mm=threshold_mm, min_length_mm=250.0, rng=rng
-            )
+            (line,) = fit_walls(left, 1, threshold_mm=_THRESHOLD_MM, min_length_mm=_LEAST_LINE_MM, rng=rng)
         except ValueError:  # what is left makes no line
             break
-        stretch = _longest_stretch(points, line.normal, line.inliers, gap_mm)
-        free &= ~(line.inliers if np.ptp(_along(points[stretch], line.normal)) < least_mm else stretch)
-        if np.ptp(_along(points[stretch], line.normal)) >= least_mm and stretch.sum() >= 10:
+        stretch = _longest_stretch(points, line.normal, line.inliers)
+        long = bool(np.ptp(_along(points[stretch], line.normal)) >= least_mm)
+        free &= ~(stretch if long else line.inliers)
+        if long and stretch.sum() >= _LEAST_READINGS:
             lines.append(_wall(points, owner, stretch, stations))
-        elif line.inliers.sum() < 10:
+        elif line.inliers.sum() < _LEAST_READINGS:
             break
     return [_joined(wall, lines) for wall in sorted(lines, key=lambda wall: -wall.readings)]
 
 
-def _along(points: Array, normal: Array) -> Array:
-    return points @ np.array([-normal[1], normal[0]])
+def _along(points: Float64, normal: Float64) -> Float64:
+    return np.asarray(points @ np.array([-normal[1], normal[0]]))
 
 
-def _longest_stretch(points: Array, normal: Array, inliers: Array, gap_mm: float) -> Array:
+def _longest_stretch(points: Float64, normal: Float64, inliers: Bools) -> Bools:
     """The inliers of the longest stretch without a gap. (N,) bool."""
     index = np.flatnonzero(inliers)
     t = _along(points[index], normal)
     order = np.argsort(t, kind="stable")
-    parts = np.split(index[order], np.flatnonzero(np.diff(t[order]) > gap_mm) + 1)
+    parts = np.split(index[order], np.flatnonzero(np.diff(t[order]) > _GAP_MM) + 1)
     best = max(parts, key=lambda part: float(np.ptp(_along(points[part], normal))))
     return np.isin(np.arange(len(points)), best)
 
 
-def _wall(points: Array, owner: Array, members: Array, stations: Sequence[Station]) -> MapWall:
+def _wall(points: Float64, owner: Ints, members: Bools, stations: Sequence[Station]) -> MapWall:
     p = points[members]
     centre = p.mean(axis=0)
     normal = np.linalg.svd(p - centre, full_matrices=False)[2][1]
-    seen = sorted(set(owner[members].tolist()))
-    inside = np.mean([stations[k].to_map(stations[k].laser_mm) for k in seen], axis=0)
+    sources = sorted(set(owner[members].tolist()))
+    inside = np.mean([stations[k].to_map(stations[k].laser_mm) for k in sources], axis=0)
     normal = normal if (inside - centre) @ normal > 0 else -normal
     t, rms = _along(p, normal), float(np.sqrt(np.mean(((p - centre) @ normal) ** 2)))
     weights = []
-    for k in seen:
+    for k in sources:
         lever = centre - stations[k].pose[:2]
         J = np.array([normal[0], normal[1], normal @ [-lever[1], lever[0]]])
         weights.append(1 / (J @ stations[k].covariance @ J + _BIAS_MM**2))
@@ -140,22 +156,22 @@ def _wall(points: Array, owner: Array, members: Array, stations: Sequence[Statio
     return MapWall(ends, ("open", "open"), normal, offset, spread, spread / float(np.std(t)), rms, len(p))
 
 
-def _joined(wall: MapWall, others: Sequence[MapWall], reach_mm: float = 250.0) -> MapWall:
-    """The same wall, its ends moved to where it meets others that end there too."""
+def _joined(wall: MapWall, others: Sequence[MapWall]) -> MapWall:
+    """A wall, its ends moved to where it meets others that end there too."""
     ends, kinds = wall.ends_mm.copy(), list(wall.ends)
     for other in others:
         across = np.stack([wall.normal, other.normal])
-        if other is wall or abs(np.linalg.det(across)) < 0.5:
+        if other is wall or abs(np.linalg.det(across)) < _ACROSS:
             continue
         meeting = np.linalg.solve(across, [wall.offset_mm, other.offset_mm])
         k = int(np.linalg.norm(wall.ends_mm - meeting, axis=1).argmin())
         theirs = np.linalg.norm(other.ends_mm - meeting, axis=1).min()
-        if np.linalg.norm(wall.ends_mm[k] - meeting) < reach_mm and theirs < reach_mm:
+        if np.linalg.norm(wall.ends_mm[k] - meeting) < _REACH_MM and theirs < _REACH_MM:
             ends[k], kinds[k] = meeting, "corner"
     return replace(wall, ends_mm=ends, ends=(kinds[0], kinds[1]))
 
 
-def _distance_mm(points: Array, outline: Array) -> Array:
+def _distance_mm(points: Float64, outline: Float64) -> Float64:
     """Distance of points from an outline; negative inside. (N,)."""
     finite = outline[np.isfinite(outline).all(axis=1)].astype(np.float32)
     if len(finite) < 2:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stereolib.base import UInt8
-from stereolib.mapping import disturbed, refine_poses
+from stereolib.mapping import disturb_poses, join_clouds, map_solids, merge_stations, refine_poses
 
 if TYPE_CHECKING:
     from stereolib.mapping import Cloud, Map, Solid
@@ -91,7 +91,7 @@ def draw_matching(off_mm: int, off_deg: float, chance: int) -> tuple[UInt8, str]
     from stereolib.plotting import figure_to_image, panels, plot_scans
 
     stations = _walk_map()[0].stations
-    start = disturbed(stations, np.random.default_rng(chance), off_mm, np.radians(off_deg))
+    start = disturb_poses(stations, np.random.default_rng(chance), off_mm, np.radians(off_deg))
     match = refine_poses(start)
     figure, axes = panels(2, width_in=11, aspect=0.85)
     plot_scans(start, axes[0], f"poses off by up to {off_mm} mm and {off_deg:g} degrees")
@@ -105,11 +105,13 @@ def draw_matching(off_mm: int, off_deg: float, chance: int) -> tuple[UInt8, str]
 @lru_cache(maxsize=1)
 def _walk_map() -> tuple[Map, list[Solid], Cloud]:
     """The map of the recorded walk at its known poses, its solids and its points."""
-    from stereolib.mapping import Station, cloud, joined, merge, solids
+    from stereolib.mapping import Station, colored_cloud
     from stereolib.virtual import measure_walk, walk
 
     measured = measure_walk()
     stations = [Station.of(each, walk.POSES[name]) for name, each in measured.items()]
-    clouds = [cloud(m.disparity_px, m.left, m.floor, pose=walk.POSES[n], max_mm=1600.0) for n, m in measured.items()]
-    found = merge(stations, rng=np.random.default_rng(8))
-    return found, solids(found), joined(clouds)
+    clouds = [
+        colored_cloud(m.disparity_px, m.left, m.floor, pose=walk.POSES[n], max_mm=1600.0) for n, m in measured.items()
+    ]
+    found = merge_stations(stations, rng=np.random.default_rng(8))
+    return found, map_solids(found), join_clouds(clouds)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from stereolib import paper
-from stereolib.base import Bools, Floats, UInt8
+from stereolib.base import Bools, Float64, Floats, UInt8
 from stereolib.matching import SGBMParams, compute_disparity, score, score_repair, smooth
 
 
@@ -130,7 +130,7 @@ def _condition(name: str) -> tuple[UInt8, UInt8, Floats, Bools]:
 
 
 @lru_cache(maxsize=2)
-def _surface(distance_mm: float, contrast: float, scale_mm: float) -> tuple[tuple[Floats, Floats], Floats, Bools]:
+def _surface(distance_mm: float, contrast: float, scale_mm: float) -> tuple[tuple[Float64, Float64], Floats, Bools]:
     """Light that reaches both cameras from a textured cube, true disparity, and the cube's visible pixels."""
     from stereolib import virtual
     from stereolib.virtual import recordings

@@ -86,7 +86,7 @@ def height_by_maximum(
     >>> height_by_maximum(disparity, cm_per_px=0.1, constant_rows=2).height_mm
     4.0
     """
-    disparity = _checked(disparity_px)
+    disparity: Floats = _checked(disparity_px)
     rows = disparity.shape[0]
     if not 0 <= constant_rows < rows or constant_rows != int(constant_rows):
         raise ValueError(f"constant_rows must be whole, 0 to {rows - 1}, got {constant_rows}")

@@ -17,16 +17,14 @@ from matplotlib.figure import Figure
 from stereolib import __version__
 from stereolib.base import Bools, Float64, write_atomic
 from stereolib.calibration import (
-    MEANS,
+    VERDICT_MEANINGS,
     Diagnosis,
+    board_pose,
     board_text,
-    checked,
-    covered,
-    meaning,
-    parameters,
-    pose,
-    refused,
-    remarks,
+    boards_per_cell,
+    check_rows,
+    meaning_rows,
+    parameter_rows,
 )
 from stereolib.plotting.curves import plot_curves, plot_dots
 from stereolib.plotting.output import save_figure
@@ -65,14 +63,14 @@ def write_calibration_report(path: Path, diagnosis: Diagnosis, files: Files) -> 
     )
     page = environment.get_template("calibration_report.html").render(
         diagnosis=diagnosis,
-        verdict_means=MEANS.get(diagnosis.verdict, ""),
+        verdict_means=VERDICT_MEANINGS.get(diagnosis.verdict, ""),
         color=_COLORS.get(diagnosis.verdict, _NO_VERDICT_COLOR),
-        notes=[*diagnosis.reasons, *remarks(diagnosis)],
+        notes=[*diagnosis.reasons, *diagnosis.remarks],
         board=board_text(diagnosis.views.board),
         version=__version__,
-        checks=checked(diagnosis),
-        results=[*parameters(diagnosis), *meaning(diagnosis)],
-        refused=[f"refused: {name}: {reason}" for name, reason in refused(diagnosis).items()],
+        checks=check_rows(diagnosis),
+        results=[*parameter_rows(diagnosis), *meaning_rows(diagnosis)],
+        refused=[f"refused: {name}: {reason}" for name, reason in diagnosis.pairs_left_out.items()],
         pictures={
             "corners": _corners(diagnosis, files),
             "coverage": _coverage(diagnosis),
@@ -139,7 +137,7 @@ def _tilts(diagnosis: Diagnosis) -> tuple[Float64, Float64, Float64]:
     for corners in views.left_px.astype(float):
         known = np.isfinite(corners).all(axis=1)
         points = views.board.points_mm[known].astype(float)
-        turn, shift = pose(points, corners[known], lens)
+        turn, shift = board_pose(points, corners[known], lens)
         R = cv2.Rodrigues(turn)[0]
         x, y, z = R[:, 2] * np.sign(R[2, 2])
         tilts.append((np.degrees(np.arctan2(x, z)), np.degrees(np.arctan2(y, z)), (R @ points.mean(axis=0) + shift)[2]))
@@ -216,7 +214,7 @@ def _uncertainty(diagnosis: Diagnosis) -> list[str]:
 def _uncovered(diagnosis: Diagnosis) -> list[Bools]:
     """Cells of the left and the right image that no board covered, bool."""
     views = diagnosis.views
-    return [covered(corners, views.size) == 0 for corners in (views.left_px, views.right_px)]
+    return [boards_per_cell(corners, views.size) == 0 for corners in (views.left_px, views.right_px)]
 
 
 def _largest_covered(values: Float64, hidden: Bools) -> float:

@@ -98,7 +98,7 @@ def plot_top_view(
     ax.scatter(readings[:, 0], readings[:, 1], s=2, color="0.75", lw=0, zorder=1)
     for wall in room.walls:
         ax.plot(*wall.ends_mm.T, color="0.25", lw=2.5, solid_capstyle="projecting", zorder=2)
-    for k, (name, thing) in enumerate(zip(room.names, room.things, strict=True)):
+    for k, (name, thing) in enumerate(zip(room.names, room.measured, strict=True)):
         color = tuple(c / 255 for c in RGB[k % len(RGB)])
         outline = thing.outline_mm[np.isfinite(thing.outline_mm).all(axis=1)]
         ax.add_patch(Polygon(outline, closed=len(outline) > 2, fc=(*color, 0.35), ec=color, lw=1.8, zorder=3))

@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
 from matplotlib.ticker import MaxNLocator
 
-from stereolib.base import Bools, Floats, UInt8
+from stereolib.base import Bools, Floats, Ints, UInt8
 from stereolib.paper import HeightResult
 from stereolib.plotting.style import BGR_SKY, BGR_VERMILLION, COLORS, NOTHING_GREY, default_style, image_axes
 from stereolib.rig import to_grey
@@ -315,9 +315,9 @@ class ImageQuantity:
 
     Parameters
     ----------
-    values : (h, w) float
+    values : (h, w) float or int
         NaN is drawn light grey.
-    columns_px, rows_px : (w,), (h,) float, px
+    columns_px, rows_px : (w,), (h,) float or int, px
         Where the values are.
     size : (width, height), px
         Of the image.
@@ -327,9 +327,9 @@ class ImageQuantity:
         What is hatched.
     """
 
-    values: Floats
-    columns_px: Floats
-    rows_px: Floats
+    values: Floats | Ints
+    columns_px: Floats | Ints
+    rows_px: Floats | Ints
     size: tuple[int, int]
     label: str
     unseen: Bools | None = None

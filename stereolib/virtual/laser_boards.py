@@ -7,8 +7,8 @@ import numpy as np
 
 from stereolib import laser
 from stereolib.base import Float64, turn_about_z
-from stereolib.calibration import BoardView, Checkerboard, board_view
-from stereolib.calibration import pose as pose_of
+from stereolib.calibration import Checkerboard, LaserBoardView, find_board_in_scan
+from stereolib.calibration import board_pose as pose_of
 from stereolib.rig import Camera, rigid
 from stereolib.virtual import recordings
 from stereolib.virtual.lidar import VirtualLidar
@@ -33,7 +33,7 @@ def laser_board_views(
     *,
     believed_left: Camera | None = None,
     height_mm: float = 180.0,
-) -> list[BoardView]:
+) -> list[LaserBoardView]:
     """Show a board in ten poses to the camera and the laser of the pitched set-up.
 
     Parameters
@@ -63,7 +63,7 @@ def laser_board_views(
         turn, t = pose_of(points, pixels, believed)
         data = sensor.scan(board_scene(pose, height_mm), recordings.LASER_POSE, rng, turns=5)
         scan = laser.average(laser.turns(laser.decode(data)))
-        views.append(board_view(scan, rigid(cv2.Rodrigues(turn)[0], t), diagonal_mm=diagonal_mm))
+        views.append(find_board_in_scan(scan, rigid(cv2.Rodrigues(turn)[0], t), diagonal_mm=diagonal_mm))
     return views
 
 

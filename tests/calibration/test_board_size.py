@@ -24,14 +24,18 @@ def test_points_come_back(rig):
 
 
 def test_size_of_a_scaled_board_is_off_by_the_scale():
-    assert board_size.size_error(BOARD.points_mm * 1.01, BOARD) == pytest.approx((1.0, 1.0), abs=1e-3)
+    assert board_size.board_size_error_pct(BOARD.points_mm * 1.01, BOARD) == pytest.approx((1.0, 1.0), abs=1e-3)
     wide = BOARD.points_mm * [1.02, 1, 1]
-    assert board_size.size_error(wide, BOARD) == pytest.approx((2 * 48 / 93, 2.0), abs=1e-3)  # 48 of 93 edges lie so
+    assert board_size.board_size_error_pct(wide, BOARD) == pytest.approx(
+        (2 * 48 / 93, 2.0), abs=1e-3
+    )  # 48 of 93 edges lie so
 
 
 def test_noise_is_not_taken_for_size():
     rng = np.random.default_rng(1)
-    noisy = [board_size.size_error(BOARD.points_mm + rng.normal(0, 0.5, (54, 3)), BOARD)[0] for _ in range(200)]
+    noisy = [
+        board_size.board_size_error_pct(BOARD.points_mm + rng.normal(0, 0.5, (54, 3)), BOARD)[0] for _ in range(200)
+    ]
     assert abs(np.mean(noisy)) < 0.06  # the mean of single edges would read 0.04 % for each 0.5 mm squared and more
 
 
@@ -39,30 +43,30 @@ def test_missing_corners_are_no_error():
     board = Charuco(6, 6, 30.0, 20.0)
     points = board.points_mm.astype(float)
     points[[0, 5, 14]] = np.nan
-    assert board_size.size_error(points, board) == pytest.approx((0, 0), abs=1e-6)
-    assert np.isnan(board_size.size_error(np.full((36, 3), np.nan), board)).all()
+    assert board_size.board_size_error_pct(points, board) == pytest.approx((0, 0), abs=1e-6)
+    assert np.isnan(board_size.board_size_error_pct(np.full((36, 3), np.nan), board)).all()
 
 
 def test_leave_one_out_is_that_of_refits(rig):
     views = corner_set(np.random.default_rng(4), rig=rig, pairs=12)
-    fitted = bundle_adjustment.fit(views, rig)
-    sizes = board_size.leave_one_out(views, fitted)
+    fitted = bundle_adjustment.fit_rig(views, rig)
+    sizes = board_size.left_out_size_errors(views, fitted)
     assert sizes.square_error_pct < 0.1
     for k in (1, 8):
-        rest = bundle_adjustment.fit(views.only([i for i in range(12) if i != k]), fitted.rig).rig
+        rest = bundle_adjustment.fit_rig(views.only([i for i in range(12) if i != k]), fitted.rig).rig
         points = board_size.triangulate(rest, views.left_px[k], views.right_px[k])
         np.testing.assert_allclose(
-            (sizes.square_pct[k], sizes.board_pct[k]), board_size.size_error(points, BOARD), atol=0.01
+            (sizes.square_pct[k], sizes.board_pct[k]), board_size.board_size_error_pct(points, BOARD), atol=0.01
         )
 
 
 def test_other_size_of_square_scales_the_rig_and_hides(rig):
     """Why a ruler is needed: with a wrong square everything fits, and the baseline is wrong by the same factor."""
     views = corner_set(np.random.default_rng(4), rig=rig, pairs=12)
-    fitted = bundle_adjustment.fit(views, rig)
+    fitted = bundle_adjustment.fit_rig(views, rig)
     larger = replace(views, board=replace(BOARD, square_mm=30.0))
     start = type(rig)(rig.left, rig.right, rig.R, rig.T * 1.2)
-    again = bundle_adjustment.fit(larger, start)
+    again = bundle_adjustment.fit_rig(larger, start)
     assert again.rms_px == pytest.approx(fitted.rms_px, rel=1e-4)
     assert again.rig.baseline_mm == pytest.approx(1.2 * fitted.rig.baseline_mm, rel=1e-4)
-    assert board_size.leave_one_out(larger, again).square_error_pct < 0.1
+    assert board_size.left_out_size_errors(larger, again).square_error_pct < 0.1

@@ -81,6 +81,30 @@ def test_other_content_other_board_or_a_broken_file_is_searched_anew(files, coun
     assert len(counted) == 18
 
 
+@pytest.mark.parametrize(
+    "content",
+    [b"", b"words, not corners", b"PK\x03\x04", "scalar", {"corners": "twelve", "size": [640, 480]},
+     {"corners": 3.0, "size": [640, 480]}, {"corners": np.zeros((54, 2), np.float32), "size": 640},
+     {"corners": np.zeros((40, 2), np.float32), "size": [640, 480]}],
+    ids=["empty", "text", "cut zip", "scalar", "strings", "number", "one size", "another board"],
+)  # fmt: skip
+def test_a_kept_view_that_is_none_is_searched_again_and_replaced(files, counted, content):
+    first = find_in_files(*files, BOARD, progress=False)
+    (kept, *_) = sorted((files[0][0].parent / CACHE).iterdir())
+    good = kept.read_bytes()
+    if isinstance(content, bytes):
+        kept.write_bytes(content)
+    else:
+        with kept.open("wb") as stream:
+            np.save(stream, 3.0) if content == "scalar" else np.savez(stream, **content)
+    again = find_in_files(*files, BOARD, progress=False)
+    assert len(counted) == 7
+    np.testing.assert_array_equal(again.left_px, first.left_px)
+    assert kept.read_bytes() == good
+    find_in_files(*files, BOARD, progress=False)
+    assert len(counted) == 7
+
+
 def test_an_interruption_loses_nothing(files, monkeypatch):
     calls, real = [], detection.find_board
 
@@ -115,7 +139,7 @@ def test_bad_files_are_listed_together(files):
         find_in_files(*files, BOARD, progress=False)
     text = str(caught.value)
     assert all(
-        part in text for part in ("left/02.jpg: not a", "right/03.jpg: the JPEG is cut", "right/01.jpg: No such")
+        part in text for part in ("left/02.jpg: not a", "right/03.jpg: the JPEG is cut", "right/01.jpg: no such")
     )
 
 

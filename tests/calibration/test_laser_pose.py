@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from stereolib import laser, paper
-from stereolib.calibration import BoardView, board_view, calibrate_lidar_to_camera
+from stereolib.calibration import LaserBoardView, calibrate_lidar_to_camera, find_board_in_scan
 from stereolib.rig import pose_left_world, rigid
 from stereolib.virtual import Scene, VirtualLidar, board_box, room
 
@@ -66,7 +66,7 @@ def views(poses, seed):
     found = []
     for pose in poses:
         T = upright(*pose)
-        found.append(board_view(scanned(T, rng), seen_by_camera(POSE @ T, rng), diagonal_mm=DIAGONAL))
+        found.append(find_board_in_scan(scanned(T, rng), seen_by_camera(POSE @ T, rng), diagonal_mm=DIAGONAL))
     return found
 
 
@@ -92,7 +92,7 @@ def test_pose_comes_back_with_honest_deviations():
 def test_points_of_the_scan_land_on_the_board():
     found = calibrate_lidar_to_camera(views(GOOD, 1))
     T = POSE @ upright(700, 50, 20, 10)
-    view = board_view(scanned(upright(700, 50, 20, 10), np.random.default_rng(5)), T, diagonal_mm=DIAGONAL)
+    view = find_board_in_scan(scanned(upright(700, 50, 20, 10), np.random.default_rng(5)), T, diagonal_mm=DIAGONAL)
     off = (found.to_camera(view.points_mm) - T[:3, 3]) @ T[:3, 2]
     assert abs(off.mean()) < 3
 
@@ -101,7 +101,7 @@ def test_any_mounting_is_found_without_a_start():
     """A laser turned by 170 degrees: readings of the same boards, given in its own frame."""
     turned = np.array([[np.cos(2.97), -np.sin(2.97)], [np.sin(2.97), np.cos(2.97)]])
     found = calibrate_lidar_to_camera(
-        [BoardView(v.T_left_board, v.points_mm @ turned, v.sigma_mm) for v in views(GOOD, 2)]
+        [LaserBoardView(v.T_left_board, v.points_mm @ turned, v.sigma_mm) for v in views(GOOD, 2)]
     )
     back = found.T_left_lidar.copy()
     back[:3, :2] = back[:3, :2] @ turned.T
@@ -127,7 +127,7 @@ def test_a_board_that_moved_is_named():
     moved = good[4].T_left_board.copy()
     moved[:3, 3] += 40 * moved[:3, 2]
     with pytest.raises(ValueError, match="view 5 of 10 contradicts"):
-        calibrate_lidar_to_camera([*good[:4], BoardView(moved, good[4].points_mm, good[4].sigma_mm), *good[5:]])
+        calibrate_lidar_to_camera([*good[:4], LaserBoardView(moved, good[4].points_mm, good[4].sigma_mm), *good[5:]])
 
 
 def test_board_must_be_the_only_candidate():
@@ -137,10 +137,10 @@ def test_board_must_be_the_only_candidate():
     scan = laser.average(laser.turns(laser.decode(data)))
     T = POSE @ upright(700, 250, 0, 0)
     with pytest.raises(ValueError, match="2 things in the scan"):
-        board_view(scan, T, diagonal_mm=DIAGONAL)
-    assert board_view(scan, T, diagonal_mm=DIAGONAL, expected=TRUTH).points_mm[:, 1].min() > 0
+        find_board_in_scan(scan, T, diagonal_mm=DIAGONAL)
+    assert find_board_in_scan(scan, T, diagonal_mm=DIAGONAL, expected=TRUTH).points_mm[:, 1].min() > 0
     with pytest.raises(ValueError, match="at least 2 readings"):
-        BoardView(T, np.zeros((1, 2)), np.ones(1))
+        LaserBoardView(T, np.zeros((1, 2)), np.ones(1))
 
 
 def test_last_bits_of_the_input_stay_last_bits():
@@ -150,7 +150,7 @@ def test_last_bits_of_the_input_stay_last_bits():
     def shaken(array):
         return array * (1 + 1e-15 * rng.standard_normal(array.shape))
 
-    other = [BoardView(shaken(v.T_left_board), shaken(v.points_mm), v.sigma_mm) for v in good]
+    other = [LaserBoardView(shaken(v.T_left_board), shaken(v.points_mm), v.sigma_mm) for v in good]
     first, second = (calibrate_lidar_to_camera(some).T_left_lidar for some in (good, other))
     np.testing.assert_allclose(second[:3, 3], first[:3, 3], rtol=0, atol=1e-9)
     np.testing.assert_allclose(second[:3, :3], first[:3, :3], rtol=0, atol=1e-12)

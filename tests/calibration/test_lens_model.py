@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from support.corners import corner_set, draw_rig
 
-from stereolib.calibration import HoldOut, calibrate_stereo, choose, folds, hold_out
-from stereolib.calibration.lens_model import left_out_rms_px, neighbours, padded
+from stereolib.calibration import HoldOut, calibrate_stereo, choose_lens_model, hold_out_errors, hold_out_splits
+from stereolib.calibration.lens_model import left_out_rms_px, lengthened, neighbour_errors
 from stereolib.rig import Camera, StereoRig
 
 
@@ -17,17 +17,17 @@ def brown():
 
 
 def test_more_coefficients_fit_better_and_predict_no_better(brown):
-    results = hold_out(brown, ["pinhole", "brown3", "rational8", "thin_prism12"])
+    results = hold_out_errors(brown, ["pinhole", "brown3", "rational8", "thin_prism12"])
     train = [r.train_rms_px for r in results]
     assert all(np.diff(train) < 1e-6)  # nested lenses: never worse on what they were fitted to
-    assert choose(results) == "brown3"
+    assert choose_lens_model(results) == "brown3"
     by = {r.model: r for r in results}
     assert by["pinhole"].hold_out_rms_px > 3 * by["brown3"].hold_out_rms_px
     assert by["brown3"].hold_out_rms_px == pytest.approx(0.034 * np.sqrt(2), rel=0.1)  # the noise put in
 
 
 def test_fourteen_coefficients_overfit_few_pairs(brown):
-    results = {r.model: r for r in hold_out(brown, ["brown3", "tilted14"], folds(30, 5, few=True))}
+    results = {r.model: r for r in hold_out_errors(brown, ["brown3", "tilted14"], hold_out_splits(30, 5, few=True))}
     assert results["tilted14"].train_rms_px < results["brown3"].train_rms_px
     assert results["tilted14"].hold_out_rms_px > 1.02 * results["brown3"].hold_out_rms_px
 
@@ -37,25 +37,30 @@ def test_a_lens_that_needs_more_gets_more():
     prism = np.array([0.05, -0.1, 1e-3, -1e-3, 0, 0, 0, 0, 0.02, -0.01, -0.02, 0.01])
     left, right = (Camera(c.K, prism, c.size) for c in (rig.left, rig.right))
     views = corner_set(np.random.default_rng(22), rig=StereoRig(left, right, rig.R, rig.T))
-    assert choose(hold_out(views, ["pinhole", "brown3", "rational8", "thin_prism12"], folds(30, 3))) == "thin_prism12"
+    assert (
+        choose_lens_model(
+            hold_out_errors(views, ["pinhole", "brown3", "rational8", "thin_prism12"], hold_out_splits(30, 3))
+        )
+        == "thin_prism12"
+    )
 
 
 def test_left_out_without_a_refit_is_what_refits_find(brown):
     """One fit and its linearisation against twelve fits."""
     some = brown.only(range(12))
-    slow = hold_out(some, ["brown3"], folds(12, 12))[0]
+    slow = hold_out_errors(some, ["brown3"], hold_out_splits(12, 12))[0]
     assert left_out_rms_px(calibrate_stereo(some).fit) == pytest.approx(slow.hold_out_rms_px, rel=2e-3)
 
 
-def test_neighbours_reach_the_lens_that_took_the_pictures(brown):
+def test_neighbour_errors_reach_the_lens_that_took_the_pictures(brown):
     for model, asked in (("pinhole", ["pinhole", "brown2", "brown3"]), ("rational8", ["brown3", "rational8"])):
-        results = neighbours(brown, calibrate_stereo(brown, model=model).fit, model)
+        results = neighbour_errors(brown, calibrate_stereo(brown, model=model).fit, model)
         assert [r.model for r in results][: len(asked)] == asked
-        assert choose(results) in ("brown2", "brown3")  # this rig's k3 is hardly above its deviation
+        assert choose_lens_model(results) in ("brown2", "brown3")  # this rig's k3 is hardly above its deviation
 
 
 def test_folds_share_out_every_pair_once():
-    for splits, left_out in ((folds(11, 4), 1), (folds(11, 3, few=True), 2)):
+    for splits, left_out in ((hold_out_splits(11, 4), 1), (hold_out_splits(11, 3, few=True), 2)):
         counts = np.zeros(11, int)
         for train, test in splits:
             assert not set(train) & set(test)
@@ -63,14 +68,14 @@ def test_folds_share_out_every_pair_once():
             counts[test] += 1
         assert (counts == left_out).all()
     with pytest.raises(ValueError, match="5 pairs cannot be split into 3 parts of at least three"):
-        folds(5, 3, few=True)
+        hold_out_splits(5, 3, few=True)
 
 
 def test_ties_go_to_the_shorter_lens():
     results = [HoldOut("a", 5, 0.1, 0.101), HoldOut("b", 8, 0.09, 0.1), HoldOut("c", 0, 0.2, 0.2)]
-    assert choose(results) == "a"
+    assert choose_lens_model(results) == "a"
 
 
 def test_a_lens_is_not_shortened():
     with pytest.raises(ValueError, match="a lens of 5 coefficients cannot be shortened to 0"):
-        padded(draw_rig(np.random.default_rng(0)), 0)
+        lengthened(draw_rig(np.random.default_rng(0)), 0)

@@ -7,17 +7,16 @@ import pytest
 from support.corners import corner_set, draw_poses, draw_rig
 
 from stereolib.calibration import (
-    INTERVAL,
-    bootstrap_covariance,
+    INTERVAL_STDS,
     bundle_adjustment,
     calibrate_stereo,
     compare_calibrations,
     error_map,
-    parameter_names,
+    interval_table,
     rectified_std,
     rig_covariance,
+    rig_parameter_names,
     rig_std,
-    table,
     triangulate,
 )
 from stereolib.paper import paper_rig
@@ -39,7 +38,7 @@ def views(rig):
 
 @pytest.fixture(scope="module")
 def fitted(views, rig):
-    return bundle_adjustment.fit(views, rig)
+    return bundle_adjustment.fit_rig(views, rig)
 
 
 @pytest.fixture(scope="module")
@@ -53,9 +52,9 @@ def test_intervals_hold_the_truth():
     for k in range(20):
         rng = np.random.default_rng([6, k])
         rig = draw_rig(rng)
-        found = bundle_adjustment.fit(corner_set(rng, rig=rig), rig)
-        off = np.abs(bundle_adjustment.vector(found.rig, rig))
-        inside.append([off < INTERVAL * std(rig_covariance(found, method=m)) for m in ("jackknife", "corners")])
+        found = bundle_adjustment.fit_rig(corner_set(rng, rig=rig), rig)
+        off = np.abs(bundle_adjustment.rig_difference(found.rig, rig))
+        inside.append([off < INTERVAL_STDS * std(rig_covariance(found, method=m)) for m in ("jackknife", "corners")])
     for share in np.mean(inside, axis=(0, 2)):
         assert 0.90 <= share <= 0.99
 
@@ -64,11 +63,20 @@ def test_standard_deviations_are_those_of_repetition(rig):
     """The same boards seen again and again with new noise."""
     poses = draw_poses(rig, 30, np.random.default_rng(0))
     sets = [corner_set(np.random.default_rng([1, k]), rig=rig, poses=poses) for k in range(50)]
-    fits = [bundle_adjustment.fit(views, rig) for views in sets]
-    spread = np.std([bundle_adjustment.vector(f.rig, rig) for f in fits], axis=0)
+    fits = [bundle_adjustment.fit_rig(views, rig) for views in sets]
+    spread = np.std([bundle_adjustment.rig_difference(f.rig, rig) for f in fits], axis=0)
     ratio = std(rig_covariance(fits[0], method="corners")) / spread
     assert (np.abs(ratio - 1) < 0.35).all()  # 50 draws give a standard deviation within 10 %, three times that
     assert np.mean(ratio) == pytest.approx(1, abs=0.1)
+
+
+def bootstrap_covariance(views, fitted, draws, rng):
+    """Refits on pairs drawn with replacement: slow, and independent of any Jacobian."""
+    moves = []
+    for _ in range(draws):
+        drawn = views.only(rng.integers(0, len(views), len(views)).tolist())
+        moves.append(bundle_adjustment.rig_difference(bundle_adjustment.fit_rig(drawn, fitted.rig).rig, fitted.rig))
+    return np.cov(np.array(moves).T)
 
 
 def test_jackknife_is_the_bootstrap(views, fitted, covariance):
@@ -82,23 +90,23 @@ def test_errors_that_a_board_shares_are_counted(views, fitted):
     """Each pair's right corners shifted as one: independent corners would promise too much."""
     shift = np.random.default_rng(3).normal(0, 0.3, (len(views), 1, 2))
     shaken = type(views)(views.board, views.size, views.left_px, views.right_px + shift, views.names, ())
-    found = bundle_adjustment.fit(shaken, fitted.rig)
+    found = bundle_adjustment.fit_rig(shaken, fitted.rig)
     naive, honest = (std(rig_covariance(found, method=m)) for m in ("corners", "jackknife"))
-    off = np.abs(bundle_adjustment.vector(found.rig, fitted.rig))
+    off = np.abs(bundle_adjustment.rig_difference(found.rig, fitted.rig))
     assert (honest / naive)[18:].min() > 2  # R and T
-    assert (off[18:] > INTERVAL * naive[18:]).any()
+    assert (off[18:] > INTERVAL_STDS * naive[18:]).any()
     assert (off < 3.5 * honest).all()
 
 
 def test_few_pairs_use_the_corners(views):
-    few = bundle_adjustment.fit(views.only(range(6)), draw_rig(np.random.default_rng(11)))
+    few = bundle_adjustment.fit_rig(views.only(range(6)), draw_rig(np.random.default_rng(11)))
     np.testing.assert_array_equal(rig_covariance(few), rig_covariance(few, method="corners"))
     with pytest.raises(ValueError, match=r"must be .*got 'guess'"):
         rig_covariance(few, method="guess")
 
 
 def test_parts_by_name(fitted, covariance):
-    names, parts = parameter_names(fitted.rig), rig_std(fitted.rig, covariance)
+    names, parts = rig_parameter_names(fitted.rig), rig_std(fitted.rig, covariance)
     assert len(names) == 24
     spread = dict(zip(names, std(covariance), strict=True))
     assert parts.left_K[2] == spread["left cx"]
@@ -117,7 +125,7 @@ def test_error_map_is_what_triangulation_does(fitted, covariance):
     points = np.array([point, point - half, point + half])
     pixels = rig.left.project(points), rig.right.project(points @ rig.R.T + rig.T)
     steps = np.random.default_rng(8).multivariate_normal(np.zeros(24), covariance, 400)
-    drawn = np.array([triangulate(bundle_adjustment.moved(rig, step), *pixels) for step in steps])
+    drawn = np.array([triangulate(bundle_adjustment.moved_rig(rig, step), *pixels) for step in steps])
     assert found.depth_mm[i, j] == pytest.approx(drawn[:, 0, 2].std(), rel=0.12)
     lengths = np.linalg.norm(drawn[:, 2] - drawn[:, 1], axis=1)
     assert found.length_mm[i, j] == pytest.approx(lengths.std(), rel=0.12)
@@ -126,31 +134,33 @@ def test_error_map_is_what_triangulation_does(fitted, covariance):
 
 
 def test_halves_differ_by_what_was_predicted(views, rig):
-    first, second = (bundle_adjustment.fit(views.only(range(k, 30, 2)), rig) for k in (0, 1))
+    first, second = (bundle_adjustment.fit_rig(views.only(range(k, 30, 2)), rig) for k in (0, 1))
     agreement = compare_calibrations(first, second)
     assert 0.5 < agreement.rms_z < 1.6
     z = agreement.depth_mm / agreement.predicted_mm
     assert 0.1 < np.sqrt(np.nanmean(z**2)) < 2.5
-    other = bundle_adjustment.fit(corner_set(np.random.default_rng(5), pairs=15), draw_rig(np.random.default_rng(5)))
+    other = bundle_adjustment.fit_rig(
+        corner_set(np.random.default_rng(5), pairs=15), draw_rig(np.random.default_rng(5))
+    )
     assert compare_calibrations(first, other).rms_z > 20  # another rig is told from this one
 
 
 def test_table_shows_every_parameter_beside_the_truth(fitted, covariance, rig):
-    rows = table(fitted.rig, covariance, rig)
-    assert list(rows["parameter"]) == list(parameter_names(rig))
-    off = np.abs(bundle_adjustment.vector(fitted.rig, rig))
+    rows = interval_table(fitted.rig, covariance, rig)
+    assert list(rows["parameter"]) == list(rig_parameter_names(rig))
+    off = np.abs(bundle_adjustment.rig_difference(fitted.rig, rig))
     np.testing.assert_allclose(
         (rows["ours"].astype(float) - rows["true"].astype(float)).abs(), off, rtol=0.1, atol=2e-2
     )
-    assert list(rows["inside"] == "yes") == list(off <= INTERVAL * std(covariance))
+    assert list(rows["inside"] == "yes") == list(off <= INTERVAL_STDS * std(covariance))
     width = rows["± (95 %)"].astype(float)
-    np.testing.assert_allclose(width, INTERVAL * std(covariance), rtol=0.06, atol=0.06)
+    np.testing.assert_allclose(width, INTERVAL_STDS * std(covariance), rtol=0.06, atol=0.06)
 
 
 def test_rectified_errors_of_single_parameters():
     """A principal point shifts all disparities, a longer T only the baseline, and a focal length only itself."""
     rig = paper_rig()
-    rectified, names = rig.rectify(0.0), parameter_names(rig)
+    rectified, names = rig.rectify(0.0), rig_parameter_names(rig)
     zoom = rectified.f_px / np.mean([camera.K[i, i] for camera in (rig.left, rig.right) for i in (0, 1)])
 
     def moved_by(**parts):
@@ -174,7 +184,7 @@ def test_rectified_errors_of_single_parameters():
 def test_stated_errors_are_those_of_many_calibrations():
     """Offset and baseline of rigs calibrated from different corners, against what one of them states."""
     rig = paper_rig()
-    fits = [bundle_adjustment.fit(corner_set(np.random.default_rng([k, 9]), rig=rig), rig) for k in range(12)]
+    fits = [bundle_adjustment.fit_rig(corner_set(np.random.default_rng([k, 9]), rig=rig), rig) for k in range(12)]
     stated = rectified_std(fits[0].rig.rectify(0.0), rig_covariance(fits[0]))
     assert np.std([f.rig.baseline_mm for f in fits], ddof=1) == pytest.approx(stated["baseline_mm"], rel=0.6)
     points = rig.left.rays(np.stack(np.meshgrid([120.0, 320, 520], [100.0, 240, 380]), -1).reshape(-1, 2)) * 5000
@@ -187,8 +197,8 @@ def test_stated_errors_are_those_of_many_calibrations():
 @pytest.mark.parametrize(("model", "count"), [("pinhole", 0), ("brown2", 4), ("rational8", 8)])
 def test_table_of_another_lens_than_the_true_one(views, rig, model, count):
     found = calibrate_stereo(views, model=model).fit
-    rows = table(found.rig, rig_covariance(found), rig).set_index("parameter")
-    assert list(rows.index) == list(parameter_names(found.rig)) and len(rows) == 2 * (4 + count) + 6
+    rows = interval_table(found.rig, rig_covariance(found), rig).set_index("parameter")
+    assert list(rows.index) == list(rig_parameter_names(found.rig)) and len(rows) == 2 * (4 + count) + 6
     if count > 5:
         assert float(rows.loc["left k4", "true"]) == 0
     if count:

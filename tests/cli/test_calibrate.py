@@ -303,7 +303,7 @@ def diagnosis() -> Any:
 
 
 def test_text_says_what_is_asked_with_deviations(diagnosis: Any) -> None:
-    shown = wording.summary(
+    shown = wording.calibration_text(
         replace(diagnosis, verdict="bad", reasons=("too <few>",), pairs_refused={"odd.jpg": "moved"})
     )
     lines = shown.splitlines()
@@ -316,16 +316,16 @@ def test_text_says_what_is_asked_with_deviations(diagnosis: Any) -> None:
 
 
 def test_numbers_carry_two_digits_of_their_deviation() -> None:
-    assert wording._pm(729.9077, 0.1234) == "729.91 ± 0.12"
-    assert wording._pm(-0.00069, 0.000123) == "-0.00069 ± 0.00012"
-    assert wording._pm(-0.0012, 0.62) == "0.00 ± 0.62"
-    assert wording._pm(1234.5, 45.6) == "1234 ± 46"
-    assert wording._pm(5.25, float("nan")) == "5.25"
+    assert wording._with_std(729.9077, 0.1234) == "729.91 ± 0.12"
+    assert wording._with_std(-0.00069, 0.000123) == "-0.00069 ± 0.00012"
+    assert wording._with_std(-0.0012, 0.62) == "0.00 ± 0.62"
+    assert wording._with_std(1234.5, 45.6) == "1234 ± 46"
+    assert wording._with_std(5.25, float("nan")) == "5.25"
 
 
 def test_facts_are_json_even_where_something_is_unknown(diagnosis: Any) -> None:
     unknown = replace(diagnosis, square_error_pct=float("nan"), pairs_refused={"x": "y"})
-    told = json.loads(json.dumps(wording.facts(unknown), allow_nan=False))
+    told = json.loads(json.dumps(wording.calibration_facts(unknown), allow_nan=False))
     assert told["errors"]["square_pct"] is None and told["pairs_refused"] == {"x": "y"}
     np.testing.assert_array_equal(told["K"]["right"], diagnosis.rig.right.K)
 

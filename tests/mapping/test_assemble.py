@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 from support import walks
 
-from stereolib.mapping import Station, merge
-from stereolib.mapping.sightings import Sighting
-from stereolib.mapping.sightings import merged as merged_sightings
+from stereolib.mapping import Station, merge_stations
+from stereolib.mapping.sightings import Sighting, merge_sightings
 from stereolib.mapping.walls import find_walls
 from stereolib.measurement import MeasuredObject
 from stereolib.virtual import walk
@@ -20,7 +19,7 @@ ORDER = (3, 0, 1, 4, 2)  # the walk's boxes by their distance from the map's ori
 
 
 def merged(stations, **how):
-    return merge(stations, rng=np.random.default_rng(0), **how)
+    return merge_stations(stations, rng=np.random.default_rng(0), **how)
 
 
 def bare(pose, *things, **fields):
@@ -35,7 +34,7 @@ def test_five_boxes_come_out_of_five_stations():
     found = merged(walks.walked(np.random.default_rng(1)))
     assert found.names == ("A", "B", "C", "D", "E") and found.warnings == ()
     assert [sorted(each.stations) for each in found.objects] == [[1, 3], [3, 5], [3, 5], [2, 4], [2, 4]]
-    for thing, k in zip(found.things, ORDER, strict=True):
+    for thing, k in zip(found.measured, ORDER, strict=True):
         size, centre, yaw = walks.truth(k)
         assert thing.shape == "box"
         assert np.abs(thing.size_mm - size).max() < 4 * walks.STD_MM
@@ -52,7 +51,7 @@ def test_stated_deviations_are_those_of_the_errors():
     for seed in range(150):
         rng = np.random.default_rng([2, seed])
         found = merged([walks.station(k, rng, scan_mm=no_scan) for k in walks.SEEN])
-        for thing, k in zip(found.things, ORDER, strict=True):
+        for thing, k in zip(found.measured, ORDER, strict=True):
             size, centre, _ = walks.truth(k)
             sizes.append((thing.size_mm - size) / thing.std_mm)
             off = thing.position_mm - centre
@@ -70,7 +69,7 @@ def test_two_boxes_merge_as_the_slow_twin_does():
     rng = np.random.default_rng(3)
     one, two = (walks.box(np.array([300.0, 200, 150]), np.array([900.0, 40]), 0.3, rng) for _ in range(2))
     two = replace(two, covariance=np.diag([25.0, 9.0, 1.0]), position_covariance=np.diag([1.0, 16.0]))
-    (found,) = merged([bare((0, 0, 0), one), bare((0, 0, 0), two)]).things
+    (found,) = merged([bare((0, 0, 0), one), bare((0, 0, 0), two)]).measured
     wa, wb = np.linalg.inv(one.covariance), np.linalg.inv(two.covariance)
     mean = np.linalg.solve(wa + wb, wa @ one.size_mm + wb @ two.size_mm)
     np.testing.assert_allclose(found.size_mm, mean, atol=1e-6)
@@ -88,12 +87,12 @@ def test_a_face_from_another_side_brings_the_hidden_depth(second, name):
     size, centre = (240.0, 300.0, 180.0), (900.0, 0.0)  # 240 deep, 300 wide
     stations = [bare(pose, seen_from(pose, size, centre, 0.0, rng, walks.face)) for pose in ((0, 0, 0), second)]
     alone = merged(stations[:1])
-    assert alone.things[0].shape == "face" and np.isnan(alone.things[0].size_mm[0])
+    assert alone.measured[0].shape == "face" and np.isnan(alone.measured[0].size_mm[0])
     assert alone.warnings == ("A: its length is unknown, only one face is seen, its depth is hidden",)
     with pytest.raises(ValueError, match="no object of which all three sizes are known"):
         _ = alone.volume_l
     both = merged(stations)
-    (thing,) = both.things
+    (thing,) = both.measured
     assert thing.shape == "box" and both.warnings == ()
     assert thing.size_mm == pytest.approx([300, 240, 180], abs=8)
     assert thing.position_mm == pytest.approx(centre, abs=5)
@@ -104,7 +103,7 @@ def test_a_face_seen_twice_from_one_side_stays_a_face():
     rng = np.random.default_rng(5)
     poses = ((0, 0, 0), (100, 150, -0.15))
     seen = [bare(p, seen_from(p, (240, 300, 180), (900, 0), 0.0, rng, walks.face)) for p in poses]
-    (thing,) = merged(seen).things
+    (thing,) = merged(seen).measured
     assert thing.shape == "face" and np.isnan(thing.size_mm[0])
     assert thing.size_mm[1:] == pytest.approx([300, 180], abs=5)
     assert thing.std_mm[1] == pytest.approx(walks.STD_MM / np.sqrt(2), rel=0.4)
@@ -118,7 +117,7 @@ def test_neighbours_stay_apart():
     stations = [bare(pose, *(seen_from(pose, *each, rng) for each in boxes)) for pose in poses]
     found = merged(stations)
     assert [each.stations for each in found.objects] == [(1, 2), (1, 2)] or len(found.objects) == 2
-    assert found.things[0].size_mm == pytest.approx([200, 150, 100], abs=8)
+    assert found.measured[0].size_mm == pytest.approx([200, 150, 100], abs=8)
     # Two things of one station are never one.
     assert len(merged([bare((0, 0, 0), *(seen_from((0, 0, 0), *boxes[0], rng) for _ in range(2)))]).objects) == 2
 
@@ -132,7 +131,7 @@ def test_disagreement_is_reported_and_not_averaged():
     found = merged([bare(p, t) for p, t in zip(poses, (things[0], wrong, things[2]), strict=True)])
     (each,) = found.objects
     assert each.stations == (1, 3)
-    assert each.thing.size_mm[2] == pytest.approx(150, abs=6)
+    assert each.fused.size_mm[2] == pytest.approx(150, abs=6)
     (warning,) = found.warnings
     assert re.fullmatch(
         r"A: station 2 sees its height as 2[01]\d mm, the others as 1[45]\d: 2\d\.\d standard .* apart, left out",
@@ -149,7 +148,7 @@ def test_pose_covariance_widens_what_hangs_on_it():
     rng = np.random.default_rng(8)
     thing = walks.box(np.array([300.0, 200, 150]), np.array([1000.0, 0]), 0.3, rng)
     unsure = bare((0, 0, 0), thing, covariance=np.diag([25.0, 9.0, np.radians(1.0) ** 2]))
-    (found,) = merged([unsure]).things
+    (found,) = merged([unsure]).measured
     expected = [
         np.hypot(walks.STD_MM, 5),
         np.sqrt(walks.STD_MM**2 + 9 + np.radians(1.0) ** 2 * thing.position_mm[0] ** 2),
@@ -169,7 +168,7 @@ def test_round_and_irregular_things_are_not_made_boxes():
         return MeasuredObject("circle", each, S, centre, np.eye(2) * 4, np.nan, np.nan, centre + diameter / 2 * ring)
 
     found = merged([bare(p, tin(p, d)) for p, d in zip(poses, (200.0, 204.0), strict=True)])
-    (thing,) = found.things
+    (thing,) = found.measured
     assert thing.shape == "circle" and thing.size_mm == pytest.approx([202, 202, 150])
     assert found.volume_l[0] == pytest.approx(np.pi / 4 * 2.02**2 * 1.5)
     assert found.volume_l[1] == pytest.approx(
@@ -177,7 +176,7 @@ def test_round_and_irregular_things_are_not_made_boxes():
     )
     blob = replace(tin(poses[1], 200.0), shape="irregular", size_mm=np.array([np.nan, np.nan, 156.0]),
                    covariance=np.diag([np.nan, np.nan, 4.0]), position_covariance=np.full((2, 2), np.nan))  # fmt: skip
-    (thing,) = merged([bare(poses[0], tin(poses[0], 200.0)), bare(poses[1], blob)]).things
+    (thing,) = merged([bare(poses[0], tin(poses[0], 200.0)), bare(poses[1], blob)]).measured
     assert thing.shape == "circle" and thing.size_mm == pytest.approx([200, 200, 153])
     box = seen_from(poses[1], (150, 140, 150), (900, 0), 0.1, np.random.default_rng(9))
     (each,) = merged([bare(poses[0], tin(poses[0], 200.0)), bare(poses[1], box)]).objects
@@ -205,7 +204,7 @@ def test_objects_are_no_walls_and_short_stretches_neither():
     stations = [walks.station(k, np.random.default_rng(11)) for k in (1, 4)]
     rng = np.random.default_rng(0)
     assert len(find_walls(stations, rng=rng, least_mm=300.0)) > 4  # faces, unless they are known to be objects
-    things = merged(walks.walked(np.random.default_rng(12))).things
+    things = merged(walks.walked(np.random.default_rng(12))).measured
     assert len(find_walls(stations, things, rng=np.random.default_rng(0), least_mm=300.0)) == 4
 
 
@@ -228,9 +227,9 @@ def test_sighting_moves_as_a_rigid_body_does():
     pose = np.array([400.0, -250.0, 2.2])
     size, centre, yaw = np.array([300.0, 200, 150]), np.array([900.0, 100]), 0.3
     thing = walks.box(size, *walks.into(pose, centre, yaw), np.random.default_rng(0), std=1e-6)
-    seen = Sighting.of(1, thing, pose, np.zeros((3, 3))).seen
+    seen = Sighting.of(1, thing, pose, np.zeros((3, 3))).measured
     np.testing.assert_allclose(seen.position_mm, centre, atol=1e-9)
     true = walks.corners(size, centre, yaw)
     distance = np.linalg.norm(seen.outline_mm[:, None] - true, axis=2).min(axis=1)
     assert distance.max() < 4 * walks.STD_RAD * 200
-    assert merged_sightings([Sighting.of(1, thing, pose, np.zeros((3, 3)))]).stations == (1,)
+    assert merge_sightings([Sighting.of(1, thing, pose, np.zeros((3, 3)))]).stations == (1,)

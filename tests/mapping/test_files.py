@@ -12,15 +12,17 @@ import yaml
 from support import walks
 
 from stereolib.mapping import (
+    COLORS,
     FREE,
     OCCUPIED,
     Cloud,
+    Solid,
     Station,
-    cloud,
-    files,
-    merge,
+    colored_cloud,
+    map_solids,
+    merge_stations,
     occupancy_grid,
-    solids,
+    shapes,
     view_map,
     write_cloud,
     write_grid,
@@ -35,7 +37,7 @@ from stereolib.virtual import recordings, walk
 
 @pytest.fixture(scope="module")
 def found():
-    return merge(walks.walked(np.random.default_rng(1)), rng=np.random.default_rng(0))
+    return merge_stations(walks.walked(np.random.default_rng(1)), rng=np.random.default_rng(0))
 
 
 def shoelace(outline):
@@ -47,10 +49,10 @@ def shoelace(outline):
 
 
 def test_glb_holds_the_objects_by_name_with_y_up(found, tmp_path):
-    path = write_mesh(tmp_path / "map.glb", solids(found))
+    path = write_mesh(tmp_path / "map.glb", map_solids(found))
     scene = trimesh.load(path)
     assert set(scene.graph.nodes_geometry) == {*found.names, "wall 1", "wall 2", "wall 3", "wall 4"}
-    for name, thing in zip(found.names, found.things, strict=True):
+    for name, thing in zip(found.names, found.measured, strict=True):
         mesh = scene.geometry[name]
         assert mesh.volume == pytest.approx(thing.volume_l[0] / 1000, rel=1e-4)  # litres, cubic metres
         low, high = mesh.bounds
@@ -63,7 +65,7 @@ def test_glb_holds_the_objects_by_name_with_y_up(found, tmp_path):
 
 
 def test_ply_is_one_mesh_in_metres_with_z_up(found, tmp_path):
-    made = solids(found, wall_height_mm=700.0)
+    made = map_solids(found, wall_height_mm=700.0)
     path = write_mesh(tmp_path / "map.ply", made)
     mesh = trimesh.load(path)
     expected = sum(shoelace(solid.outline_mm) * solid.height_mm for solid in made) / 1e9
@@ -71,25 +73,25 @@ def test_ply_is_one_mesh_in_metres_with_z_up(found, tmp_path):
     assert mesh.bounds[:, 2] == pytest.approx([0, 0.7], abs=1e-6)
     (x0, x1), (y0, y1) = walk.ROOM_MM
     assert mesh.bounds[:, :2] * 1000 == pytest.approx(np.array([[x0, y0], [x1, y1]]), abs=30)
-    assert {tuple(c) for c in mesh.visual.vertex_colors[:, :3].tolist()} == {*files.COLORS[:5], files.WALL_RGB}
+    assert {tuple(c) for c in mesh.visual.vertex_colors[:, :3].tolist()} == {*COLORS[:5], shapes.WALL_RGB}
 
 
 def test_what_is_not_known_is_drawn_thin(tmp_path):
     rng = np.random.default_rng(2)
     station = Station(np.zeros(3), (walks.face(np.array([240.0, 300, 180]), np.array([900.0, 0]), 0.0, rng),))
-    (sheet,) = solids(merge([station], rng=rng))
+    (sheet,) = map_solids(merge_stations([station], rng=rng))
     assert not sheet.known and shoelace(sheet.outline_mm) == pytest.approx(4 * 300, rel=0.05)
     assert sheet.height_mm == pytest.approx(180, abs=8)
 
 
 def test_the_same_map_makes_the_same_bytes_and_nothing_is_overwritten(found, tmp_path):
     for name in ("a.glb", "a.ply"):
-        first = write_mesh(tmp_path / name, solids(found)).read_bytes()
+        first = write_mesh(tmp_path / name, map_solids(found)).read_bytes()
         with pytest.raises(ValueError, match=rf"{re.escape(name)} exists: choose another name, or pass overwrite=True"):
-            write_mesh(tmp_path / name, solids(found))
-        assert write_mesh(tmp_path / name, solids(found), overwrite=True).read_bytes() == first
+            write_mesh(tmp_path / name, map_solids(found))
+        assert write_mesh(tmp_path / name, map_solids(found), overwrite=True).read_bytes() == first
     with pytest.raises(ValueError, match=r"must end in \.ply or \.glb, got '\.stl'"):
-        write_mesh(tmp_path / "a.stl", solids(found))
+        write_mesh(tmp_path / "a.stl", map_solids(found))
     with pytest.raises(ValueError, match="the map is empty, there is nothing to write"):
         write_mesh(tmp_path / "b.ply", [])
     assert {p.name for p in tmp_path.iterdir()} == {"a.glb", "a.ply"}
@@ -104,7 +106,7 @@ def test_points_lie_where_the_scene_is_and_have_its_colours(tmp_path):
     truth = recordings.load_truth(name)
     left, _ = recordings.rectified().rectify(*recordings.load_pair(name))
     floor = floor_from_pose(recordings.rectified(), recordings.setup())
-    made = cloud(truth.disparity_px, left, floor, pose=walk.POSES[name], step=4, max_mm=4000.0)
+    made = colored_cloud(truth.disparity_px, left, floor, pose=walk.POSES[name], step=4, max_mm=4000.0)
     (_, x1), (y0, _) = walk.ROOM_MM
     assert made.points_mm[:, 2].min() == pytest.approx(0, abs=1.0)
     assert made.points_mm[:, 0].max() < x1 + 1 and made.points_mm[:, 1].min() > y0 - 1
@@ -127,10 +129,10 @@ def test_clouds_refuse_what_does_not_fit(tmp_path):
     floor = floor_from_pose(recordings.rectified(), recordings.setup())
     disparity = np.full((480, 640), np.nan, np.float32)
     with pytest.raises(ValueError, match=r"the image has shape \(10, 10\)"):
-        cloud(disparity, np.zeros((10, 10), np.uint8), floor)
+        colored_cloud(disparity, np.zeros((10, 10), np.uint8), floor)
     with pytest.raises(ValueError, match="no floor was seen"):
-        cloud(disparity, np.zeros((480, 640), np.uint8), None)
-    empty = cloud(disparity, np.zeros((480, 640), np.uint8), floor)
+        colored_cloud(disparity, np.zeros((480, 640), np.uint8), None)
+    empty = colored_cloud(disparity, np.zeros((480, 640), np.uint8), floor)
     with pytest.raises(ValueError, match="the cloud has no point"):
         write_cloud(tmp_path / "c.ply", empty)
     with pytest.raises(ValueError, match="as many colours as points"):
@@ -233,14 +235,14 @@ def test_eye_sees_as_a_pinhole():
     assert pixels[1] == pytest.approx([450 - eye.f_px * 0.05, 300], abs=0.1)  # left of the axis is left
     assert pixels[2] == pytest.approx([450, 300 - eye.f_px * 0.05], abs=0.1)
     points = np.random.default_rng(0).uniform(-900, 900, (50, 3))
-    eye.fit(points, (900, 600), 20.0)
+    eye.fill(points, (900, 600))
     pixels = eye.project(points)[0]
-    assert pixels.min() == pytest.approx(20, abs=1e-6) and (pixels <= [880, 580]).all()
+    assert pixels.min() == pytest.approx(16, abs=1e-6) and (pixels <= [884 + 1e-6, 584 + 1e-6]).all()
 
 
 def test_view_hides_what_lies_behind(found):
     """Seen from behind station 1, box C's colour covers its middle; from the other side B's does not cover C."""
-    made = solids(found)
+    made = map_solids(found)
     for azimuth, elevation in ((0.0, 30.0), (90.0, 60.0), (215.0, 25.0)):
         picture = view_map(found, made, azimuth_deg=azimuth, elevation_deg=elevation)
         assert picture.shape == (600, 900, 3) and picture.dtype == np.uint8
@@ -250,8 +252,8 @@ def test_view_hides_what_lies_behind(found):
             ratio = np.stack([r, g, b], -1) / np.maximum(np.stack([r, g, b], -1).sum(-1, keepdims=True), 1)
             assert (np.abs(ratio - wanted / wanted.sum()).max(-1) < 0.08).sum() > 60, solid.name
     near, far = (
-        files.Solid("near", walks.corners((300, 300), np.array([0.0, 0]), 0.0), 300.0, (255, 0, 0)),
-        (files.Solid("far", walks.corners((100, 100), np.array([600.0, 0]), 0.0), 100.0, (0, 0, 255))),
+        Solid("near", walks.corners((300, 300), np.array([0.0, 0]), 0.0), 300.0, (255, 0, 0)),
+        (Solid("far", walks.corners((100, 100), np.array([600.0, 0]), 0.0), 100.0, (0, 0, 255))),
     )
     for order in ([near, far], [far, near]):
         picture = view_map(found, order, azimuth_deg=0.0, elevation_deg=5.0).astype(int)
@@ -272,7 +274,7 @@ def test_top_view_draws_what_the_map_holds(found):
     figure, axes = panels(4, width_in=12)
     ax = plot_top_view(found, axes[0], "map", true_mm=[walks.corners(*walks.truth(0))])
     drawn = [np.asarray(patch.get_path().vertices) for patch in ax.patches if type(patch).__name__ == "Polygon"]
-    for thing, outline in zip(found.things, drawn, strict=False):
+    for thing, outline in zip(found.measured, drawn, strict=False):
         np.testing.assert_allclose(outline[:4], thing.outline_mm)
     texts = {text.get_text() for text in ax.texts}
     assert texts >= {"A", "B", "C", "D", "E", "1", "5"}

@@ -9,7 +9,7 @@ import pytest
 from support import walks
 
 from stereolib import laser
-from stereolib.mapping import Station, disturbed, refine_poses
+from stereolib.mapping import Station, disturb_poses, refine_poses
 from stereolib.virtual import Scene, VirtualLidar, box_on_floor, recordings, room, walk
 
 TRUE = np.array(list(walk.POSES.values()))
@@ -28,7 +28,7 @@ def test_disturbed_poses_of_the_walk_come_back():
     scans = [walks.scan_mm(k) for k in walks.SEEN]
     found = []
     for seed in range(3):
-        match = refine_poses(disturbed(stations(TRUE, scans), np.random.default_rng(seed), 50.0, np.radians(3.0)))
+        match = refine_poses(disturb_poses(stations(TRUE, scans), np.random.default_rng(seed), 50.0, np.radians(3.0)))
         error = poses_of(match) - TRUE
         assert np.array_equal(error[0], [0, 0, 0]) and not match.stations[0].covariance.any()
         assert np.abs(error[:, :2]).max() < 9 and np.degrees(np.abs(error[:, 2])).max() < 0.25
@@ -64,7 +64,7 @@ def test_exact_scans_give_exact_poses_and_deviations_cover_noisy_ones():
             scans = [
                 laser.points_mm(laser.average(laser.turns(laser.decode(sensor.scan(scene, p, rng))))) for p in true
             ]
-            match = refine_poses(disturbed(stations(true, scans), rng, 50.0, np.radians(3.0)))
+            match = refine_poses(disturb_poses(stations(true, scans), rng, 50.0, np.radians(3.0)))
             error = poses_of(match)[1:] - true[1:]
             if sensor is perfect:
                 assert np.abs(error[:, :2]).max() < 0.5 and np.degrees(np.abs(error[:, 2])).max() < 0.02

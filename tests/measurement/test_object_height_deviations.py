@@ -9,7 +9,7 @@ import pytest
 from support.corners import corner_set
 from support.ground import PARAMS, RECT, nearest_height, recorded, rng
 
-from stereolib.calibration import bundle_adjustment, rectified_std, rig_covariance
+from stereolib.calibration import fit_rig, rectified_std, rig_covariance
 from stereolib.matching import compute_disparity
 from stereolib.measurement import (
     AlignedPair,
@@ -81,7 +81,7 @@ def test_a_calibration_s_errors_are_those_of_other_calibrations():
     left, right = recordings.load_pair("conditions/level")
     heights, stated = [], []
     for k in range(8):
-        fitted = bundle_adjustment.fit(corner_set(np.random.default_rng([k, 5]), rig=RECT.rig), RECT.rig)
+        fitted = fit_rig(corner_set(np.random.default_rng([k, 5]), rig=RECT.rig), RECT.rig)
         rectified = fitted.rig.rectify(0.0)
         pair = rectified.rectify(left, right)
         how = SystematicUncertainty(**rectified_std(rectified, rig_covariance(fitted)))

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from stereolib.base import Bools, Float64, Ints
-from stereolib.calibration import BoardViews, Checkerboard, pose
+from stereolib.calibration import BoardViews, Checkerboard, board_pose
 from stereolib.paper import paper_rig
 from stereolib.rig import StereoRig
 from stereolib.virtual.recordings import BOARD
@@ -109,7 +109,7 @@ def _unsynchronised(good: BoardViews, indices: Sequence[int], rng: np.random.Gen
     """Between the two shutters the boards of these pairs moved by a few millimetres."""
     right = good.right_px.copy()
     for k in indices:
-        turn, shift = pose(BOARD.points_mm, good.right_px[k], paper_rig().right)
+        turn, shift = board_pose(BOARD.points_mm, good.right_px[k], paper_rig().right)
         moved = shift + rng.uniform(2, 5, 3) * rng.choice([-1, 1], 3)
         right[k] = cv2.projectPoints(BOARD.points_mm, turn, moved, *_lens())[0][:, 0]
     names = tuple(good.names[k] for k in indices)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stereolib.mapping import Station, disturbed, merge, refine_poses, size_table
+from stereolib.mapping import Station, disturb_poses, merge_stations, refine_poses, size_table
 from stereolib.notebook import draw_map_view, draw_matching
 from stereolib.rig import rigid
 from stereolib.virtual import measure_walk, recordings, walk, walk_laser
@@ -19,13 +19,13 @@ def stations():
 def check(found, places_mm):
     """Each box once and nothing left out, sizes within 1.5 % and four deviations, the sums within 1 %."""
     assert found.warnings == ()
-    boxes = [walk.nearest_box(thing.position_mm) for thing in found.things]
+    boxes = [walk.nearest_box(thing.position_mm) for thing in found.measured]
     true = np.array([box.size_mm for box in boxes])
     assert sorted(map(tuple, true)) == sorted(tuple(box.size_mm) for box in walk.objects())
-    sizes, std = (np.array([getattr(thing, name) for thing in found.things]) for name in ("size_mm", "std_mm"))
+    sizes, std = (np.array([getattr(thing, name) for thing in found.measured]) for name in ("size_mm", "std_mm"))
     assert np.abs(sizes / true - 1).max() < 0.015 and np.median(np.abs(sizes / true - 1)) < 0.003
     assert np.abs((sizes - true) / std).max() < 4 and np.mean(np.abs(sizes - true) < 1.96 * std) > 0.8
-    for thing, box in zip(found.things, boxes, strict=True):
+    for thing, box in zip(found.measured, boxes, strict=True):
         assert thing.position_mm == pytest.approx(box.T_world_box[:2, 3], abs=places_mm)
     litres, area = true.prod(axis=1).sum() / 1e6, sum(2 * (a + b) * h + a * b for a, b, h in true) / 1e6
     assert found.volume_l[0] == pytest.approx(litres, rel=0.01) and found.surface_m2[0] == pytest.approx(area, rel=0.01)
@@ -43,19 +43,19 @@ def test_laser_of_the_walk_is_calibrated_where_it_stands():
 
 
 def test_walk_with_known_poses(stations):
-    found = merge(stations, rng=np.random.default_rng(0))
+    found = merge_stations(stations, rng=np.random.default_rng(0))
     check(found, places_mm=2.0)
 
 
 def test_walk_with_poses_from_its_scans(stations):
-    wrong = disturbed(stations, np.random.default_rng(1), 50.0, np.radians(3.0))
+    wrong = disturb_poses(stations, np.random.default_rng(1), 50.0, np.radians(3.0))
     match = refine_poses(wrong)
-    found = merge(match.stations, rng=np.random.default_rng(0))
+    found = merge_stations(match.stations, rng=np.random.default_rng(0))
     check(found, places_mm=8.0)
-    for thing in found.things:  # what is not known of the poses is in the places
+    for thing in found.measured:  # what is not known of the poses is in the places
         off = thing.position_mm - walk.nearest_box(thing.position_mm).T_world_box[:2, 3]
         assert off @ np.linalg.solve(thing.position_covariance, off) < 14
-    at_wrong = merge(wrong, rng=np.random.default_rng(0))
+    at_wrong = merge_stations(wrong, rng=np.random.default_rng(0))
     assert len(at_wrong.warnings) > 3 and "left out" in " ".join(at_wrong.warnings)
 
 

@@ -1,0 +1,39 @@
+"""What a set of boards covers, and what it leaves out."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from support.corners import corner_set, draw_rig
+
+from stereolib.calibration import boards_per_cell, bundle_adjustment
+from stereolib.calibration.coverage import judge_coverage
+from stereolib.paper import paper_rig
+
+
+def test_coverage_counts_boards_over_cells():
+    square = np.array([[[100, 100], [300, 100], [300, 200], [100, 200]]], float)
+    count = boards_per_cell(np.concatenate([square, square]), (640, 480))
+    assert count.shape == (24, 32)
+    assert set(np.unique(count)) == {0, 2}
+    assert (count > 0).sum() * 400 == pytest.approx(200 * 100, rel=0.02)
+    assert count[7, 10] == 2 and count[2, 2] == 0
+
+
+def test_coverage_names_a_third_that_one_camera_never_saw():
+    wide = corner_set(np.random.default_rng(0), pairs=60)
+    some = wide.only(np.flatnonzero(wide.right_px[..., 0].max(axis=1) < 424).tolist())
+    fitted = bundle_adjustment.fit_rig(some, paper_rig())
+    found = judge_coverage(some, fitted.turns, fitted.shifts)
+    assert found.missing == ("no views in the right third of the right image",)
+    assert str(found).endswith(found.missing[0])
+
+
+def test_coverage_of_a_wide_set_is_high():
+    rng = np.random.default_rng(0)
+    rig = draw_rig(rng)
+    fitted = bundle_adjustment.fit_rig(views := corner_set(rng, rig=rig), rig)
+    found = judge_coverage(views, fitted.turns, fitted.shifts)
+    assert found.missing == ()
+    assert found.distance == found.tilt == 1.0
+    assert 0.7 < found.score <= 1

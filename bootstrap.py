@@ -92,7 +92,7 @@ def setup() -> None:
     STAMP.write_text(stamp())
 
 
-def main(argv: list) -> int:
+def main(argv: "list[str]") -> int:
     """Run one command; return its exit code."""
     name, options = (argv or ["help"])[0], argv[1:]
     if name in ("help", "-h", "--help"):

@@ -23,9 +23,14 @@ PYTHONS = ["3.11", "3.12", "3.13"]
 PYTEST = ["-m", "pytest", "-n", "2", "--dist", "loadfile", "-q"]
 UNIT_TESTS = [*PYTEST, "--doctest-modules", "tests", "stereolib"]
 OPENCV_TESTS = [*PYTEST, "--only-opencv", "tests"]  # the option's help says which these are
-CHECKS = ["ruff check", "ruff format --check", "mypy", "python tests/support/count_lines.py"]
-if "[tool.importlinter]" in (ROOT / "pyproject.toml").read_text(encoding="utf-8") or (ROOT / ".importlinter").exists():
-    CHECKS.append("lint-imports")
+CHECKS = [
+    "ruff check",
+    "ruff format --check",
+    "mypy",
+    "lint-imports",
+    "python tests/support/check_docstrings.py",
+    "python tests/support/count_lines.py",
+]
 
 nox.options.sessions = ["tests", "test-opencv4", "notebooks"]
 nox.options.reuse_existing_virtualenvs = True

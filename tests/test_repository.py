@@ -16,6 +16,7 @@ import pytest
 import yaml
 from packaging.requirements import Requirement
 
+import noxfile
 import stereolib
 from stereolib.base import ROOT
 from stereolib.cli import commands
@@ -212,12 +213,6 @@ def imported(path: Path) -> set[str]:
     return plain | {node.module or "" for node in nodes if isinstance(node, ast.ImportFrom)}
 
 
-def test_rooms_import_from_lower_floors_only() -> None:
-    script = Path(sys.executable).with_name("lint-imports")
-    done = subprocess.run([script, "--no-cache"], cwd=ROOT, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stdout + done.stderr
-
-
 @pytest.mark.parametrize("room", ROOMS)
 def test_room_says_what_it_is_for_and_offers_its_public_names(room: str) -> None:
     module = importlib.import_module(f"stereolib.{room}")
@@ -254,9 +249,10 @@ def test_import_loads_nothing_heavy(module: str) -> None:
     assert done.stdout == "[]\n"
 
 
-@pytest.mark.parametrize("tool", ["ruff check", "ruff format --check", "mypy"])
-def test_style(tool: str) -> None:
-    done = subprocess.run([sys.executable, "-m", *tool.split()], cwd=ROOT, capture_output=True, text=True, check=False)
+@pytest.mark.parametrize("check", noxfile.CHECKS)
+def test_lint(check: str) -> None:
+    command = noxfile.command(check)
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
 
 

@@ -222,6 +222,26 @@ def test_room_says_what_it_is_for_and_offers_its_public_names(room: str) -> None
         assert getattr(offered, "__doc__", None), f"{room}.{name} says nothing"
 
 
+def test_contributing_shows_every_room_with_its_floor_and_its_files() -> None:
+    text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    shown = re.findall(r"^\| (\d) \| `(\w+)` \| [^|]+ \| (.+) \|$", text, re.MULTILINE)
+    assert sorted(room for _, room, _ in shown) == ROOMS
+    for _, room, files in shown:
+        there = {path.name for path in (ROOT / "stereolib" / room).glob("[!_]*.py")}
+        assert set(re.findall(r"`(\w+\.py)`", files)) == there, room
+    layers = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["importlinter"]["contracts"]
+    floors = [set(layer.split(" | ")) for layer in layers[0]["layers"][:0:-1]]
+    assert [{room for floor, room, _ in shown if int(floor) == n} for n in range(1, 8)] == floors
+
+
+def test_python_in_readme_imports_what_is_there() -> None:
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    lines = re.findall(r"(?:from stereolib[\w.]* import [\w, ]+)", readme)
+    assert lines
+    for line in lines:
+        exec(line, {})
+
+
 def test_private_modules_stay_inside_their_room() -> None:
     for path in MODULES:
         room = path.relative_to(ROOT / "stereolib").parts[0]

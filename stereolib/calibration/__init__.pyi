@@ -6,10 +6,9 @@ from .detection import find_in_files
 from .diagnosis import Check, Diagnosis, diagnose
 from .laser_boards import LaserBoardView, find_board_in_scan, find_laser_boards_in_files
 from .laser_pose import LidarCamera, calibrate_lidar_to_camera
-from .lens_fold import LensFold, fold_inside
-from .lens_model import HoldOut, choose_lens_model, hold_out_errors, hold_out_splits
+from .lens_choice import HoldOut, choose_lens_model, hold_out_errors, hold_out_splits
+from .lens_models import LENS_MODELS, LensFold, fold_inside
 from .solve import (
-    LENS_MODELS,
     CameraCalibration,
     StereoCalibration,
     calibrate_camera,

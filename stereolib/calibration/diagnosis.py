@@ -12,8 +12,8 @@ from stereolib.calibration.board_size import left_out_size_errors
 from stereolib.calibration.boards import BoardViews, Checkerboard
 from stereolib.calibration.bundle_adjustment import RigFit, fit_rig
 from stereolib.calibration.coverage import Coverage, judge_coverage
-from stereolib.calibration.lens_fold import LensFold, fold_inside
-from stereolib.calibration.lens_model import HoldOut, choose_lens_model, neighbour_errors
+from stereolib.calibration.lens_choice import HoldOut, choose_lens_model, neighbour_errors
+from stereolib.calibration.lens_models import LensFold, fold_inside
 from stereolib.calibration.outliers import sort_pairs
 from stereolib.calibration.solve import epipolar_errors_px
 from stereolib.calibration.uncertainty import ErrorMap, RigStd, error_map, rectified_std, rig_covariance, rig_std

@@ -11,18 +11,9 @@ import numpy as np
 from stereolib.base import Bools, Float32, Float64, Floats
 from stereolib.calibration.boards import Board, BoardViews
 from stereolib.calibration.bundle_adjustment import RigFit, fit_rig
+from stereolib.calibration.lens_models import LENS_MODELS
 from stereolib.rig import Camera, RectifiedRig, StereoRig
 
-#: Lens models by name, shortest first: (number of coefficients, OpenCV flags). Table I is ``brown3``; ``brown2`` is all
-#: that Kalibr's files hold.
-LENS_MODELS: dict[str, tuple[int, int]] = {
-    "pinhole": (0, cv2.CALIB_ZERO_TANGENT_DIST | cv2.CALIB_FIX_K1 | cv2.CALIB_FIX_K2 | cv2.CALIB_FIX_K3),
-    "brown2": (4, cv2.CALIB_FIX_K3),
-    "brown3": (5, 0),
-    "rational8": (8, cv2.CALIB_RATIONAL_MODEL),
-    "thin_prism12": (12, cv2.CALIB_RATIONAL_MODEL | cv2.CALIB_THIN_PRISM_MODEL),
-    "tilted14": (14, cv2.CALIB_RATIONAL_MODEL | cv2.CALIB_THIN_PRISM_MODEL | cv2.CALIB_TILTED_MODEL),
-}
 _MIN_VIEWS = 3  # of a board: two leave the centre of the image open
 _SAME_PX = 2.0  # boards whose corners differ by less were held still: a hand moves them farther
 _STEPS = 200  # to where OpenCV stops by itself

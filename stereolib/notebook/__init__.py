@@ -1,4 +1,8 @@
-"""What only the notebooks use: sliders, and what they draw."""
+"""What only the notebooks use: sliders, and what they draw.
+
+`explore` puts sliders under a picture; each ``draw_...`` function takes a few numbers and returns a picture and a line
+of text, so that what a student moves is one function that can be called, and tested, without a notebook.
+"""
 
 import lazy_loader as _lazy
 

@@ -1,4 +1,8 @@
-"""The paper regenerated: notebooks executed, their numbers compared with the committed ones, the report written."""
+"""The paper regenerated: notebooks executed, their numbers compared with the committed ones, the report written.
+
+Everything is made beside ``figures/`` and moved there only when no committed number changed, so that an interruption
+leaves every file whole. Kernels run with one processor's arithmetic, so that two executions give the same bytes.
+"""
 
 import lazy_loader as _lazy
 

@@ -14,7 +14,7 @@ from stereolib.calibration import (
     epipolar_errors_px,
     find_in_pairs,
 )
-from stereolib.calibration.lens_fold import fold_inside
+from stereolib.calibration.lens_models import fold_inside
 from stereolib.paper import paper_rig
 from stereolib.rig import Camera, StereoRig, rigid
 from stereolib.virtual import recordings

@@ -41,7 +41,7 @@ def test_command_prints_json_and_draws(files, capsys):
         assert cube[f"{name}_mm"] == pytest.approx(300, abs=3) and 0 < cube[f"{name}_std_mm"] < 3
     assert cube["volume_l"] == pytest.approx(27, abs=0.6) and cube["shape"] == "box"
     assert cv2.imread(str(files / "out.png")).shape == (480, 640, 3)
-    assert run(files) == 2 and "is not overwritten" in capsys.readouterr().err
+    assert run(files) == 2 and "would be overwritten" in capsys.readouterr().err
     assert run(files, "--force") == 0 and "± one standard deviation" in capsys.readouterr().out
 
 
@@ -77,9 +77,9 @@ def test_command_finds_the_laser_from_files(boards, capsys):
     ("change", "message"),
     [
         ({"right": "none.png"}, "none.png"),
-        ({"rig": "left.png"}, "is not a rig file"),
+        ({"rig": "left.png"}, "left.png: not a text file"),
         ({"scan": "left.png"}, "no XV-11 recording"),
-        ({"scan": "none.bin"}, "no such recording"),
+        ({"scan": "none.bin"}, "none.bin: no such file"),
     ],
 )
 def test_bad_files_are_named(files, capsys, change, message):

@@ -7,7 +7,7 @@ import pytest
 from support.corners import corner_set, draw_rig
 
 from stereolib.calibration import HoldOut, calibrate_stereo, choose_lens_model, hold_out_errors, hold_out_splits
-from stereolib.calibration.lens_model import left_out_rms_px, lengthened, neighbour_errors
+from stereolib.calibration.lens_choice import left_out_rms_px, lengthened, neighbour_errors
 from stereolib.rig import Camera, StereoRig
 
 

@@ -1,13 +1,24 @@
-"""Where a lens folds over: pixels of its image that no direction is seen at."""
+"""The lens models by name, and where a fitted lens folds over: pixels of its image that no direction is seen at."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 
 from stereolib.rig import Camera, distort
 
+#: Lens models by name, shortest first: (number of coefficients, OpenCV flags). Table I is ``brown3``; ``brown2`` is all
+#: that Kalibr's files hold.
+LENS_MODELS: dict[str, tuple[int, int]] = {
+    "pinhole": (0, cv2.CALIB_ZERO_TANGENT_DIST | cv2.CALIB_FIX_K1 | cv2.CALIB_FIX_K2 | cv2.CALIB_FIX_K3),
+    "brown2": (4, cv2.CALIB_FIX_K3),
+    "brown3": (5, 0),
+    "rational8": (8, cv2.CALIB_RATIONAL_MODEL),
+    "thin_prism12": (12, cv2.CALIB_RATIONAL_MODEL | cv2.CALIB_THIN_PRISM_MODEL),
+    "tilted14": (14, cv2.CALIB_RATIONAL_MODEL | cv2.CALIB_THIN_PRISM_MODEL | cv2.CALIB_TILTED_MODEL),
+}
 _RING_POINTS = 361  # of the circle on which the lens folds, one for each degree
 _WITHIN = 0.97  # of the fold's smallest radius: within it every pixel has a direction, and need not be asked
 

@@ -10,7 +10,8 @@ import numpy as np
 from stereolib.base import Float64, Ints
 from stereolib.calibration.boards import BoardViews
 from stereolib.calibration.bundle_adjustment import RigFit, fit_rig, with_coefficients
-from stereolib.calibration.solve import LENS_MODELS, calibrate_stereo
+from stereolib.calibration.lens_models import LENS_MODELS
+from stereolib.calibration.solve import calibrate_stereo
 from stereolib.rig import StereoRig
 
 Split = tuple[Ints, Ints]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import textwrap
 from collections.abc import Mapping
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 COLUMNS = ("id", "where", "paper", "ours", "difference", "tolerance", "unit", "verdict", "reason")
+_EXTRA_DIGITS = int(os.environ.get("STEREOLIB_EXTRA_DIGITS", "0"))  # `make same` looks behind the rounding
 _CLAIM = {"yes": "agrees", "in part": "holds in part", "no": "does not hold"}
 _WIDTHS = {"id": 20, "paper": 19, "ours": 19, "difference": 10, "tolerance": 9, "verdict": 11, "reason": 26}
 _ROUNDING = 1e-9  # of a difference that is as large as its tolerance, which still counts
@@ -188,7 +190,7 @@ def _row(item: Published, ours: Any, reason: str | None) -> tuple[str, ...]:
     else:
         inconsistent = item.comparability == "internally-inconsistent"
         verdict = "paper contradicts itself" if inconsistent else "not comparable"
-    mine = "-" if ours is None else _text(ours, item.places)
+    mine = "-" if ours is None else _text(ours, np.add(item.places, _EXTRA_DIGITS))
     row = (item.id, item.where, _text(item.value, item.digits), mine, difference, tolerance)
     return (*row, item.unit, verdict, reason or item.reason)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 import pytest
+from support.pairs import rectified_cube
 
 from stereolib.matching import (
     SGBMParams,
@@ -14,16 +15,9 @@ from stereolib.paper import paper_rig
 from stereolib.virtual import recordings
 
 
-def shifted(disparity, shape=(120, 240), seed=0):
-    """A textured pair whose right picture is the left one moved by a whole number of pixels."""
-    rng = np.random.default_rng(seed)
-    wide = cv2.GaussianBlur(rng.integers(0, 256, (shape[0], shape[1] + disparity), dtype=np.uint8), (0, 0), 0.8)
-    return wide[:, : shape[1]].copy(), wide[:, disparity:].copy()
-
-
 @pytest.fixture(scope="module")
 def cube():
-    return recordings.rectified().rectify(*recordings.load_pair("conditions/texture"))
+    return rectified_cube()
 
 
 @pytest.mark.parametrize(

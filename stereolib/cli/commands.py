@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
+from typing import NoReturn
 
 from stereolib import __version__
 from stereolib.cli.calibrate import CALIBRATE
@@ -11,12 +12,19 @@ from stereolib.cli.calibrate_laser import CALIBRATE_LASER
 from stereolib.cli.command import Command
 from stereolib.cli.data import DATA
 from stereolib.cli.disparity import DISPARITY
-from stereolib.cli.errors import guarded
+from stereolib.cli.errors import WRONG_INPUT, guarded
 from stereolib.cli.lrf import LRF
 from stereolib.cli.measure import MEASURE
 from stereolib.cli.reproduce import REPRODUCE
 
 COMMANDS = (REPRODUCE, DATA, DISPARITY, LRF, CALIBRATE, CALIBRATE_LASER, MEASURE)
+
+
+class _Parser(argparse.ArgumentParser):
+    """A parser that refuses words in one line, as all other input is refused."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(WRONG_INPUT, f"stereolib: error: {message}; see {self.prog} --help\n")
 
 
 def _add(commands: Sequence[Command], parser: argparse.ArgumentParser) -> None:
@@ -44,7 +52,7 @@ def make_parser() -> argparse.ArgumentParser:
     -------
     argparse.ArgumentParser
     """
-    parser = argparse.ArgumentParser(
+    parser = _Parser(
         prog="stereolib",
         description="Object dimensions from two webcams and a laser range finder: a paper, reproduced.",
         epilog="example:\n  stereolib reproduce",

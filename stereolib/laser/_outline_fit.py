@@ -156,9 +156,8 @@ def fit_circle(p: Float64, sigma: Float64) -> tuple[Float64, float, Float64]:
     beam = p / r[:, None]
     x, y, c = np.linalg.lstsq(np.column_stack([2 * p, np.ones(len(p))]), r**2, rcond=None)[0]
     q = np.array([x, y, np.sqrt(max(c + x * x + y * y, 1.0))])
-    nowhere = np.full((3, 3), np.nan)
     if np.hypot(x, y) < q[2]:  # seen from inside: the outline is hollow or straight
-        return q, np.inf, nowhere
+        return q, np.inf, np.full((3, 3), np.nan)
     best, damping = np.inf, 1e-3
     for _ in range(_CIRCLE_STEPS):
         along = beam @ q[:2]
@@ -174,5 +173,4 @@ def fit_circle(p: Float64, sigma: Float64) -> tuple[Float64, float, Float64]:
         else:
             damping *= 10
         q = kept - np.linalg.solve(A * (1 + damping * np.eye(3)), g)
-    covariance: Float64 = np.asarray(np.linalg.pinv(A), np.float64)
-    return kept, best, covariance
+    return kept, best, np.asarray(np.linalg.pinv(A), np.float64)

@@ -68,9 +68,7 @@ def decode_recording(data: bytes, source: str) -> Readings:
 file, or was recorded at a wrong baud rate (not 115200)
     """
     if not data:
-        raise ValueError(
-            f"{source} is empty: check the sensor's power and wiring and that its motor turns, then record again"
-        )
+        raise ValueError(f"{source} is empty: check the sensor's power and wiring, that its motor turns; record again")
     readings = decode(data)
     within = len(data) - readings.skipped_bytes - PACKET_BYTES * readings.bad_checksum
     if within < _LEAST_SHARE * len(data):
@@ -103,7 +101,7 @@ def recording_info(path: str | PathLike[str]) -> dict[str, Any]:
     readings = read_recording(path)
     complete = [scan.complete for scan in turns(readings)]
     rpm = readings.speed_rpm[np.isfinite(readings.speed_rpm)]
-    low, middle, high = np.percentile(rpm, (0, 50, 100)).tolist() if rpm.size else (None,) * 3
+    low, middle, high = np.percentile(rpm, (0, 50, 100)).tolist() if rpm.size else (None, None, None)
     return {
         "firmware": "1446-byte turns" if readings.old_turns else "22-byte packets",
         "packets": len(readings),

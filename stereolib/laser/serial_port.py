@@ -115,7 +115,8 @@ def take_scans(source: str | PathLike[str], count: int = 5) -> list[LaserScan]:
     scans = []
     with closing(open_lidar(str(source))) as live:
         try:
-            scans.extend(islice(live, count))
+            for scan in islice(live, count):
+                scans.append(scan)
         except LidarError:  # the end of a replay, or unplugged: what came before is good
             if not scans:
                 raise

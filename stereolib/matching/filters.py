@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import cv2
@@ -11,6 +13,7 @@ import numpy.typing as npt
 from stereolib.base import Bools, Float32, Floats, UInt8
 from stereolib.matching.disparity import left_right_check
 from stereolib.matching.filling import (
+    SOLVERS,
     check_map,
     fill_background,
     inpaint,
@@ -85,8 +88,7 @@ def dilate_set(pixels: Bools, size_px: int, *, shape: str = "rect") -> Bools:
     if np.asarray(pixels).dtype != bool or np.ndim(pixels) != 2:
         raise ValueError("the set operation needs a set: a mask (H, W) of bool, for example disparity_px >= 90")
     size, (height, width) = check_map(np.zeros((1, 1)), size_px)[1], pixels.shape
-    r = size // 2
-    roomy, grown = np.pad(pixels, r), np.zeros_like(pixels)
+    roomy, grown = np.pad(pixels, size // 2), np.zeros_like(pixels)
     for row, column in np.argwhere(_kernel(shape, size)):
         grown |= roomy[row : row + height, column : column + width]
     return grown
@@ -208,54 +210,48 @@ def smooth(
         raise ValueError(f"unknown method {method!r}; choose one of {', '.join(SMOOTHING_METHODS)}")
     disparity, size = check_map(disparity_px, size_px)
     if method not in _NO_KERNEL and size > min(disparity.shape):
-        raise ValueError(
-            f"a kernel of {size} px is larger than the map {disparity.shape}: every pixel would see all of it; take at "
-            f"most {min(disparity.shape)}"
-        )
-    needed: Any = {"": None, "image": image, "right_px": right_px}[SMOOTHING_METHODS[method]]
-    if SMOOTHING_METHODS[method] and needed is None:
-        raise ValueError(f'"{method}" {_WHY[SMOOTHING_METHODS[method]]}')
-    if method == "left_right":
-        return median_filter(_checked_and_filled(disparity, needed), size)
-    if method.startswith("inpaint_"):
-        return inpaint(disparity, size, method=method.removeprefix("inpaint_"))
-    if method == "background":
-        return fill_background(disparity)
-    return _GUIDED[method](disparity, needed, size) if method in _GUIDED else _KERNELS[method](disparity, size)
+        why = f"every pixel would see all of it; take at most {min(disparity.shape)}"
+        raise ValueError(f"a kernel of {size} px is larger than the map {disparity.shape}: {why}")
+    if not (need := SMOOTHING_METHODS[method]):
+        return _PLAIN[method](disparity, size)
+    needed: Any = {"image": image, "right_px": right_px}[need]
+    if needed is None:
+        raise ValueError(f'"{method}" {_WHY[need]}')
+    return _WITH_MORE[method](disparity, needed, size)
 
 
-_KERNELS = {
+def _left_right(disparity: Float32, right_px: Floats, size: int) -> Float32:
+    if np.shape(right_px) != disparity.shape:
+        raise ValueError(f"the right view's map has shape {np.shape(right_px)}, the left one's {disparity.shape}")
+    return median_filter(fill_background(left_right_check(disparity, np.asarray(right_px, np.float32))), size)
+
+
+_PLAIN: dict[str, Callable[[Float32, int], Float32]] = {
     "dilation": dilate,
     "closing": close,
     "opening_closing": open_close,
     "median": median_filter,
     "speckle": remove_speckles,
+    "background": lambda disparity, _: fill_background(disparity),
+    **{f"inpaint_{solver}": partial(inpaint, method=solver) for solver in SOLVERS},
 }
-_GUIDED = {"weighted_median": weighted_median, "least_squares": least_squares}
+_WITH_MORE: dict[str, Callable[[Float32, Any, int], Float32]] = {
+    "left_right": _left_right,
+    "weighted_median": weighted_median,
+    "least_squares": least_squares,
+}
 _NO_KERNEL = ("speckle", "background", "inpaint_biharmonic")
 _WHY = {
     "right_px": "compares both views: pass right_px=, the disparity of the right view",
     "image": "is guided by the picture: pass image=, the rectified left one, uint8",
 }
 #: What `smooth` knows: the method's name, and what it needs beside the map.
-SMOOTHING_METHODS = {
-    **dict.fromkeys(_KERNELS, ""),
-    **dict.fromkeys(("background", "inpaint_telea", "inpaint_navier_stokes", "inpaint_biharmonic"), ""),
-    "left_right": "right_px",
-    **dict.fromkeys(_GUIDED, "image"),
-}
-
-
-def _checked_and_filled(disparity: Float32, right_px: Floats) -> Float32:
-    if np.shape(right_px) != disparity.shape:
-        raise ValueError(f"the right view's map has shape {np.shape(right_px)}, the left one's {disparity.shape}")
-    return fill_background(left_right_check(disparity, np.asarray(right_px, np.float32)))
+SMOOTHING_METHODS = dict.fromkeys(_PLAIN, "") | dict.fromkeys(_WITH_MORE, "image") | {"left_right": "right_px"}
 
 
 def _morphology(operation: int, disparity_px: npt.ArrayLike, size_px: int, shape: str) -> Float32:
     disparity, size = check_map(disparity_px, size_px)
-    kernel = _kernel(shape, size)
-    out = cv2.morphologyEx(np.where(np.isnan(disparity), _FAR, disparity), operation, kernel)
+    out = cv2.morphologyEx(np.where(np.isnan(disparity), _FAR, disparity), operation, _kernel(shape, size))
     return np.where(out == _FAR, np.float32(np.nan), out)
 
 

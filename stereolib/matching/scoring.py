@@ -37,10 +37,8 @@ def check_mask(where: npt.ArrayLike, shape: tuple[int, ...], name: str = "where"
     """
     mask = np.asarray(where)
     if mask.shape != shape or mask.dtype != bool:
-        raise ValueError(
-            f"{name} must be a mask {shape} of bool, got {mask.shape} of {mask.dtype}; make one by a comparison, for "
-            f"example mask > 0"
-        )
+        got = f"got {mask.shape} of {mask.dtype}; make one by a comparison, for example mask > 0"
+        raise ValueError(f"{name} must be a mask {shape} of bool, {got}")
     return mask
 
 
@@ -118,17 +116,10 @@ def score(disparity_px: npt.ArrayLike, truth_px: npt.ArrayLike, where: Bools | N
     within = off <= _WITHIN_PX
     good, known = error[within], error[returned]
     swing = good @ np.exp(2j * np.pi * truth[looked][within])
-    return Score(
-        bad1_pct=100 * float((off > 1).mean()),
-        bad2_pct=100 * float((off > 2).mean()),
-        bad4_pct=100 * float((off > 4).mean()),
-        density_pct=100 * float(returned.mean()),
-        bias_px=float(good.mean()) if good.size else float("nan"),
-        rms_px=float(np.sqrt((good**2).mean())) if good.size else float("nan"),
-        mean_all_px=float(np.abs(known).mean()) if known.size else float("nan"),
-        rms_all_px=float(np.sqrt((known**2).mean())) if known.size else float("nan"),
-        locking_px=float(2 * abs(swing) / good.size) if good.size else float("nan"),
-    )
+    bad1, bad2, bad4 = (_percent(off > limit_px) for limit_px in (1, 2, 4))
+    bias_px, (rms_px, rms_all_px) = _mean(good), (float(np.sqrt(_mean(e**2))) for e in (good, known))
+    locking_px = float(2 * abs(swing) / good.size) if good.size else float("nan")
+    return Score(bad1, bad2, bad4, _percent(returned), bias_px, rms_px, _mean(np.abs(known)), rms_all_px, locking_px)
 
 
 @dataclass(frozen=True)
@@ -141,8 +132,8 @@ class RepairScore:
         Share of pixels without a disparity before.
     filled_pct : float, %
         Share of those that have one after.
-    wrong2_pct, wrong3_pct : float, %
-        Share of the filled pixels that are off by more than 2, 3 px.
+    wrong2_pct : float, %
+        Share of the filled pixels that are off by more than 2 px.
     shift_px : float
         Mean change of the pixels that were right before (within 2 px).
     """
@@ -150,7 +141,6 @@ class RepairScore:
     holes_pct: float
     filled_pct: float
     wrong2_pct: float
-    wrong3_pct: float
     shift_px: float
 
 
@@ -180,14 +170,9 @@ def score_repair(before_px: Floats, after_px: Floats, truth_px: Floats, where: B
     before, after, truth = (np.asarray(array, float)[looked] for array in (before_px, after_px, truth_px))
     hole = np.isnan(before)
     filled, right = hole & np.isfinite(after), np.abs(before - truth) <= 2
-    off = np.abs(after - truth)[filled]
-    return RepairScore(
-        holes_pct=_percent(hole),
-        filled_pct=_percent(np.isfinite(after[hole])),
-        wrong2_pct=_percent(off > 2),
-        wrong3_pct=_percent(off > 3),
-        shift_px=float(np.nanmean((after - before)[right])) if right.any() else float("nan"),
-    )
+    wrong, moved = np.abs(after - truth)[filled] > 2, (after - before)[right]
+    shift_px = float(np.nanmean(moved)) if moved.size else float("nan")
+    return RepairScore(_percent(hole), _percent(np.isfinite(after[hole])), _percent(wrong), shift_px)
 
 
 def overreach_px(disparity_px: Floats, truth_px: Floats, on_object: Bools, step_px: float = 20.0) -> float:
@@ -283,5 +268,9 @@ def _looked_at(truth_px: Floats, where: Bools | None) -> Bools:
     return looked
 
 
+def _mean(values: Floats | Bools) -> float:
+    return float(values.mean()) if values.size else float("nan")
+
+
 def _percent(share: Bools) -> float:
-    return 100 * float(share.mean()) if share.size else float("nan")
+    return 100 * _mean(share)

@@ -65,16 +65,15 @@ def fit_lines(p: Float64, sigma: Float64, split: int, start: float | None = None
     -------
     Lines
     """
-    two = bool(split < len(p))
     if start is None:
         centred = p - p.mean(axis=0)
         normal = np.linalg.eigh(centred.T @ centred)[1][:, 0]
         start = float(np.arctan2(normal[1], normal[0]))
-    x = np.array([start, 0.0, 0.0][: 2 + two])
+    x = np.array([start, 0.0, 0.0] if split < len(p) else [start, 0.0])
     # Turned back by a quarter, the second part's points lie like the first's: one normal serves both.
     q = np.concatenate([p[:split], p[split:] @ _TURN])
     beam = q / np.hypot(*q.T)[:, None]
-    columns = np.zeros((len(p), 1 + two))
+    columns = np.zeros((len(p), len(x) - 1))
     columns[:split, 0] = columns[split:, -1] = 1.0
     for step in range(_STEPS):
         c, s = np.cos(x[0]), np.sin(x[0])

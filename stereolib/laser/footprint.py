@@ -7,6 +7,7 @@ somewhere between its last beam and the next, a degree on. What the scan does no
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -281,18 +282,10 @@ def _hidden(segment: Segment) -> str:
 
 def _circle(segment: Segment, circle: Float64, covariance: Float64, misfit: float, bias_mm: float) -> Footprint:
     std = max(misfit, 1.0) * np.sqrt(np.diag(covariance))
-    diameter, diameter_std = 2 * float(circle[2]), 2 * float(np.hypot(std[2], bias_mm))
-    return Footprint(
-        shape="circle",
-        segment=segment,
-        misfit=misfit,
-        length_mm=diameter,
-        width_mm=diameter,
-        centre_mm=circle[:2],
-        length_std_mm=diameter_std,
-        width_std_mm=diameter_std,
-        centre_std_mm=np.hypot(std[:2], bias_mm),
-    )
+    sizes: dict[str, Any] = dict.fromkeys(("length_mm", "width_mm"), 2 * float(circle[2]))
+    sizes |= dict.fromkeys(("length_std_mm", "width_std_mm"), 2 * float(np.hypot(std[2], bias_mm)))
+    centre_std_mm = np.hypot(std[:2], bias_mm)
+    return Footprint("circle", segment, misfit, centre_mm=circle[:2], centre_std_mm=centre_std_mm, **sizes)
 
 
 def _irregular(segment: Segment, misfit: float, reason: str) -> Footprint:

@@ -141,23 +141,19 @@ class Framer:
     def _rest(self, packets: Positions, turns: list[int], wrong: Positions, high: int) -> tuple[int, int]:
         """Count the bad packets and the bytes skipped up to `high`; raise at the first if strict."""
         begin = self._covered - self.base
-        free = wrong[~_overlap(wrong, PACKET_BYTES, packets) & (wrong >= begin)]
-        if turns:
-            free = free[~_overlap(free, PACKET_BYTES, np.array(turns), TURN_BYTES)]
+        taken = _overlap(wrong, PACKET_BYTES, packets)
+        taken |= _overlap(wrong, PACKET_BYTES, np.array(turns, np.int64), TURN_BYTES)
         bad = list[int]()
-        for head in free.tolist():
+        for head in wrong[~taken & (wrong >= begin)].tolist():
             if not bad or head >= bad[-1] + PACKET_BYTES:
                 bad.append(head)
         low = self._decided - self.base
         new = packets[(packets >= low) & (packets < high)]
         starts = np.concatenate([new, np.array(turns + bad, np.int64)])
-        ends = starts + PACKET_BYTES
-        ends[len(new) : len(new) + len(turns)] = np.array(turns, np.int64) + TURN_BYTES
-        if turns or bad:
-            order = np.argsort(starts, kind="stable")
-            starts, ends = starts[order], ends[order]
-        ends = np.maximum.accumulate(np.concatenate([[begin], ends]))
-        gaps = np.maximum(np.append(starts, high) - ends, 0)
+        lengths = np.repeat([PACKET_BYTES, TURN_BYTES, PACKET_BYTES], [len(new), len(turns), len(bad)])
+        order = np.argsort(starts, kind="stable")
+        ends = np.maximum.accumulate(np.concatenate([[begin], (starts + lengths)[order]]))
+        gaps = np.maximum(np.append(starts[order], high) - ends, 0)
         self._covered = self.base + max(int(ends[-1]), high)
         if self._strict and (bad or gaps.any()):
             first_gap = int(ends[np.flatnonzero(gaps)[0]]) if gaps.any() else high

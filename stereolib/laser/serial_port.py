@@ -195,21 +195,6 @@ def _check_packets(port: str, totals: dict[str, int]) -> None:
         raise LidarError(f"{port} sends bytes but no XV-11 packet in {wrong} of them: {why}. {_ports_found()}")
 
 
-def sidecar(path: str | PathLike[str]) -> Path:
-    """Tell where the notes of a recording stand: its name with ``.json`` after it.
-
-    Parameters
-    ----------
-    path : path
-        The recording.
-
-    Returns
-    -------
-    Path
-    """
-    return Path(f"{path}.json")
-
-
 def record_port(
     port: str,
     path: str | PathLike[str],
@@ -253,7 +238,7 @@ def record_port(
         If nothing at all could be recorded. A later failure ends the recording, and ``ended``
         tells it.
     """
-    path, notes = Path(path), sidecar(path)
+    path, notes = Path(path), Path(f"{path}.json")
     for there in (path, notes):
         if there.exists() and not force:
             advice = "choose another name, or pass force (--force) to replace it"

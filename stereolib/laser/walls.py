@@ -39,11 +39,6 @@ class Wall:
         """Root mean square distance of the inliers to the line, mm."""
         return float(np.sqrt(np.mean(self.residuals_mm[self.inliers] ** 2)))
 
-    @property
-    def angle_rad(self) -> float:
-        """Direction of the normal, rad, -pi..pi."""
-        return float(np.arctan2(self.normal[1], self.normal[0]))
-
 
 def _checked(points: ArrayLike, least: int) -> Float64:
     p = np.asarray(points, np.float64)

@@ -11,16 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from stereolib.base import Bools, Float32, Floats, UInt8
+from stereolib.matching import filling
 from stereolib.matching.disparity import left_right_check
-from stereolib.matching.filling import (
-    SOLVERS,
-    check_map,
-    fill_background,
-    inpaint,
-    least_squares,
-    remove_speckles,
-    weighted_median,
-)
 
 _FAR, _NEAR = np.float32(-1e9), np.float32(1e9)  # px; stand for holes where OpenCV takes the largest or the least
 _SHAPES = {"rect": cv2.MORPH_RECT, "ellipse": cv2.MORPH_ELLIPSE, "cross": cv2.MORPH_CROSS}
@@ -87,7 +79,7 @@ def dilate_set(pixels: Bools, size_px: int, *, shape: str = "rect") -> Bools:
     """
     if np.asarray(pixels).dtype != bool or np.ndim(pixels) != 2:
         raise ValueError("the set operation needs a set: a mask (H, W) of bool, for example disparity_px >= 90")
-    size, (height, width) = check_map(np.zeros((1, 1)), size_px)[1], pixels.shape
+    size, (height, width) = filling.check_map(np.zeros((1, 1)), size_px)[1], pixels.shape
     roomy, grown = np.pad(pixels, size // 2), np.zeros_like(pixels)
     for row, column in np.argwhere(_kernel(shape, size)):
         grown |= roomy[row : row + height, column : column + width]
@@ -123,7 +115,7 @@ def open_close(disparity_px: npt.ArrayLike, size_px: int) -> Float32:
     -------
     (H, W) float32, px
     """
-    disparity, size = check_map(disparity_px, size_px)
+    disparity, size = filling.check_map(disparity_px, size_px)
     kernel, hole = _kernel("rect", size), np.isnan(disparity)
     lowest = cv2.erode(np.where(hole, _NEAR, disparity), kernel)
     opened = cv2.dilate(np.where(lowest >= _NEAR, _FAR, lowest), kernel)
@@ -154,7 +146,7 @@ def median_filter(disparity_px: npt.ArrayLike, size_px: int) -> Float32:
     >>> median_filter([[4, 90, 5, np.nan]], 3)
     array([[47. ,  5. , 47.5,  5. ]], dtype=float32)
     """
-    disparity, size = check_map(disparity_px, size_px)
+    disparity, size = filling.check_map(disparity_px, size_px)
     roomy = np.pad(np.where(np.isnan(disparity), np.float32(np.inf), disparity), size // 2, constant_values=np.inf)
     windows = np.lib.stride_tricks.sliding_window_view(roomy, (size, size))
     out = np.empty_like(disparity)
@@ -208,7 +200,7 @@ def smooth(
     """
     if method not in SMOOTHING_METHODS:
         raise ValueError(f"unknown method {method!r}; choose one of {', '.join(SMOOTHING_METHODS)}")
-    disparity, size = check_map(disparity_px, size_px)
+    disparity, size = filling.check_map(disparity_px, size_px)
     if method not in _NO_KERNEL and size > min(disparity.shape):
         why = f"every pixel would see all of it; take at most {min(disparity.shape)}"
         raise ValueError(f"a kernel of {size} px is larger than the map {disparity.shape}: {why}")
@@ -223,7 +215,7 @@ def smooth(
 def _left_right(disparity: Float32, right_px: Floats, size: int) -> Float32:
     if np.shape(right_px) != disparity.shape:
         raise ValueError(f"the right view's map has shape {np.shape(right_px)}, the left one's {disparity.shape}")
-    return median_filter(fill_background(left_right_check(disparity, np.asarray(right_px, np.float32))), size)
+    return median_filter(filling.fill_background(left_right_check(disparity, np.asarray(right_px, np.float32))), size)
 
 
 _PLAIN: dict[str, Callable[[Float32, int], Float32]] = {
@@ -231,14 +223,14 @@ _PLAIN: dict[str, Callable[[Float32, int], Float32]] = {
     "closing": close,
     "opening_closing": open_close,
     "median": median_filter,
-    "speckle": remove_speckles,
-    "background": lambda disparity, _: fill_background(disparity),
-    **{f"inpaint_{solver}": partial(inpaint, method=solver) for solver in SOLVERS},
+    "speckle": filling.remove_speckles,
+    "background": lambda disparity, _: filling.fill_background(disparity),
+    **{f"inpaint_{solver}": partial(filling.inpaint, method=solver) for solver in filling.SOLVERS},
 }
 _WITH_MORE: dict[str, Callable[[Float32, Any, int], Float32]] = {
     "left_right": _left_right,
-    "weighted_median": weighted_median,
-    "least_squares": least_squares,
+    "weighted_median": filling.weighted_median,
+    "least_squares": filling.least_squares,
 }
 _NO_KERNEL = ("speckle", "background", "inpaint_biharmonic")
 _WHY = {
@@ -250,7 +242,7 @@ SMOOTHING_METHODS = dict.fromkeys(_PLAIN, "") | dict.fromkeys(_WITH_MORE, "image
 
 
 def _morphology(operation: int, disparity_px: npt.ArrayLike, size_px: int, shape: str) -> Float32:
-    disparity, size = check_map(disparity_px, size_px)
+    disparity, size = filling.check_map(disparity_px, size_px)
     out = cv2.morphologyEx(np.where(np.isnan(disparity), _FAR, disparity), operation, _kernel(shape, size))
     return np.where(out == _FAR, np.float32(np.nan), out)
 

@@ -128,5 +128,4 @@ def _matched_points(left: UInt8, right: UInt8) -> tuple[Float64, Float64]:
 
 
 def _half_size(image: UInt8) -> UInt8:
-    small: UInt8 = cv2.resize(image, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
-    return small
+    return np.asarray(cv2.resize(image, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA))

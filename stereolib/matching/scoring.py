@@ -107,9 +107,7 @@ def score(disparity_px: npt.ArrayLike, truth_px: npt.ArrayLike, where: Bools | N
     (50.0, 75.0, 1.1666666666666667)
     """
     disparity, truth = np.asarray(disparity_px, float), np.asarray(truth_px, float)
-    if disparity.shape != truth.shape:
-        raise ValueError(f"disparity and truth must have one shape, got {[disparity.shape, truth.shape]}")
-    looked = _looked_at(truth, where)
+    looked = _looked_at(where, disparity, truth)
     error = disparity[looked] - truth[looked]
     returned = np.isfinite(error)
     off = np.where(returned, np.abs(error), np.inf)
@@ -163,10 +161,7 @@ def score_repair(before_px: Floats, after_px: Floats, truth_px: Floats, where: B
     ValueError
         If the shapes differ, the mask is no mask, or nothing is left to look at.
     """
-    shapes = [np.shape(array) for array in (before_px, after_px, truth_px)]
-    if len(set(shapes)) > 1:
-        raise ValueError(f"maps before and after and the truth must have one shape, got {shapes}")
-    looked = _looked_at(truth_px, where)
+    looked = _looked_at(where, before_px, after_px, truth_px)
     before, after, truth = (np.asarray(array, float)[looked] for array in (before_px, after_px, truth_px))
     hole = np.isnan(before)
     filled, right = hole & np.isfinite(after), np.abs(before - truth) <= 2
@@ -259,9 +254,12 @@ def fattening_px(disparity_px: Floats, truth_px: Floats, visible: Bools) -> floa
     return RIM_PX * float((disparity_px[where] > border[where]).mean()) if where.any() else float("nan")
 
 
-def _looked_at(truth_px: Floats, where: Bools | None) -> Bools:
-    """Mask of the pixels `where` the truth is known."""
-    known = np.isfinite(truth_px)
+def _looked_at(where: Bools | None, *maps_px: Floats) -> Bools:
+    """Mask of the pixels `where` the truth, the last of the maps, is known."""
+    shapes = [np.shape(one) for one in maps_px]
+    if len(set(shapes)) > 1:
+        raise ValueError(f"disparity and truth must have one shape, got {shapes}")
+    known = np.isfinite(maps_px[-1])
     looked = known if where is None else known & check_mask(where, known.shape)
     if not looked.any():
         raise ValueError("no pixel with a known truth is left to look at: the truth is NaN or the mask is empty there")

@@ -11,13 +11,13 @@ import time
 import warnings
 from contextlib import closing
 from itertools import islice
+from pathlib import Path
 
 import numpy as np
 import pytest
 from support.old_firmware import encode_turns
 
 from stereolib import laser
-from stereolib.laser import serial_port
 from stereolib.virtual import emulator
 
 LINKS = ["pty", "socket"] if hasattr(os, "openpty") else ["socket"]

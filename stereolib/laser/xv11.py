@@ -239,8 +239,8 @@ class Decoder:
         packets, turns, bad, skipped = self._framer.take(chunk, final)
         out = _EMPTY
         if len(packets) or turns or bad or skipped:
-            settled = _readings(self._framer, packets, turns, self._last_index)
-            out = replace(settled, bad_checksum=bad, skipped_bytes=skipped)
+            out = _readings(self._framer, packets, turns, self._last_index)
+            out = replace(out, bad_checksum=bad, skipped_bytes=skipped)
         self._framer.forget()
         if len(out):
             self._last_index = int(out.index[-1])

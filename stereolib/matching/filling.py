@@ -12,6 +12,7 @@ from stereolib.base import Float32, Float64, Floats, UInt8
 from stereolib.matching.sgbm import STEPS_PER_PX
 from stereolib.rig import to_grey
 
+#: Methods of `inpaint`, with OpenCV's flags.
 SOLVERS = {"telea": cv2.INPAINT_TELEA, "navier_stokes": cv2.INPAINT_NS, "biharmonic": -1}  # the last is no flag
 _SPECKLE_RANGE_PX = 1.0  # neighbours that differ by no more are one patch
 _HOLE = -32768  # of 16 bits, in OpenCV's search for specks

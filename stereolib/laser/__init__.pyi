@@ -10,7 +10,7 @@ from .error_model import (
     fit_sigma,
     learn_bias,
 )
-from .footprint import FaceLine, Footprint, find_footprints, fit_footprint
+from .footprint import FaceLine, Footprint, fit_footprint
 from .framing import PacketError
 from .points import EMITTER_ANGLE_RAD, EMITTER_OFFSET_MM, points_mm
 from .recordings import decode_recording, read_recording, recording_info
@@ -68,7 +68,6 @@ __all__ = [
     "encode",
     "error_against_n",
     "error_curve",
-    "find_footprints",
     "find_segments",
     "fit_footprint",
     "fit_line",

@@ -65,16 +65,15 @@ def fit_lines(p: Float64, sigma: Float64, split: int, start: float | None = None
     -------
     Lines
     """
-    two = bool(split < len(p))
     if start is None:
         centred = p - p.mean(axis=0)
         normal = np.linalg.eigh(centred.T @ centred)[1][:, 0]
         start = float(np.arctan2(normal[1], normal[0]))
-    x = np.array([start, 0.0, 0.0][: 2 + two])
+    x = np.array([start, 0.0, 0.0] if split < len(p) else [start, 0.0])
     # Turned back by a quarter, the second part's points lie like the first's: one normal serves both.
     q = np.concatenate([p[:split], p[split:] @ _TURN])
     beam = q / np.hypot(*q.T)[:, None]
-    columns = np.zeros((len(p), 1 + two))
+    columns = np.zeros((len(p), len(x) - 1))
     columns[:split, 0] = columns[split:, -1] = 1.0
     for step in range(_STEPS):
         c, s = np.cos(x[0]), np.sin(x[0])
@@ -156,9 +155,8 @@ def fit_circle(p: Float64, sigma: Float64) -> tuple[Float64, float, Float64]:
     beam = p / r[:, None]
     x, y, c = np.linalg.lstsq(np.column_stack([2 * p, np.ones(len(p))]), r**2, rcond=None)[0]
     q = np.array([x, y, np.sqrt(max(c + x * x + y * y, 1.0))])
-    nowhere = np.full((3, 3), np.nan)
     if np.hypot(x, y) < q[2]:  # seen from inside: the outline is hollow or straight
-        return q, np.inf, nowhere
+        return q, np.inf, np.full((3, 3), np.nan)
     best, damping = np.inf, 1e-3
     for _ in range(_CIRCLE_STEPS):
         along = beam @ q[:2]
@@ -174,5 +172,4 @@ def fit_circle(p: Float64, sigma: Float64) -> tuple[Float64, float, Float64]:
         else:
             damping *= 10
         q = kept - np.linalg.solve(A * (1 + damping * np.eye(3)), g)
-    covariance: Float64 = np.asarray(np.linalg.pinv(A), np.float64)
-    return kept, best, covariance
+    return kept, best, np.asarray(np.linalg.pinv(A), np.float64)

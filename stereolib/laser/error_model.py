@@ -77,10 +77,8 @@ def error_curve(true_mm: ArrayLike, readings_mm: Sequence[ArrayLike]) -> ErrorCu
     """
     true = np.asarray(true_mm, np.float64)
     if true.ndim != 1 or len(true) != len(readings_mm):
-        raise ValueError(
-            f"one array of readings per known distance is needed: got {true.size} distances and "
-            f"{len(readings_mm)} arrays"
-        )
+        got = f"{true.size} distances and {len(readings_mm)} arrays"
+        raise ValueError(f"one array of readings per known distance is needed: got {got}")
     if not (true > 0).all():
         raise ValueError("known distances must be positive, in mm")
     rows = [_errors_at(distance, np.asarray(r, float).ravel()) for distance, r in zip(true, readings_mm, strict=True)]
@@ -91,12 +89,9 @@ def error_curve(true_mm: ArrayLike, readings_mm: Sequence[ArrayLike]) -> ErrorCu
 def _errors_at(distance_mm: float, readings_mm: Float64) -> tuple[float, ...]:
     """Valid readings, mean error, spread, percentage error and dropout at one distance."""
     error = readings_mm[np.isfinite(readings_mm)] - distance_mm
-    n = len(error)
-    dropout = 1 - n / max(len(readings_mm), 1)
-    if not n:
-        return n, np.nan, np.nan, np.nan, dropout
-    spread = error.std(ddof=1) if n > 1 else np.nan
-    return n, error.mean(), spread, 100 * np.abs(error).mean() / distance_mm, dropout
+    n, spread = len(error), error.std(ddof=1) if len(error) > 1 else np.nan
+    mean, percent = (error.mean(), 100 * np.abs(error).mean() / distance_mm) if n else (np.nan, np.nan)
+    return n, mean, spread, percent, 1 - n / max(len(readings_mm), 1)
 
 
 @dataclass(frozen=True)
@@ -181,10 +176,8 @@ def fit_sigma(distance_mm: ArrayLike, sigma_mm: ArrayLike, law: Law = "quadratic
     usable = np.isfinite(r) & np.isfinite(sigma) & (sigma > 0) & (weight > 0)
     r, sigma, weight = r[usable], sigma[usable], weight[usable] / weight[usable].mean()
     if len(r) < _LEAST_SPREADS:
-        raise ValueError(
-            f"at least four distances with a spread are needed, got {len(r)}; record more distances, each with at "
-            "least two readings"
-        )
+        advice = "record more distances, each with at least two readings"
+        raise ValueError(f"at least four distances with a spread are needed, got {len(r)}; {advice}")
     scale = r.max()
     power = LAWS.index(law)
     columns = np.stack([np.ones_like(r), (r / scale) ** power], axis=1)[:, : 1 + (power > 0)]
@@ -196,19 +189,11 @@ def fit_sigma(distance_mm: ArrayLike, sigma_mm: ArrayLike, law: Law = "quadratic
         if np.allclose(before, model, rtol=1e-9):
             break
     a, b = (*coefficients, 0.0)[:2]
-    k, m = len(r), len(coefficients) + 1
     # the likelihood of N(model, (s model)^2 / weight)
-    relative = sigma / model - 1
-    mean_square = float(np.mean(weight * relative**2))
-    deviance = k * np.log(mean_square) + 2 * np.log(model).sum()
-    return SigmaFit(
-        law=law,
-        a_mm=float(a),
-        b=float(b / scale**power),
-        rms_mm=float(np.sqrt(np.mean((sigma - model) ** 2))),
-        rms_percent=float(100 * np.sqrt(mean_square)),
-        aic=float(deviance + 2 * m),
-    )
+    mean_square = float(np.mean(weight * (sigma / model - 1) ** 2))
+    aic = float(len(r) * np.log(mean_square) + 2 * np.log(model).sum() + 2 * (len(coefficients) + 1))
+    rms_mm, rms_percent = float(np.sqrt(np.mean((sigma - model) ** 2))), float(100 * np.sqrt(mean_square))
+    return SigmaFit(law, float(a), float(b / scale**power), rms_mm, rms_percent, aic)
 
 
 def compare_sigma_laws(distance_mm: ArrayLike, sigma_mm: ArrayLike, n: ArrayLike = 2) -> list[SigmaFit]:
@@ -269,9 +254,9 @@ class BiasCorrection:
         r = np.asarray(measured_mm, np.float64)
         outside = r[(r < 0.9 * self.range_mm[0]) | (r > 1.1 * self.range_mm[1])]
         if outside.size:
+            learnt = f"learnt from {self.range_mm[0]:g} to {self.range_mm[1]:g} mm and is not known"
             raise ValueError(
-                f"the bias was learnt from {self.range_mm[0]:g} to {self.range_mm[1]:g} mm and is not known at "
-                f"{outside.flat[0]:g} mm; gate the scan, or learn it from that far"
+                f"the bias was {learnt} at {outside.flat[0]:g} mm; gate the scan, or learn it from that far"
             )
         return np.asarray(np.polynomial.polynomial.polyval(r / 1000, self.coefficients_mm))
 
@@ -317,11 +302,9 @@ def learn_bias(true_mm: ArrayLike, measured_mm: ArrayLike, degree: int = 2) -> B
     true, r = (np.asarray(v, np.float64).ravel() for v in (true_mm, measured_mm))
     valid = np.isfinite(r) & np.isfinite(true)
     true, r = true[valid], r[valid]
-    if len(np.unique(true)) <= degree:
-        raise ValueError(
-            f"{degree + 1} coefficients cannot be learnt from {len(np.unique(true))} distances with a valid reading; "
-            "record more distances or lower the degree"
-        )
+    if (distances := len(np.unique(true))) <= degree:
+        few = f"{distances} distances with a valid reading; record more distances or lower the degree"
+        raise ValueError(f"{degree + 1} coefficients cannot be learnt from {few}")
     weight = 1 / (1 + (r / 1000) ** 2)
     matrix = np.vander(r / 1000, degree + 1, increasing=True) * weight[:, None]
     coefficients = np.linalg.lstsq(matrix, (r - true) * weight, rcond=None)[0]
@@ -439,8 +422,8 @@ def error_against_n(
     if not len(values):
         raise ValueError("none of the readings is valid; nothing to combine")
     numbers = np.array([k for k in n if 1 <= k <= len(values)], int)
-    draw = rng.random((draws, len(values)))
-    order = np.argsort(draw, axis=1, kind="stable")  # a partition's order depends on the processor
+    # sorted in full: a partition's order depends on the processor
+    order = np.argsort(rng.random((draws, len(values))), axis=1, kind="stable")
     errors = np.stack([combine(values[order[:, :k]], axis=1) - true_mm for k in numbers])
     bias, sigma = float(values.mean() - true_mm), float(values.std(ddof=min(1, len(values) - 1)))
     return ErrorAgainstN(

@@ -7,13 +7,13 @@ somewhere between its last beam and the next, a degree on. What the scan does no
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
 from stereolib.base import Float64, direction, wrap_rad
 from stereolib.laser._outline_fit import Lines, fit_circle, fit_corner, fit_lines
-from stereolib.laser.scans import TRUSTED_MM, LaserScan
-from stereolib.laser.segmentation import LEAST_BEAMS, XV11_SIGMA, Segment, Sigma, find_segments
+from stereolib.laser.segmentation import Segment
 
 _LEAST_ON_FACE = 2  # beams; from one alone nothing can be told of a face
 _UNLIKE = 2.5  # residuals this many times the noise, in the root mean square, are another shape
@@ -94,8 +94,6 @@ class Footprint:
         Standard deviations.
     centre_std_mm : (2,) float64
         Along x and y.
-    corner_mm : (2,) float64
-        The corner between the two visible faces, NaN if there is none.
     faces : tuple of FaceLine
         From right to left.
     fit : Lines or None
@@ -114,7 +112,6 @@ class Footprint:
     width_std_mm: float = np.nan
     yaw_std_rad: float = np.nan
     centre_std_mm: Float64 = field(default_factory=_unknown)
-    corner_mm: Float64 = field(default_factory=_unknown)
     faces: tuple[FaceLine, ...] = ()
     fit: Lines | None = None
 
@@ -125,53 +122,6 @@ class Footprint:
         across = np.array([-np.sin(self.yaw_rad), np.cos(self.yaw_rad)]) * self.width_mm / 2
         corners: Float64 = np.array([a * along + b * across for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))])
         return self.centre_mm + corners
-
-
-def find_footprints(
-    scan: LaserScan,
-    *,
-    sigma: Sigma = XV11_SIGMA,
-    bias_mm: float = 1.0,
-    max_mm: float = TRUSTED_MM,
-    least_beams: int = LEAST_BEAMS,
-) -> list[Footprint]:
-    """Find the footprints of all objects of a scan, nearest first.
-
-    Parameters
-    ----------
-    scan : LaserScan
-    sigma, max_mm, least_beams
-        As for `find_segments`.
-    bias_mm : float
-        As for `fit_footprint`.
-
-    Returns
-    -------
-    list of Footprint
-
-    Raises
-    ------
-    ValueError
-        If there is no object; the text says what there is instead.
-
-    Examples
-    --------
-    >>> angles = np.radians(np.arange(360.0))
-    >>> square_on = 800 / np.maximum(np.cos(angles), 1e-9)  # a face 0.8 m ahead ...
-    >>> ranges = np.where(np.abs(square_on * np.sin(angles)) < 150, square_on, 2500)  # ... 0.3 m wide
-    >>> (box,) = find_footprints(LaserScan(np.rint(ranges), np.ones(360)))
-    >>> box.shape, round(box.width_mm, -1), box.reason[:22]
-    ('face', 300.0, 'only one face is seen,')
-    """
-    parts = find_segments(scan, sigma=sigma, max_mm=max_mm, least_beams=least_beams)
-    objects = [part for part in parts if part.kind == "object"]
-    if not objects:
-        counted = ", ".join(f"{sum(p.kind == k for p in parts)} {k}" for k in ("wall", "small"))
-        raise ValueError(
-            f"the scan shows no object within its range (segments: {counted}). Put it nearer, on the height of the "
-            f"laser's plane, away from walls, or allow fewer beams (least_beams)"
-        )
-    return [fit_footprint(part, bias_mm=bias_mm) for part in sorted(objects, key=lambda part: part.distance_mm)]
 
 
 def fit_footprint(segment: Segment, *, bias_mm: float = 1.0) -> Footprint:
@@ -207,9 +157,8 @@ def fit_footprint(segment: Segment, *, bias_mm: float = 1.0) -> Footprint:
     shape = min(scores, key=scores.__getitem__)
     misfit = float(np.sqrt(chi2[shape] / max(n - 3, 1)))
     if misfit > _UNLIKE:
-        kinds = "neither straight, nor a right-angled corner, nor round"
-        why = f"the outline is irregular, {kinds}: the best of them misses by {misfit:.1f} deviations"
-        return _irregular(segment, misfit, why)
+        kinds = "neither straight, nor a right-angled corner, nor round: the best of them misses by"
+        return _irregular(segment, misfit, f"the outline is irregular, {kinds} {misfit:.1f} deviations")
     if shape != "face" and abs(scores["circle"] - scores["rectangle"]) < _UNDECIDED:
         return _irregular(segment, misfit, f"{n} beams do not tell a corner from a round outline")
     if shape == "circle":
@@ -220,7 +169,7 @@ def fit_footprint(segment: Segment, *, bias_mm: float = 1.0) -> Footprint:
         faces = [_face(segment, corner, k, tip, scale, bias_mm) for k in (0, 1)]
         if min(corner.split, n - corner.split) < _LEAST_ON_FACE:
             return _larger_face(segment, corner, faces, misfit)
-        return _rectangle(segment, corner, tip, (faces[0], faces[1]), misfit)
+        return _rectangle(segment, corner, (faces[0], faces[1]), misfit)
     why = "only one face is seen, its depth is hidden: turn the object or move the laser to see a corner"
     return _single(segment, _face(segment, line, 0, None, scale, bias_mm), line, misfit, why)
 
@@ -250,16 +199,10 @@ def _face(segment: Segment, fit: Lines, face: int, corner: Float64 | None, scale
         kind = "hidden" if segment.hidden[side] else "free"
         ends.append((float(met.mean()), float(np.hypot(np.ptp(met) / np.sqrt(12), std * slant)), kind))
     at, deviations, kinds = zip(*ends, strict=True)
-    length = max(abs(at[1] - at[0]), 1.0)
-    return FaceLine(
-        normal=normal,
-        offset_mm=offset,
-        offset_std_mm=std,
-        angle_std_rad=float(np.hypot(scale * np.sqrt(fit.covariance[0, 0]), _BIAS_TILT * bias_mm / length)),
-        ends_mm=offset * normal + np.array(at)[:, None] * along,
-        end_std_mm=np.array(deviations),
-        ends=(kinds[0], kinds[1]),
-    )
+    tilt = _BIAS_TILT * bias_mm / max(abs(at[1] - at[0]), 1.0)
+    angle_std_rad = float(np.hypot(scale * np.sqrt(fit.covariance[0, 0]), tilt))
+    ends_mm = offset * normal + np.array(at)[:, None] * along
+    return FaceLine(normal, offset, std, angle_std_rad, ends_mm, np.array(deviations), (kinds[0], kinds[1]))
 
 
 def _end_between(segment: Segment, side: int, normal: Float64, offset: float, facing: float) -> Float64:
@@ -275,14 +218,10 @@ def _end_between(segment: Segment, side: int, normal: Float64, offset: float, fa
     return np.array([own, other])
 
 
-def _rectangle(
-    segment: Segment, fit: Lines, corner: Float64, faces: tuple[FaceLine, FaceLine], misfit: float
-) -> Footprint:
+def _rectangle(segment: Segment, fit: Lines, faces: tuple[FaceLine, FaceLine], misfit: float) -> Footprint:
     long, short = sorted(faces, key=lambda face: -np.nan_to_num(face.size_mm, nan=np.inf))
     reason = _hidden(segment)
-    variance = np.zeros(2)
-    for face in faces:
-        variance += (0.5 * np.hypot(*face.end_std_mm) * face.along) ** 2
+    variance = sum((0.5 * np.hypot(*face.end_std_mm) * face.along) ** 2 for face in faces)
     return Footprint(
         shape="rectangle",
         segment=segment,
@@ -296,7 +235,6 @@ def _rectangle(
         width_std_mm=short.size_std_mm,
         yaw_std_rad=long.angle_std_rad,
         centre_std_mm=_unknown() if reason else np.sqrt(variance),
-        corner_mm=corner,
         faces=faces,
         fit=fit,
     )
@@ -306,9 +244,8 @@ def _larger_face(segment: Segment, fit: Lines, faces: list[FaceLine], misfit: fl
     """A corner of which one face has a single beam: the other face alone."""
     n = len(segment.beams)
     best = int(fit.split < n - fit.split)
-    kept = np.array([0, 1 + best])
-    parameters = fit.parameters[kept] + [best * np.pi / 2, 0]
-    line = Lines(parameters, fit.covariance[np.ix_(kept, kept)], fit.chi2, n)
+    kept = [0, 1 + best]
+    line = Lines(fit.parameters[kept] + [best * np.pi / 2, 0], fit.covariance[np.ix_(kept, kept)], fit.chi2, n)
     right, left = ("free" if kind == "corner" else kind for kind in faces[best].ends)
     why = "a single beam meets its other face, whose depth is hidden: turn the object"
     return _single(segment, replace(faces[best], ends=(right, left)), line, misfit, why)
@@ -345,18 +282,10 @@ def _hidden(segment: Segment) -> str:
 
 def _circle(segment: Segment, circle: Float64, covariance: Float64, misfit: float, bias_mm: float) -> Footprint:
     std = max(misfit, 1.0) * np.sqrt(np.diag(covariance))
-    diameter, diameter_std = 2 * float(circle[2]), 2 * float(np.hypot(std[2], bias_mm))
-    return Footprint(
-        shape="circle",
-        segment=segment,
-        misfit=misfit,
-        length_mm=diameter,
-        width_mm=diameter,
-        centre_mm=circle[:2],
-        length_std_mm=diameter_std,
-        width_std_mm=diameter_std,
-        centre_std_mm=np.hypot(std[:2], bias_mm),
-    )
+    sizes: dict[str, Any] = dict.fromkeys(("length_mm", "width_mm"), 2 * float(circle[2]))
+    sizes |= dict.fromkeys(("length_std_mm", "width_std_mm"), 2 * float(np.hypot(std[2], bias_mm)))
+    centre_std_mm = np.hypot(std[:2], bias_mm)
+    return Footprint("circle", segment, misfit, centre_mm=circle[:2], centre_std_mm=centre_std_mm, **sizes)
 
 
 def _irregular(segment: Segment, misfit: float, reason: str) -> Footprint:

@@ -13,7 +13,8 @@ from stereolib.base import Bools, UInt8
 Positions: TypeAlias = NDArray[np.int64]
 Words: TypeAlias = NDArray[np.uint16]
 
-PACKET_BYTES, TURN_BYTES, TURN_HEAD = 22, 1446, bytes.fromhex("5aa500c0")
+PACKET_BYTES, TURN_BYTES = 22, 1446
+_TURN_HEAD = re.compile(rb"\x5a\xa5\x00\xc0(?=.\xd1)", re.DOTALL)
 _CONTEXT = 2 * PACKET_BYTES - 2  # bytes on either side that settle whether a head is bad
 
 
@@ -55,10 +56,7 @@ def checksums(words: Words) -> NDArray[np.int32]:
     >>> [hex(c) for c in checksums(np.frombuffer(packet, "<u2")[None])]
     ['0x6bf6']
     """
-    c = np.zeros(len(words), np.int32)  # at most 65535 * 1023: fits
-    for k in range(10):
-        c <<= 1
-        c += words[:, k]
+    c = words[:, :10] @ (1 << np.arange(9, -1, -1, dtype=np.int32))  # at most 65535 * 1023: fits
     return ((c & 0x7FFF) + (c >> 15)) & 0x7FFF
 
 
@@ -118,7 +116,7 @@ class Framer:
         """Packets and turns that count, heads with a wrong checksum, and how far that is decided."""
         n = len(self.raw)
         good, wrong = _candidates(np.frombuffer(self.raw, np.uint8))
-        heads = [t for t in _turn_heads(self.raw) if t >= low]
+        heads = [match.start() for match in _TURN_HEAD.finditer(self.raw, low)]
         high, turns = n if final else max(n - _CONTEXT, low), list[int]()
         for k, head in enumerate(heads):
             end, previous_end = head + TURN_BYTES, turns[-1] + TURN_BYTES if turns else low
@@ -143,23 +141,19 @@ class Framer:
     def _rest(self, packets: Positions, turns: list[int], wrong: Positions, high: int) -> tuple[int, int]:
         """Count the bad packets and the bytes skipped up to `high`; raise at the first if strict."""
         begin = self._covered - self.base
-        free = wrong[~_overlap(wrong, PACKET_BYTES, packets) & (wrong >= begin)]
-        if turns:
-            free = free[~_overlap(free, PACKET_BYTES, np.array(turns), TURN_BYTES)]
+        taken = _overlap(wrong, PACKET_BYTES, packets)
+        taken |= _overlap(wrong, PACKET_BYTES, np.array(turns, np.int64), TURN_BYTES)
         bad = list[int]()
-        for head in free.tolist():
+        for head in wrong[~taken & (wrong >= begin)].tolist():
             if not bad or head >= bad[-1] + PACKET_BYTES:
                 bad.append(head)
         low = self._decided - self.base
         new = packets[(packets >= low) & (packets < high)]
         starts = np.concatenate([new, np.array(turns + bad, np.int64)])
-        ends = starts + PACKET_BYTES
-        ends[len(new) : len(new) + len(turns)] = np.array(turns, np.int64) + TURN_BYTES
-        if turns or bad:
-            order = np.argsort(starts, kind="stable")
-            starts, ends = starts[order], ends[order]
-        ends = np.maximum.accumulate(np.concatenate([[begin], ends]))
-        gaps = np.maximum(np.append(starts, high) - ends, 0)
+        lengths = np.repeat([PACKET_BYTES, TURN_BYTES, PACKET_BYTES], [len(new), len(turns), len(bad)])
+        order = np.argsort(starts, kind="stable")
+        ends = np.maximum.accumulate(np.concatenate([[begin], (starts + lengths)[order]]))
+        gaps = np.maximum(np.append(starts[order], high) - ends, 0)
         self._covered = self.base + max(int(ends[-1]), high)
         if self._strict and (bad or gaps.any()):
             first_gap = int(ends[np.flatnonzero(gaps)[0]]) if gaps.any() else high
@@ -171,9 +165,7 @@ class Framer:
 
 def _overlap(starts: Positions, length: int, others: Positions, other_length: int = PACKET_BYTES) -> Bools:
     """Which of these stretches overlap one of the others (sorted, of another start)."""
-    low = np.searchsorted(others, starts - other_length, side="right")
-    high = np.searchsorted(others, starts + length)
-    return high > low
+    return np.searchsorted(others, starts + length) > np.searchsorted(others, starts - other_length, side="right")
 
 
 def _candidates(data: UInt8) -> tuple[Positions, Positions]:
@@ -181,14 +173,8 @@ def _candidates(data: UInt8) -> tuple[Positions, Positions]:
     fa = np.flatnonzero(data[: max(len(data) - PACKET_BYTES + 1, 0)] == 0xFA)
     index = data[fa + 1]
     heads = fa[(index >= 0xA0) & (index <= 0xF9)]
-    words = words_at(data, heads)
-    good = checksums(words) == words[:, 10]
+    good = checksums(words := words_at(data, heads)) == words[:, 10]
     return heads[good], heads[~good]
-
-
-def _turn_heads(raw: bytes) -> list[int]:
-    """Positions of the heads of 1446-byte turns."""
-    return [match.start() for match in re.finditer(re.escape(TURN_HEAD) + rb"(?=.\xd1)", raw, re.DOTALL)]
 
 
 def words_at(data: UInt8, at: Positions) -> Words:

@@ -68,16 +68,13 @@ def decode_recording(data: bytes, source: str) -> Readings:
 file, or was recorded at a wrong baud rate (not 115200)
     """
     if not data:
-        raise ValueError(
-            f"{source} is empty: check the sensor's power and wiring and that its motor turns, then record again"
-        )
+        raise ValueError(f"{source} is empty: check the sensor's power and wiring, that its motor turns; record again")
     readings = decode(data)
     within = len(data) - readings.skipped_bytes - PACKET_BYTES * readings.bad_checksum
     if within < _LEAST_SHARE * len(data):
-        raise ValueError(
-            f"{source} ({len(data)} bytes) is no XV-11 recording: intact packets hold only {within} of its bytes. "
-            "It is another file, or was recorded at a wrong baud rate (not 115200)"
-        )
+        why = f"intact packets hold only {within} of its bytes"
+        advice = "It is another file, or was recorded at a wrong baud rate (not 115200)"
+        raise ValueError(f"{source} ({len(data)} bytes) is no XV-11 recording: {why}. {advice}")
     check_firmware(readings, source)
     return readings
 
@@ -103,7 +100,7 @@ def recording_info(path: str | PathLike[str]) -> dict[str, Any]:
     readings = read_recording(path)
     complete = [scan.complete for scan in turns(readings)]
     rpm = readings.speed_rpm[np.isfinite(readings.speed_rpm)]
-    low, middle, high = np.percentile(rpm, (0, 50, 100)).tolist() if rpm.size else (None,) * 3
+    speeds = np.percentile(rpm, (0, 50, 100)).tolist() if rpm.size else [None] * 3
     return {
         "firmware": "1446-byte turns" if readings.old_turns else "22-byte packets",
         "packets": len(readings),
@@ -112,8 +109,6 @@ def recording_info(path: str | PathLike[str]) -> dict[str, Any]:
         "index_jumps": readings.index_jumps,
         "turns": sum(complete),
         "partial_turns": len(complete) - sum(complete),
-        "rpm_min": low,
-        "rpm_median": middle,
-        "rpm_max": high,
+        **dict(zip(("rpm_min", "rpm_median", "rpm_max"), speeds, strict=True)),
         "invalid_share": float(np.isnan(readings.distance_mm).mean()) if len(readings) else None,
     }

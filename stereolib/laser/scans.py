@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any, Literal, TypeVar
 
 import numpy as np
@@ -29,14 +30,14 @@ class LaserScan:
         Distance, mm, and signal strength, counts, beam by beam; NaN where nothing was measured.
     stamp_s : float
         Start of the turn from the start of the stream, s, as the motor speed tells it.
-    scan_time_s, time_increment_s : float
-        Duration of a turn and of a beam, s, at the turn's median speed.
+    scan_time_s : float
+        Duration of a turn, s, at its median speed.
     speed_rpm : float
         Median motor speed, rpm (NaN if the firmware does not tell).
     complete : bool
         All 90 packets of the turn arrived.
-    angle_min_rad, angle_increment_rad, angle_max_rad : float
-        Angle of the first beam, between two beams, and of the last beam, rad.
+    angle_min_rad, angle_increment_rad : float
+        Angle of the first beam, and between two beams, rad.
     range_min_mm, range_max_mm : float
         Ranges that the sensor measures, or that were let through, mm.
     """
@@ -59,19 +60,9 @@ class LaserScan:
         set_frozen(self, **copies)
 
     @property
-    def angle_max_rad(self) -> float:
-        """Angle of the last beam, rad."""
-        return self.angle_min_rad + (len(self.ranges_mm) - 1) * self.angle_increment_rad
-
-    @property
     def angles_rad(self) -> Float64:
         """Angle of every beam, (360,) rad."""
         return self.angle_min_rad + np.arange(len(self.ranges_mm), dtype=np.float64) * self.angle_increment_rad
-
-    @property
-    def time_increment_s(self) -> float:
-        """Time between two beams, s."""
-        return self.scan_time_s / len(self.ranges_mm)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -114,10 +105,9 @@ def check_firmware(readings: Readings, source: str = "the stream") -> None:
         If there are packets of 22 bytes and turns of 1446 bytes.
     """
     if readings.good and readings.old_turns:
-        raise ValueError(
-            f"{source} mixes two firmwares: {readings.good} packets of 22 bytes and {readings.old_turns} turns of "
-            "1446 bytes. It joins the recordings of two sensors: split it and decode each part by itself"
-        )
+        counted = f"{readings.good} packets of 22 bytes and {readings.old_turns} turns of 1446 bytes"
+        advice = "It joins the recordings of two sensors: split it and decode each part by itself"
+        raise ValueError(f"{source} mixes two firmwares: {counted}. {advice}")
 
 
 def turns(readings: Readings) -> list[LaserScan]:
@@ -151,28 +141,23 @@ def turns(readings: Readings) -> list[LaserScan]:
     [(True, 0.0), (True, 0.2)]
     """
     check_firmware(readings)
-    if not len(readings):
-        return []
     index = readings.index.astype(int)
     starts = np.flatnonzero(np.diff(index, prepend=PACKETS_PER_TURN) <= 0)
     rpm = np.where(readings.speed_rpm > 0, readings.speed_rpm, NOMINAL_RPM)
     steps = np.diff(index, prepend=index[:1]) % PACKETS_PER_TURN
     stamps_s = np.cumsum(60.0 / rpm * steps / PACKETS_PER_TURN)
     strength = np.where(np.isnan(readings.distance_mm), np.nan, readings.strength)
-    scans = []
-    for start, end in zip(starts, np.append(starts[1:], len(index)), strict=True):
+    measured, scans = np.stack([readings.distance_mm, strength]), list[LaserScan]()
+    for start, end in pairwise([*starts, len(index)]):
         beams = np.full((2, PACKETS_PER_TURN, READINGS_PER_PACKET), np.nan)
-        beams[0, index[start:end]] = readings.distance_mm[start:end]
-        beams[1, index[start:end]] = strength[start:end]
-        scan = LaserScan(
-            ranges_mm=beams[0].ravel(),
-            intensities=beams[1].ravel(),
-            stamp_s=float(stamps_s[start]),
-            scan_time_s=60.0 / float(np.median(rpm[start:end])),
-            speed_rpm=float(np.median(readings.speed_rpm[start:end])),
-            complete=bool(end - start == PACKETS_PER_TURN),
+        beams[:, index[start:end]] = measured[:, start:end]
+        scan_time_s, speed_rpm = (
+            60.0 / float(np.median(rpm[start:end])),
+            float(np.median(readings.speed_rpm[start:end])),
         )
-        scans.append(scan)
+        (ranges, intensities), stamp_s = beams.reshape(2, -1), float(stamps_s[start])
+        complete = bool(end - start == PACKETS_PER_TURN)
+        scans.append(LaserScan(ranges, intensities, stamp_s, scan_time_s, speed_rpm, complete))
     return scans
 
 
@@ -206,10 +191,8 @@ def average(
     """
     used = [scan for scan in scans if scan.complete or not complete_only]
     if scans and not used:
-        raise ValueError(
-            f"none of the {len(scans)} turns is complete; record longer (a turn takes 0.2 s), or pass "
-            "complete_only=False to use the partial ones"
-        )
+        advice = "record longer (a turn takes 0.2 s), or pass complete_only=False to use the partial ones"
+        raise ValueError(f"none of the {len(scans)} turns is complete; {advice}")
     ranges = np.sort(_stack_mm(used), axis=0)  # NaN last
     count = np.isfinite(ranges).sum(axis=0)
     cuts = {"median": np.maximum(count - 1, 0) // 2, "mean": 0 * count}

@@ -127,8 +127,8 @@ def find_segments(
         right, left = (_end(scan, valid, at, sign, closed) for at, sign in ((int(begin) + 1, -1), (int(end), 1)))
         hidden = right[1], left[1]
         extent = np.linalg.norm(np.ptp(p[members], axis=0))
-        kind = "wall" if extent > _LARGEST_OBJECT_MM or all(hidden) else "object"
-        kind = "small" if count < least_beams and kind == "object" else kind
+        kind = "small" if count < least_beams else "object"
+        kind = "wall" if extent > _LARGEST_OBJECT_MM or all(hidden) else kind
         outwards = np.arange(1, min(_BEYOND, len(valid) - count) + 1)
         beyond = p[valid[(begin + 1 - outwards) % len(valid)]], p[valid[(end + outwards) % len(valid)]]
         parts.append(Segment(kind, members, p[members], deviation[members], (right[0], left[0]), beyond, hidden))
@@ -171,5 +171,4 @@ def _sigma_mm(scan: LaserScan, sigma: Sigma) -> Float64:
         return single
     # The median of n normal readings scatters by sqrt(pi / 2 n).
     averaged = single * np.sqrt(np.where(scan.count > 2, np.pi / 2, 1.0) / np.maximum(scan.count, 1))
-    smallest: Float64 = np.hypot(averaged, QUANTISATION_MM / np.sqrt(np.maximum(scan.count, 1)))
-    return smallest
+    return np.asarray(np.hypot(averaged, QUANTISATION_MM / np.sqrt(np.maximum(scan.count, 1))))

@@ -107,12 +107,12 @@ def take_scans(source: str | PathLike[str], count: int = 5) -> list[LaserScan]:
     LidarError
         As `open_lidar`, if not even one turn came.
     """
-    path, scans = Path(source), list[LaserScan]()
+    path = Path(source)
     if path.is_file() or path.is_fifo():
-        scans = [scan for scan in turns(read_recording(path)) if scan.complete][:count]
-        if not scans:
-            raise ValueError(f"{source} holds no complete turn, only parts; record for at least one second")
-        return scans
+        if scans := [scan for scan in turns(read_recording(path)) if scan.complete][:count]:
+            return scans
+        raise ValueError(f"{source} holds no complete turn, only parts; record for at least one second")
+    scans = []
     with closing(open_lidar(str(source))) as live:
         try:
             for scan in islice(live, count):
@@ -155,27 +155,22 @@ def read_chunks(port: str, timeout_s: float = _SILENCE_S) -> Generator[bytes, No
             try:
                 chunk = device.read(_CHUNK_BYTES)
             except (serial.SerialException, OSError, TypeError) as error:  # TypeError: closed under it
-                raise LidarError(
-                    f"{port} went away ({error}): the adapter was unplugged or the other end closed. "
-                    "What came before is kept; plug it in and start again"
-                ) from error
+                why = "the adapter was unplugged or the other end closed. What came before is kept"
+                raise LidarError(f"{port} went away ({error}): {why}; plug it in and start again") from error
             if chunk:
                 last_s = time.monotonic()
                 yield chunk
             elif time.monotonic() - last_s > timeout_s:
-                raise LidarError(
-                    f"{port} sent nothing for {timeout_s:g} s: see that the sensor has power, that its TX goes to the "
-                    "adapter's RX, and that its motor turns at about 300 rpm (it is silent below 180)"
-                )
+                wiring = "see that the sensor has power, that its TX goes to the adapter's RX"
+                motor = "that its motor turns at about 300 rpm (it is silent below 180)"
+                raise LidarError(f"{port} sent nothing for {timeout_s:g} s: {wiring}, and {motor}")
 
 
 def _why_not_open(port: str, error: Exception) -> str:
     number, text = getattr(error, "errno", None), str(error)
     if number in (errno.EACCES, errno.EPERM) or "PermissionError" in text:
-        return (
-            f"no permission to open {port}: join the group dialout (sudo usermod -a -G dialout $USER) and log in "
-            "again; on Windows, close the program that holds the port"
-        )
+        advice = "join the group dialout (sudo usermod -a -G dialout $USER) and log in again"
+        return f"no permission to open {port}: {advice}; on Windows, close the program that holds the port"
     if number in (errno.EBUSY, errno.EAGAIN) or "exclusively lock" in text:
         return f"{port} is busy: close the other program that reads it (fuser {port} names it)"
     if "://" in port:
@@ -196,25 +191,8 @@ def _check_packets(port: str, totals: dict[str, int]) -> None:
         raise LidarError(f"{port} mixes packets of two firmwares: connect one sensor at a time")
     wrong = totals["skipped_bytes"] + PACKET_BYTES * totals["bad_checksum"]
     if wrong > _GIVE_UP_BYTES and not totals["good"] + totals["old_turns"]:
-        raise LidarError(
-            f"{port} sends bytes but no XV-11 packet in {wrong} of them: another device, or a wrong baud rate (the "
-            f"sensor needs {BAUD} baud, 8N1, 3.3 V). {_ports_found()}"
-        )
-
-
-def sidecar(path: str | PathLike[str]) -> Path:
-    """Tell where the notes of a recording stand: its name with ``.json`` after it.
-
-    Parameters
-    ----------
-    path : path
-        The recording.
-
-    Returns
-    -------
-    Path
-    """
-    return Path(f"{path}.json")
+        why = f"another device, or a wrong baud rate (the sensor needs {BAUD} baud, 8N1, 3.3 V)"
+        raise LidarError(f"{port} sends bytes but no XV-11 packet in {wrong} of them: {why}. {_ports_found()}")
 
 
 def record_port(
@@ -260,12 +238,11 @@ def record_port(
         If nothing at all could be recorded. A later failure ends the recording, and ``ended``
         tells it.
     """
-    path, notes = Path(path), sidecar(path)
+    path, notes = Path(path), Path(f"{path}.json")
     for there in (path, notes):
         if there.exists() and not force:
-            raise FileExistsError(
-                f"{there} exists and is not overwritten: choose another name, or pass force (--force) to replace it"
-            )
+            advice = "choose another name, or pass force (--force) to replace it"
+            raise FileExistsError(f"{there} exists and is not overwritten: {advice}")
         check_target(there)
     with closing(read_chunks(port)) as chunks:
         chunk = next(chunks)
@@ -314,8 +291,6 @@ class _Live:
 
     def _report(self) -> dict[str, Any]:
         new = join_readings(self.recent)
-        facts: dict[str, Any] = {"turns": self.packets // PACKETS_PER_TURN, "rpm": None, "valid_share": None}
-        if len(new):
-            facts["rpm"] = float(np.median(new.speed_rpm))
-            facts["valid_share"] = float(np.isfinite(new.distance_mm).mean())
-        return facts
+        rpm = float(np.median(new.speed_rpm)) if len(new) else None
+        valid_share = float(np.isfinite(new.distance_mm).mean()) if len(new) else None
+        return {"turns": self.packets // PACKETS_PER_TURN, "rpm": rpm, "valid_share": valid_share}

@@ -39,31 +39,21 @@ class Wall:
         """Root mean square distance of the inliers to the line, mm."""
         return float(np.sqrt(np.mean(self.residuals_mm[self.inliers] ** 2)))
 
-    @property
-    def angle_rad(self) -> float:
-        """Direction of the normal, rad, -pi..pi."""
-        return float(np.arctan2(self.normal[1], self.normal[0]))
-
 
 def _checked(points: ArrayLike, least: int) -> Float64:
     p = np.asarray(points, np.float64)
     if p.ndim != 2 or p.shape[1] != 2 or np.isfinite(p).all(axis=1).sum() < least:
-        raise ValueError(
-            f"a line fit needs at least {least} finite points of shape (N, 2), got shape {p.shape} with "
-            f"{np.isfinite(p).sum() // 2} finite; average more turns or widen the gate"
-        )
+        got = f"got shape {p.shape} with {np.isfinite(p).sum() // 2} finite; average more turns or widen the gate"
+        raise ValueError(f"a line fit needs at least {least} finite points of shape (N, 2), {got}")
     return p
 
 
-def _total_least_squares(points: Float64) -> tuple[Float64, float]:
-    centre = points.mean(axis=0)
-    normal = np.linalg.svd(points - centre, full_matrices=False)[2][1]
-    offset = float(normal @ centre)
-    return (normal, offset) if offset >= 0 else (-normal, -offset)
-
-
 def _wall(p: Float64, inliers: Bools) -> Wall:
-    normal, offset = _total_least_squares(p[inliers])
+    """Total least squares."""
+    centre = p[inliers].mean(axis=0)
+    normal = np.linalg.svd(p[inliers] - centre, full_matrices=False)[2][1]
+    offset = float(normal @ centre)
+    normal, offset = (normal, offset) if offset >= 0 else (-normal, -offset)
     return Wall(normal, offset, inliers, p @ normal - offset)
 
 
@@ -160,25 +150,20 @@ def fit_walls(
     free = np.asarray(np.isfinite(p).all(axis=1))
     walls: list[Wall] = []
     for k in range(count):
-        left = p[free]
-        if len(left) < 2:
+        if len(left := p[free]) < 2:
             raise ValueError(f"only {k} of {count} walls found: no points left; ask for fewer")
         a, b = left[rng.integers(len(left), size=(2, _TRIALS))]
-        along = b - a
-        length = np.hypot(*along.T)
-        a, along, length = (v[length > min_length_mm] for v in (a, along, length))
+        length = np.hypot(*(b - a).T)
+        a, along, length = (v[length > min_length_mm] for v in (a, b - a, length))
         if not len(a):
-            raise ValueError(
-                f"only {k} of {count} walls found: the points left are closer together than "
-                f"min_length_mm = {min_length_mm:g}; ask for fewer"
-            )
+            why = f"the points left are closer together than min_length_mm = {min_length_mm:g}"
+            raise ValueError(f"only {k} of {count} walls found: {why}; ask for fewer")
         normals = np.stack([-along[:, 1], along[:, 0]], axis=1) / length[:, None]
         distances = np.abs(left @ normals.T - np.sum(a * normals, axis=1))
         k_best = int((distances <= threshold_mm).sum(axis=0).argmax())
         normal, offset = normals[k_best], float(a[k_best] @ normals[k_best])
-        only_free = np.where(free[:, None], p, np.nan)
         start = Wall(normal, offset, np.zeros(len(p), bool), p @ normal - offset)
-        walls.append(fit_line(only_free, threshold_mm, start))
+        walls.append(fit_line(np.where(free[:, None], p, np.nan), threshold_mm, start))
         free &= ~walls[-1].inliers
     gaps = np.abs(np.stack([w.residuals_mm for w in walls]))
     nearest = np.where(np.isfinite(gaps), gaps, np.inf).argmin(axis=0)

@@ -293,13 +293,9 @@ def join_readings(parts: Iterable[Readings]) -> Readings:
     >>> join_readings([readings[:1], readings[2:]]).index
     array([0, 2], dtype=uint8)
     """
-    parts = list(parts)
-    full = [p for p in parts if len(p)] or [_EMPTY]
-    values = {name: sum(getattr(p, name) for p in parts) for name in _COUNTERS}
-    for name in _ARRAYS:
-        arrays = [getattr(p, name) for p in full]
-        values[name] = np.concatenate(arrays) if len(arrays) > 1 else arrays[0]
-    return Readings(**values)
+    parts = [_EMPTY, *parts]
+    arrays: dict[str, Any] = {name: np.concatenate([getattr(p, name) for p in parts]) for name in _ARRAYS}
+    return Readings(**arrays, **{name: sum(getattr(p, name) for p in parts) for name in _COUNTERS})
 
 
 def encode(readings: Readings) -> bytes:
@@ -335,10 +331,8 @@ def _check_range(name: str, values: ArrayLike, high: float) -> None:
     values = np.asarray(values)
     wrong = values[(values < 0) | (values > high)]
     if wrong.size:
-        raise ValueError(
-            f"{name} {wrong.flat[0]:g} cannot be sent: a packet holds 0 to {high:g}. Give NaN for a distance that the "
-            "sensor cannot measure"
-        )
+        sent = f"a packet holds 0 to {high:g}. Give NaN for a distance that the sensor cannot measure"
+        raise ValueError(f"{name} {wrong.flat[0]:g} cannot be sent: {sent}")
 
 
 _EMPTY = Readings.build([], np.empty((0, READINGS_PER_PACKET)))

@@ -131,10 +131,8 @@ def match_census_sgm(left: UInt8, right: UInt8, params: CensusSGM | None = None)
     params = params or CensusSGM()
     check_pair(left, right)
     if params.num_disparities >= left.shape[1]:
-        raise ValueError(
-            f"{params.num_disparities} disparities were asked for and the image is {left.shape[1]} px wide: "
-            f"reduce num_disparities"
-        )
+        asked = f"{params.num_disparities} disparities were asked for"
+        raise ValueError(f"{asked} and the image is {left.shape[1]} px wide: reduce num_disparities")
     total = _aggregate(_cost(left, right, params), to_grey(left), params)
     disparity = total.argmin(axis=1)
     return SGMResult(_refined(total, disparity), _right(total), _margin(total, disparity))
@@ -158,14 +156,12 @@ def census_transform(grey: UInt8, size_px: tuple[int, int]) -> npt.NDArray[np.ui
     >>> census_transform(np.array([[1, 2, 3]], np.uint8), (1, 3))
     array([[0, 2, 2]], dtype=uint64)
     """
-    half = size_px[0] // 2, size_px[1] // 2
-    height, width = grey.shape
+    half, (height, width) = (size_px[0] // 2, size_px[1] // 2), grey.shape
     roomy = np.pad(grey, ((half[0], half[0]), (half[1], half[1])), mode="edge")
     bits = np.zeros(grey.shape, np.uint64)
-    for v in range(size_px[0]):
-        for u in range(size_px[1]):
-            if (v, u) != half:
-                bits = bits << np.uint64(1) | (roomy[v : v + height, u : u + width] < grey)
+    for v, u in np.ndindex(size_px):
+        if (v, u) != half:
+            bits = bits << np.uint64(1) | (roomy[v : v + height, u : u + width] < grey)
     return bits
 
 
@@ -173,9 +169,8 @@ def _cost(left: UInt8, right: UInt8, params: CensusSGM) -> Int16:
     """Cost volume (H, D, W) int16: census distance plus capped colour difference, averaged over the block."""
     bits = [census_transform(to_grey(image), params.census_px) for image in (left, right)]
     height, width = left.shape[:2]
-    channels = list(
-        zip(*(np.ascontiguousarray(np.atleast_3d(i).transpose(2, 0, 1)) for i in (left, right)), strict=True)
-    )
+    planes = (np.ascontiguousarray(np.atleast_3d(image).transpose(2, 0, 1)) for image in (left, right))
+    channels = list(zip(*planes, strict=True))
     cost = np.empty((height, params.num_disparities, width), np.int16)
     for d in range(params.num_disparities):
         unlike = sum(cv2.absdiff(a[:, d:], b[:, : width - d]).astype(np.float32) for a, b in channels) / len(channels)
@@ -226,11 +221,8 @@ def _walk(cost: Int16, total: Int16, grey: Int16, penalties: tuple[np.int16, Int
 
 
 def _moved(values: Int16, shift: int) -> Int16:
-    if shift == 0:
-        return values
-    if shift > 0:
-        return np.concatenate([values[..., :1], values[..., :-1]], axis=-1)
-    return np.concatenate([values[..., 1:], values[..., -1:]], axis=-1)
+    parts = {0: [values], 1: [values[..., :1], values[..., :-1]], -1: [values[..., 1:], values[..., -1:]]}[shift]
+    return np.concatenate(parts, axis=-1) if shift else values
 
 
 def _at(total: Int16, disparity: Ints) -> Float32:
@@ -243,8 +235,7 @@ def _refined(total: Int16, disparity: Ints) -> Float32:
     slope = np.maximum(np.maximum(low - here, high - here), 1)
     inner = (disparity > 0) & (disparity < total.shape[1] - 1)
     offset = np.where(inner, 0.5 * (low - high) / slope, 0).clip(-0.5, 0.5)
-    refined: Float32 = (disparity + offset).astype(np.float32)
-    return refined
+    return np.asarray(disparity + offset, np.float32)
 
 
 def _right(total: Int16) -> Float32:
@@ -260,5 +251,4 @@ def _margin(total: Int16, disparity: Ints) -> Float32:
     far: Any = np.full(disparity.shape, _NEVER)
     for d in range(total.shape[1]):
         np.copyto(far, np.minimum(far, total[:, d]), where=np.abs(disparity - d) > 1)
-    margin: Float32 = far - here
-    return margin
+    return np.asarray(far - here)

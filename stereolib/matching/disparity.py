@@ -82,10 +82,8 @@ def disparity_to_depth(disparity_px: npt.ArrayLike, f_px: float, baseline_mm: fl
     disparity = np.asarray(disparity_px, float)
     valid = disparity > 0
     if not valid.any():
-        raise ValueError(
-            f"the disparity map of shape {disparity.shape} is empty: no pixel was matched. Check that the pair is "
-            f"rectified, the search window covers the scene, and the surfaces have texture"
-        )
+        advice = "Check that the pair is rectified, the search window covers the scene, and the surfaces have texture"
+        raise ValueError(f"the disparity map of shape {disparity.shape} is empty: no pixel was matched. {advice}")
     depth_mm: Float64 = f_px * baseline_mm / np.where(valid, disparity, np.nan)
     return depth_mm
 
@@ -109,8 +107,7 @@ def depth_to_disparity(depth_mm: npt.ArrayLike, f_px: float, baseline_mm: float)
     >>> float(depth_to_disparity(706.8, f_px=760, baseline_mm=93))
     100.0
     """
-    disparity_px: Float64 = f_px * baseline_mm / np.asarray(depth_mm, float)
-    return disparity_px
+    return f_px * baseline_mm / np.asarray(depth_mm, np.float64)
 
 
 def left_right_check(left_px: Floats, right_px: Floats, tolerance_px: float = 1.0) -> Floats:
@@ -135,11 +132,7 @@ def left_right_check(left_px: Floats, right_px: Floats, tolerance_px: float = 1.
     array([[nan,  1., nan,  1.]])
     """
     width = left_px.shape[1]
-    column = np.arange(width)
-    valid = np.isfinite(left_px)
-    target = np.where(valid, np.rint(column - np.nan_to_num(left_px)), -1).astype(int)
-    inside = valid & (target >= 0)
+    target = np.where(np.isfinite(left_px), np.rint(np.arange(width) - np.nan_to_num(left_px)), -1).astype(int)
     other = np.take_along_axis(right_px, np.clip(target, 0, width - 1), axis=1)
     with np.errstate(invalid="ignore"):
-        kept: Floats = np.where(inside & (np.abs(other - left_px) <= tolerance_px), left_px, np.nan)
-    return kept
+        return np.where((target >= 0) & (np.abs(other - left_px) <= tolerance_px), left_px, np.nan)

@@ -12,7 +12,8 @@ from stereolib.base import Float32, Float64, Floats, UInt8
 from stereolib.matching.sgbm import STEPS_PER_PX
 from stereolib.rig import to_grey
 
-_SOLVERS = {"telea": cv2.INPAINT_TELEA, "navier_stokes": cv2.INPAINT_NS, "biharmonic": -1}  # the last is no flag
+#: Methods of `inpaint`, with OpenCV's flags.
+SOLVERS = {"telea": cv2.INPAINT_TELEA, "navier_stokes": cv2.INPAINT_NS, "biharmonic": -1}  # the last is no flag
 _SPECKLE_RANGE_PX = 1.0  # neighbours that differ by no more are one patch
 _HOLE = -32768  # of 16 bits, in OpenCV's search for specks
 _GREY_STEP = 10.0  # grey levels: steps of the picture clearly above it separate
@@ -66,7 +67,7 @@ def remove_speckles(disparity_px: npt.ArrayLike, size_px: int) -> Float32:
     """
     disparity, size = check_map(disparity_px, size_px)
     valid = np.isfinite(disparity)
-    if disparity[valid].size and np.abs(disparity[valid]).max() >= 2047:
+    if np.abs(disparity[valid]).max(initial=0) >= 2047:
         raise ValueError("speckles are looked for in steps of 1/16 px in 16 bits: disparities must be below 2047 px")
     steps = np.where(valid, np.rint(np.nan_to_num(disparity) * STEPS_PER_PX), _HOLE).astype(np.int16)
     kept, _ = cv2.filterSpeckles(steps, _HOLE, size * size - 1, round(STEPS_PER_PX * _SPECKLE_RANGE_PX))[:2]
@@ -142,20 +143,19 @@ def inpaint(disparity_px: npt.ArrayLike, size_px: int = 5, *, method: str = "tel
         If the map or the edge is none, or the method is unknown.
     """
     disparity, size = check_map(disparity_px, size_px)
-    if method not in _SOLVERS:
-        raise ValueError(f"unknown method {method!r}; choose one of {', '.join(_SOLVERS)}")
+    if method not in SOLVERS:
+        raise ValueError(f"unknown method {method!r}; choose one of {', '.join(SOLVERS)}")
     hole = np.isnan(disparity)
     if hole.all() or not hole.any():
         return disparity.copy()
-    filled: Floats
-    if method == "biharmonic":
-        from skimage.restoration import inpaint_biharmonic
+    if method != "biharmonic":
+        filled = cv2.inpaint(np.nan_to_num(disparity), hole.astype(np.uint8), max(size // 2, 1), SOLVERS[method])
+        return np.where(hole, filled, disparity)
+    from skimage.restoration import inpaint_biharmonic
 
-        low, high = np.nanmin(disparity), np.nanmax(disparity)
-        unit = np.nan_to_num((disparity - low) / np.maximum(high - low, 1e-6)).astype(np.float64)
-        filled = low + inpaint_biharmonic(unit, hole, split_into_regions=True) * (high - low)
-    else:
-        filled = cv2.inpaint(np.nan_to_num(disparity), hole.astype(np.uint8), max(size // 2, 1), _SOLVERS[method])
+    low, high = np.nanmin(disparity), np.nanmax(disparity)
+    unit = np.nan_to_num((disparity - low) / np.maximum(high - low, 1e-6)).astype(np.float64)
+    filled = low + inpaint_biharmonic(unit, hole, split_into_regions=True) * (high - low)
     return np.where(hole, filled, disparity).astype(np.float32)
 
 

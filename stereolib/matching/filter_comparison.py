@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import time
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -17,6 +19,7 @@ from stereolib.matching.scoring import overreach_px, score, score_repair
 if TYPE_CHECKING:
     import pandas as pd
 
+_COLUMNS = ["method", "case", "filled_pct", "wrong2_pct", "shift_px", "growth_px", "growth_cm", "bad2_pct", "time_ms"]
 _STEP_PX = 40  # by which the object stands before its background in the rows that count
 _LEAST_ROWS = 20  # from which an outline is told
 
@@ -62,8 +65,7 @@ class FilterCase:
         FilterCase
         """
         left, right = pair
-        turned = [np.ascontiguousarray(image[:, ::-1]) for image in (right, left)]
-        mirrored = compute_disparity(turned[0], turned[1])
+        mirrored = compute_disparity(np.ascontiguousarray(right[:, ::-1]), np.ascontiguousarray(left[:, ::-1]))
         return cls(left, compute_disparity(left, right), mirrored[:, ::-1], truth_px, where, on_object)
 
     def around_object(self, margin_px: int) -> FilterCase:
@@ -117,27 +119,16 @@ def compare_filters(
     import pandas as pd
 
     rows = []
-    for method in methods:
-        for name, one in cases.items():
-            start = time.perf_counter()
-            after = smooth(one.left_px, method, size_px=size_px, image=one.left, right_px=one.right_px)
-            taken_ms = 1000 * (time.perf_counter() - start)
-            repaired = score_repair(one.left_px, after, one.truth_px, one.where)
-            growth_px = outline_growth_px(one, after, size_px)
-            rows.append(
-                {
-                    "method": method,
-                    "case": name,
-                    "filled_pct": repaired.filled_pct,
-                    "wrong2_pct": repaired.wrong2_pct,
-                    "shift_px": repaired.shift_px,
-                    "growth_px": growth_px,
-                    "growth_cm": growth_px * cm_per_px,
-                    "bad2_pct": score(after, one.truth_px, one.where).bad2_pct,
-                    "time_ms": taken_ms,
-                }
-            )
-    return pd.DataFrame(rows)
+    for method, (name, one) in itertools.product(methods, cases.items()):
+        start = time.perf_counter()
+        after = smooth(one.left_px, method, size_px=size_px, image=one.left, right_px=one.right_px)
+        taken_ms = 1000 * (time.perf_counter() - start)
+        repaired = score_repair(one.left_px, after, one.truth_px, one.where)
+        growth_px = outline_growth_px(one, after, size_px)
+        bad2_pct = score(after, one.truth_px, one.where).bad2_pct
+        told = (repaired.filled_pct, repaired.wrong2_pct, repaired.shift_px, growth_px, growth_px * cm_per_px)
+        rows.append((method, name, *told, bad2_pct, taken_ms))
+    return pd.DataFrame(rows, columns=_COLUMNS)
 
 
 def outline_growth_px(one: FilterCase, after_px: Floats, size_px: int) -> float:
@@ -173,9 +164,7 @@ def _told(one: FilterCase, width_px: int) -> Bools:
 
 
 def _reach(one: FilterCase, disparity_px: Floats, told: Bools) -> float:
-    if told.any(axis=1).sum() < _LEAST_ROWS:
-        return float("nan")
-    try:
-        return overreach_px(disparity_px, one.truth_px, told, step_px=_STEP_PX)
-    except ValueError:  # nothing stands clear of its background
-        return float("nan")
+    with suppress(ValueError):  # nothing stands clear of its background
+        if told.any(axis=1).sum() >= _LEAST_ROWS:
+            return overreach_px(disparity_px, one.truth_px, told, step_px=_STEP_PX)
+    return float("nan")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import cv2
@@ -9,15 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from stereolib.base import Bools, Float32, Floats, UInt8
+from stereolib.matching import filling
 from stereolib.matching.disparity import left_right_check
-from stereolib.matching.filling import (
-    check_map,
-    fill_background,
-    inpaint,
-    least_squares,
-    remove_speckles,
-    weighted_median,
-)
 
 _FAR, _NEAR = np.float32(-1e9), np.float32(1e9)  # px; stand for holes where OpenCV takes the largest or the least
 _SHAPES = {"rect": cv2.MORPH_RECT, "ellipse": cv2.MORPH_ELLIPSE, "cross": cv2.MORPH_CROSS}
@@ -84,9 +79,8 @@ def dilate_set(pixels: Bools, size_px: int, *, shape: str = "rect") -> Bools:
     """
     if np.asarray(pixels).dtype != bool or np.ndim(pixels) != 2:
         raise ValueError("the set operation needs a set: a mask (H, W) of bool, for example disparity_px >= 90")
-    size, (height, width) = check_map(np.zeros((1, 1)), size_px)[1], pixels.shape
-    r = size // 2
-    roomy, grown = np.pad(pixels, r), np.zeros_like(pixels)
+    size, (height, width) = filling.check_map(np.zeros((1, 1)), size_px)[1], pixels.shape
+    roomy, grown = np.pad(pixels, size // 2), np.zeros_like(pixels)
     for row, column in np.argwhere(_kernel(shape, size)):
         grown |= roomy[row : row + height, column : column + width]
     return grown
@@ -121,7 +115,7 @@ def open_close(disparity_px: npt.ArrayLike, size_px: int) -> Float32:
     -------
     (H, W) float32, px
     """
-    disparity, size = check_map(disparity_px, size_px)
+    disparity, size = filling.check_map(disparity_px, size_px)
     kernel, hole = _kernel("rect", size), np.isnan(disparity)
     lowest = cv2.erode(np.where(hole, _NEAR, disparity), kernel)
     opened = cv2.dilate(np.where(lowest >= _NEAR, _FAR, lowest), kernel)
@@ -152,7 +146,7 @@ def median_filter(disparity_px: npt.ArrayLike, size_px: int) -> Float32:
     >>> median_filter([[4, 90, 5, np.nan]], 3)
     array([[47. ,  5. , 47.5,  5. ]], dtype=float32)
     """
-    disparity, size = check_map(disparity_px, size_px)
+    disparity, size = filling.check_map(disparity_px, size_px)
     roomy = np.pad(np.where(np.isnan(disparity), np.float32(np.inf), disparity), size // 2, constant_values=np.inf)
     windows = np.lib.stride_tricks.sliding_window_view(roomy, (size, size))
     out = np.empty_like(disparity)
@@ -206,56 +200,50 @@ def smooth(
     """
     if method not in SMOOTHING_METHODS:
         raise ValueError(f"unknown method {method!r}; choose one of {', '.join(SMOOTHING_METHODS)}")
-    disparity, size = check_map(disparity_px, size_px)
+    disparity, size = filling.check_map(disparity_px, size_px)
     if method not in _NO_KERNEL and size > min(disparity.shape):
-        raise ValueError(
-            f"a kernel of {size} px is larger than the map {disparity.shape}: every pixel would see all of it; take at "
-            f"most {min(disparity.shape)}"
-        )
-    needed: Any = {"": None, "image": image, "right_px": right_px}[SMOOTHING_METHODS[method]]
-    if SMOOTHING_METHODS[method] and needed is None:
-        raise ValueError(f'"{method}" {_WHY[SMOOTHING_METHODS[method]]}')
-    if method == "left_right":
-        return median_filter(_checked_and_filled(disparity, needed), size)
-    if method.startswith("inpaint_"):
-        return inpaint(disparity, size, method=method.removeprefix("inpaint_"))
-    if method == "background":
-        return fill_background(disparity)
-    return _GUIDED[method](disparity, needed, size) if method in _GUIDED else _KERNELS[method](disparity, size)
+        why = f"every pixel would see all of it; take at most {min(disparity.shape)}"
+        raise ValueError(f"a kernel of {size} px is larger than the map {disparity.shape}: {why}")
+    if not (need := SMOOTHING_METHODS[method]):
+        return _PLAIN[method](disparity, size)
+    needed: Any = {"image": image, "right_px": right_px}[need]
+    if needed is None:
+        raise ValueError(f'"{method}" {_WHY[need]}')
+    return _WITH_MORE[method](disparity, needed, size)
 
 
-_KERNELS = {
+def _left_right(disparity: Float32, right_px: Floats, size: int) -> Float32:
+    if np.shape(right_px) != disparity.shape:
+        raise ValueError(f"the right view's map has shape {np.shape(right_px)}, the left one's {disparity.shape}")
+    return median_filter(filling.fill_background(left_right_check(disparity, np.asarray(right_px, np.float32))), size)
+
+
+_PLAIN: dict[str, Callable[[Float32, int], Float32]] = {
     "dilation": dilate,
     "closing": close,
     "opening_closing": open_close,
     "median": median_filter,
-    "speckle": remove_speckles,
+    "speckle": filling.remove_speckles,
+    "background": lambda disparity, _: filling.fill_background(disparity),
+    **{f"inpaint_{solver}": partial(filling.inpaint, method=solver) for solver in filling.SOLVERS},
 }
-_GUIDED = {"weighted_median": weighted_median, "least_squares": least_squares}
+_WITH_MORE: dict[str, Callable[[Float32, Any, int], Float32]] = {
+    "left_right": _left_right,
+    "weighted_median": filling.weighted_median,
+    "least_squares": filling.least_squares,
+}
 _NO_KERNEL = ("speckle", "background", "inpaint_biharmonic")
 _WHY = {
     "right_px": "compares both views: pass right_px=, the disparity of the right view",
     "image": "is guided by the picture: pass image=, the rectified left one, uint8",
 }
 #: What `smooth` knows: the method's name, and what it needs beside the map.
-SMOOTHING_METHODS = {
-    **dict.fromkeys(_KERNELS, ""),
-    **dict.fromkeys(("background", "inpaint_telea", "inpaint_navier_stokes", "inpaint_biharmonic"), ""),
-    "left_right": "right_px",
-    **dict.fromkeys(_GUIDED, "image"),
-}
-
-
-def _checked_and_filled(disparity: Float32, right_px: Floats) -> Float32:
-    if np.shape(right_px) != disparity.shape:
-        raise ValueError(f"the right view's map has shape {np.shape(right_px)}, the left one's {disparity.shape}")
-    return fill_background(left_right_check(disparity, np.asarray(right_px, np.float32)))
+SMOOTHING_METHODS = dict.fromkeys(_PLAIN, "") | dict.fromkeys(_WITH_MORE, "image") | {"left_right": "right_px"}
 
 
 def _morphology(operation: int, disparity_px: npt.ArrayLike, size_px: int, shape: str) -> Float32:
-    disparity, size = check_map(disparity_px, size_px)
-    kernel = _kernel(shape, size)
-    out = cv2.morphologyEx(np.where(np.isnan(disparity), _FAR, disparity), operation, kernel)
+    disparity, size = filling.check_map(disparity_px, size_px)
+    out = cv2.morphologyEx(np.where(np.isnan(disparity), _FAR, disparity), operation, _kernel(shape, size))
     return np.where(out == _FAR, np.float32(np.nan), out)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
-from typing import Any
+from typing import Any, TypeAlias
 
 import cv2
 import numpy as np
@@ -16,6 +16,7 @@ from stereolib.matching.scoring import RIM_PX, Score, beside_jumps, check_mask
 from stereolib.matching.sgbm import STEPS_PER_PX, SGBMParams
 from stereolib.rig import check_pair, to_grey
 
+_Steps: TypeAlias = npt.NDArray[np.int16]  # of OpenCV, 1/16 px
 #: The settings that a sweep varies, by name.
 FIELDS = tuple(f.name for f in fields(SGBMParams))
 #: What is measured in each region: the fields of `Score`, and `fattening_px` (of the whole map).
@@ -58,23 +59,17 @@ class KnownView:
         check_pair(self.left, self.right, (f"{self.name}, left", f"{self.name}, right"))
         shape, truth = self.left.shape[:2], np.asarray(self.truth_px)
         if truth.shape != shape:
-            raise ValueError(
-                f"{self.name}: the images are {shape}, the truth is {truth.shape}: they must have one shape"
-            )
+            shapes = f"the images are {shape}, the truth is {truth.shape}"
+            raise ValueError(f"{self.name}: {shapes}: they must have one shape")
         if not np.isfinite(truth).any() or np.isinf(truth).any():
-            raise ValueError(
-                f"{self.name}: the truth must be in px, NaN where unknown, and known somewhere; "
-                f"{np.isinf(truth).sum()} pixels are infinite, {np.isnan(truth).sum()} NaN"
-            )
+            counted = f"{np.isinf(truth).sum()} pixels are infinite, {np.isnan(truth).sum()} NaN"
+            raise ValueError(f"{self.name}: the truth must be in px, NaN where unknown, and known somewhere; {counted}")
         for name, mask in self.masks().items():
             check_mask(mask, shape, f"{self.name}: region {name!r}")
             if not (mask & np.isfinite(truth)).any():
                 raise ValueError(f"{self.name}: region {name!r} holds no pixel whose truth is known")
-        clash = set(self.about) & {"key", "view", "where", *FIELDS, *METRICS}
-        if clash:
-            raise ValueError(
-                f"{self.name}: {', '.join(sorted(clash))} cannot be told in `about`: a column is called so"
-            )
+        if clash := ", ".join(sorted(set(self.about) & {"key", "view", "where", *FIELDS, *METRICS})):
+            raise ValueError(f"{self.name}: {clash} cannot be told in `about`: a column is called so")
 
     def masks(self) -> dict[str, Bools]:
         """Collect the regions by name: all, visible, and the view's own.
@@ -157,23 +152,13 @@ class ReadyView:
         codes, counts = np.unique(code[order], return_counts=True)
         member = (codes.astype(np.int64) & bits[:, None]) > 0
         truth = truth[order]
-        angle = 2 * np.pi * (truth % 1)
-        visible = known if view.visible is None else view.visible
-        where, border = beside_jumps(view.truth_px, visible)
-        beside = np.flatnonzero(where).astype(np.int32)
-        return cls(
-            left=to_grey(view.left),
-            right=to_grey(view.right),
-            order=order,
-            ends=np.cumsum(counts),
-            member=member,
-            truth=STEPS_PER_PX * truth,
-            swing=(np.cos(angle), np.sin(angle)),
-            beside=beside,
-            border=(STEPS_PER_PX * border[where]).astype(np.float32),
-        )
+        swing = np.cos(2 * np.pi * (truth % 1)), np.sin(2 * np.pi * (truth % 1))
+        where, border = beside_jumps(view.truth_px, known if view.visible is None else view.visible)
+        beside, border = np.flatnonzero(where).astype(np.int32), (STEPS_PER_PX * border[where]).astype(np.float32)
+        left, right, ends = to_grey(view.left), to_grey(view.right), np.cumsum(counts)
+        return cls(left, right, order, ends, member, STEPS_PER_PX * truth, swing, beside, border)
 
-    def score(self, steps: npt.NDArray[np.int16], min_disparity: int) -> list[list[float]]:
+    def score(self, steps: _Steps, min_disparity: int) -> list[list[float]]:
         """Score OpenCV's answer in every region: as `score` and `fattening_px`, in one go.
 
         Parameters
@@ -198,16 +183,12 @@ class ReadyView:
         with np.errstate(invalid="ignore", divide="ignore"):
             shares = [100 * (count + lost) / all_of for count in (o1, o2, o4)] + [100 * returned / all_of]
             means = [s / n, np.sqrt(s2 / n), absolute / returned, np.sqrt(square / returned), 2 * np.hypot(a, b) / n]
-        wide = float("nan")
-        if self.beside.size:
-            over = steps.take(self.beside) > np.maximum(self.border, least - 1)
-            wide = RIM_PX * np.count_nonzero(over) / self.beside.size
+        over = steps.take(self.beside) > np.maximum(self.border, least - 1)
+        wide = RIM_PX * np.count_nonzero(over) / over.size if over.size else float("nan")
         return [[float(x) for x in one] + [wide] for one in np.transpose(shares + means)]
 
 
-def _sums(
-    steps: npt.NDArray[np.int16], least: int, truth: Float32, cosine: Float32, sine: Float32
-) -> tuple[float, ...]:
+def _sums(steps: _Steps, least: int, truth: Float32, cosine: Float32, sine: Float32) -> tuple[float, ...]:
     """Sums over some pixels of which their measures are made, px; disparities come in 1/16 px.
 
     The sums are not made by BLAS, whose results depend on its number of threads.

@@ -143,10 +143,8 @@ def compute_disparity_guided(
         [cv2.resize(image, (width // n, height // n), interpolation=cv2.INTER_AREA) for image in (left, right)]
         for n in (2, _ROOM)
     )
-    patches = params.speckle_window_size // _ROOM**2
-    room = _around(
-        quarter[0], quarter[1], expected.room_px / np.float32(_ROOM), replace(params, speckle_window_size=patches)
-    )
+    coarse = replace(params, speckle_window_size=params.speckle_window_size // _ROOM**2)
+    room = _around(quarter[0], quarter[1], expected.room_px / np.float32(_ROOM), coarse)
     # What differs from the expectation is enlarged in steps, the expectation itself smoothly: the floor is steep.
     surprise = cv2.resize(_ROOM * room - expected.room_px, (width, height), interpolation=cv2.INTER_NEAREST)
     disparity: Float32 = surprise + cv2.resize(expected.room_px, (width, height), interpolation=cv2.INTER_LINEAR)
@@ -171,10 +169,9 @@ def _profile(scan: LaserScan, origin: Float64, laser_pose: Sequence[float]) -> t
     tangent, inverse = tangent[order], 1 / ahead[order, 0]
     in_view = (tangent > _TANGENTS[0]) & (tangent < _TANGENTS[1])
     if in_view.sum() < 2:
-        raise ValueError(
-            f"only {in_view.sum()} of {len(scan.ranges_mm)} beams met something in the cameras' view: no window can be "
-            f"set from this scan. Check the laser's pose, or use compute_disparity"
-        )
+        met = f"only {in_view.sum()} of {len(scan.ranges_mm)} beams met something in the cameras' view"
+        advice = "Check the laser's pose, or use compute_disparity"
+        raise ValueError(f"{met}: no window can be set from this scan. {advice}")
     return tangent[in_view], inverse[in_view]
 
 
@@ -199,17 +196,14 @@ def _nearest_px(table: Float64, rays: Float64, u: Any, v: Any) -> Float32:
     side -= np.float32(_TANGENTS[0])
     side *= np.float32((_CELLS - 1) / (_TANGENTS[1] - _TANGENTS[0]))
     forward *= np.take(table.astype(np.float32), side.astype(np.int32), mode="clip")
-    nearest: Float32 = np.maximum(forward, floor, out=forward)
-    return nearest
+    return np.asarray(np.maximum(forward, floor, out=forward))
 
 
 def _around(left: UInt8, right: UInt8, expected: Float32, params: SGBMParams, first: int = 0) -> Float32:
     """Match `left`, which begins at column `first`, around an expected disparity; `right` is as wide as the image."""
-    height, width = left.shape
-    shift = np.rint(expected).astype(np.int16)
-    where = np.empty((height, width, 2), np.int16)
-    where[..., 0] = np.arange(first, first + width, dtype=np.int16) - shift
-    where[..., 1] = np.arange(height, dtype=np.int16)[:, None]
+    columns = np.arange(first, first + left.shape[1], dtype=np.int16)
+    rows, shift = np.arange(len(left), dtype=np.int16)[:, None], np.rint(expected).astype(np.int16)
+    where = np.stack(np.broadcast_arrays(columns - shift, rows), axis=-1)
     aligned = cv2.remap(right, where, None, cv2.INTER_NEAREST, borderMode=cv2.BORDER_REPLICATE)
     rim = params.num_disparities // 2
     roomy = (cv2.copyMakeBorder(image, 0, 0, rim, rim, cv2.BORDER_REPLICATE) for image in (left, aligned))
@@ -217,8 +211,7 @@ def _around(left: UInt8, right: UInt8, expected: Float32, params: SGBMParams, fi
     disparity: Float32 = raw.astype(np.float32)
     disparity *= 1 / 16
     disparity += shift
-    outside = disparity > np.arange(first, first + width, dtype=np.float32)
-    disparity[(raw < 16 * params.min_disparity) | outside] = np.nan
+    disparity[(raw < 16 * params.min_disparity) | (disparity > columns.astype(np.float32))] = np.nan
     return disparity
 
 

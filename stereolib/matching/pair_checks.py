@@ -41,11 +41,10 @@ def check_rectified(left: UInt8, right: UInt8, limit_px: float = 1.0) -> float:
     offsets = b[:, 1] - a[:, 1]
     rms = float(np.sqrt((offsets**2).mean())) if offsets.size else float("nan")
     if rms > limit_px:
-        raise ValueError(
-            f"the pair is not rectified: over {offsets.size} matched points the rows differ by {rms:.1f} px rms "
-            f"(median {np.median(offsets):+.1f} px), at most {limit_px:g} px is allowed. Rectify it with its "
-            f"calibration (RectifiedRig.rectify)"
-        )
+        rows = f"over {offsets.size} matched points the rows differ by {rms:.1f} px rms"
+        limit = f"(median {np.median(offsets):+.1f} px), at most {limit_px:g} px is allowed"
+        advice = "Rectify it with its calibration (RectifiedRig.rectify)"
+        raise ValueError(f"the pair is not rectified: {rows} {limit}. {advice}")
     return rms
 
 
@@ -73,14 +72,11 @@ def check_matchable(left: UInt8, right: UInt8, names: tuple[str, str] = ("left",
     check_pair(left, right, names)
     for name, image in zip(names, (left, right), strict=True):
         if np.ptp(to_grey(image)) == 0:
-            raise ValueError(
-                f"{name} has one grey value, {to_grey(image)[0, 0]}: there is nothing to match; was the lens covered?"
-            )
+            value = to_grey(image)[0, 0]
+            raise ValueError(f"{name} has one grey value, {value}: there is nothing to match; was the lens covered?")
     if np.array_equal(left, right):
-        raise ValueError(
-            f"{names[0]} and {names[1]} are the same picture, every disparity would be 0: give the left and the right "
-            f"camera's"
-        )
+        why = "are the same picture, every disparity would be 0: give the left and the right camera's"
+        raise ValueError(f"{names[0]} and {names[1]} {why}")
 
 
 def check_sides(left: UInt8, right: UInt8) -> None:
@@ -102,9 +98,8 @@ def check_sides(left: UInt8, right: UInt8) -> None:
         return  # too narrow to tell
     matched = [np.isfinite(match_pair(a, b, params)).mean() for a, b in (small, small[::-1])]
     if matched[1] > max(0.3, 2 * matched[0]):  # chance matches in noise prove nothing
-        raise ValueError(
-            "left and right are exchanged: matches run the other way (x_left - x_right is negative); swap the images"
-        )
+        why = "matches run the other way (x_left - x_right is negative); swap the images"
+        raise ValueError(f"left and right are exchanged: {why}")
 
 
 def _matched_points(left: UInt8, right: UInt8) -> tuple[Float64, Float64]:
@@ -133,5 +128,4 @@ def _matched_points(left: UInt8, right: UInt8) -> tuple[Float64, Float64]:
 
 
 def _half_size(image: UInt8) -> UInt8:
-    small: UInt8 = cv2.resize(image, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
-    return small
+    return np.asarray(cv2.resize(image, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA))

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TypeAlias, cast
+from typing import Any, TypeAlias, cast
 
 import cv2
 import numpy as np
@@ -100,10 +100,8 @@ def stereo_pipeline(name: str = "best", num_disparities: int = 128) -> Pipeline:
     run, step = pipelines[name]
     if num_disparities < step or num_disparities % step:
         below = max(step, num_disparities // step * step)
-        raise ValueError(
-            f'"{name}" looks for a multiple of {step} disparities, got {num_disparities}; near are {below}, '
-            f"{below + step}"
-        )
+        got = f"got {num_disparities}; near are {below}, {below + step}"
+        raise ValueError(f'"{name}" looks for a multiple of {step} disparities, {got}')
     return lambda left, right: run(left, right, num_disparities)
 
 
@@ -223,9 +221,8 @@ def _fast(left: UInt8, right: UInt8, num_disparities: int) -> DisparityEstimate:
     height, width = left.shape[:2]
     check_window(SGBMParams(num_disparities, 9), width)  # said in pixels of the whole picture
     half = [cv2.resize(to_grey(i), None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA) for i in (left, right)]
-    params = SGBMParams(
-        num_disparities // 2, 5, disp12_max_diff=-1, uniqueness_ratio=0, speckle_window_size=0, mode="3way"
-    )
+    unchecked: dict[str, Any] = {"disp12_max_diff": -1, "uniqueness_ratio": 0, "speckle_window_size": 0}
+    params = SGBMParams(num_disparities // 2, 5, mode="3way", **unchecked)
     matched = compute_disparity(half[0], half[1], params, whole=True)
     mirrored = compute_disparity(half[1][:, ::-1], half[0][:, ::-1], params, whole=True)[:, ::-1]
     kept = remove_speckles(left_right_check(matched, mirrored), 5)

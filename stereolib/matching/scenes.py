@@ -39,8 +39,7 @@ def near_edge_mask(truth_px: Floats, on_object: Bools, half_width_px: int = 3) -
     """
     on_object = check_mask(on_object, np.shape(truth_px), "on_object")
     nearest = np.where(on_object, truth_px, -np.inf).argmax(axis=1)[:, None]
-    beside: Bools = np.abs(np.arange(on_object.shape[1]) - nearest) <= half_width_px
-    return on_object & beside
+    return np.asarray(on_object & (np.abs(np.arange(on_object.shape[1]) - nearest) <= half_width_px))
 
 
 def smallest_window(left: UInt8, right: UInt8, truth_px: Floats, where: Bools, *, widest: int = 192) -> int:

@@ -37,10 +37,8 @@ def check_mask(where: npt.ArrayLike, shape: tuple[int, ...], name: str = "where"
     """
     mask = np.asarray(where)
     if mask.shape != shape or mask.dtype != bool:
-        raise ValueError(
-            f"{name} must be a mask {shape} of bool, got {mask.shape} of {mask.dtype}; make one by a comparison, for "
-            f"example mask > 0"
-        )
+        got = f"got {mask.shape} of {mask.dtype}; make one by a comparison, for example mask > 0"
+        raise ValueError(f"{name} must be a mask {shape} of bool, {got}")
     return mask
 
 
@@ -109,26 +107,17 @@ def score(disparity_px: npt.ArrayLike, truth_px: npt.ArrayLike, where: Bools | N
     (50.0, 75.0, 1.1666666666666667)
     """
     disparity, truth = np.asarray(disparity_px, float), np.asarray(truth_px, float)
-    if disparity.shape != truth.shape:
-        raise ValueError(f"disparity and truth must have one shape, got {[disparity.shape, truth.shape]}")
-    looked = _looked_at(truth, where)
+    looked = _looked_at(where, disparity, truth)
     error = disparity[looked] - truth[looked]
     returned = np.isfinite(error)
     off = np.where(returned, np.abs(error), np.inf)
     within = off <= _WITHIN_PX
     good, known = error[within], error[returned]
     swing = good @ np.exp(2j * np.pi * truth[looked][within])
-    return Score(
-        bad1_pct=100 * float((off > 1).mean()),
-        bad2_pct=100 * float((off > 2).mean()),
-        bad4_pct=100 * float((off > 4).mean()),
-        density_pct=100 * float(returned.mean()),
-        bias_px=float(good.mean()) if good.size else float("nan"),
-        rms_px=float(np.sqrt((good**2).mean())) if good.size else float("nan"),
-        mean_all_px=float(np.abs(known).mean()) if known.size else float("nan"),
-        rms_all_px=float(np.sqrt((known**2).mean())) if known.size else float("nan"),
-        locking_px=float(2 * abs(swing) / good.size) if good.size else float("nan"),
-    )
+    bad1, bad2, bad4 = (_percent(off > limit_px) for limit_px in (1, 2, 4))
+    bias_px, (rms_px, rms_all_px) = _mean(good), (float(np.sqrt(_mean(e**2))) for e in (good, known))
+    locking_px = float(2 * abs(swing) / good.size) if good.size else float("nan")
+    return Score(bad1, bad2, bad4, _percent(returned), bias_px, rms_px, _mean(np.abs(known)), rms_all_px, locking_px)
 
 
 @dataclass(frozen=True)
@@ -141,8 +130,8 @@ class RepairScore:
         Share of pixels without a disparity before.
     filled_pct : float, %
         Share of those that have one after.
-    wrong2_pct, wrong3_pct : float, %
-        Share of the filled pixels that are off by more than 2, 3 px.
+    wrong2_pct : float, %
+        Share of the filled pixels that are off by more than 2 px.
     shift_px : float
         Mean change of the pixels that were right before (within 2 px).
     """
@@ -150,7 +139,6 @@ class RepairScore:
     holes_pct: float
     filled_pct: float
     wrong2_pct: float
-    wrong3_pct: float
     shift_px: float
 
 
@@ -173,21 +161,13 @@ def score_repair(before_px: Floats, after_px: Floats, truth_px: Floats, where: B
     ValueError
         If the shapes differ, the mask is no mask, or nothing is left to look at.
     """
-    shapes = [np.shape(array) for array in (before_px, after_px, truth_px)]
-    if len(set(shapes)) > 1:
-        raise ValueError(f"maps before and after and the truth must have one shape, got {shapes}")
-    looked = _looked_at(truth_px, where)
+    looked = _looked_at(where, before_px, after_px, truth_px)
     before, after, truth = (np.asarray(array, float)[looked] for array in (before_px, after_px, truth_px))
     hole = np.isnan(before)
     filled, right = hole & np.isfinite(after), np.abs(before - truth) <= 2
-    off = np.abs(after - truth)[filled]
-    return RepairScore(
-        holes_pct=_percent(hole),
-        filled_pct=_percent(np.isfinite(after[hole])),
-        wrong2_pct=_percent(off > 2),
-        wrong3_pct=_percent(off > 3),
-        shift_px=float(np.nanmean((after - before)[right])) if right.any() else float("nan"),
-    )
+    wrong, moved = np.abs(after - truth)[filled] > 2, (after - before)[right]
+    shift_px = float(np.nanmean(moved)) if moved.size else float("nan")
+    return RepairScore(_percent(hole), _percent(np.isfinite(after[hole])), _percent(wrong), shift_px)
 
 
 def overreach_px(disparity_px: Floats, truth_px: Floats, on_object: Bools, step_px: float = 20.0) -> float:
@@ -274,14 +254,21 @@ def fattening_px(disparity_px: Floats, truth_px: Floats, visible: Bools) -> floa
     return RIM_PX * float((disparity_px[where] > border[where]).mean()) if where.any() else float("nan")
 
 
-def _looked_at(truth_px: Floats, where: Bools | None) -> Bools:
-    """Mask of the pixels `where` the truth is known."""
-    known = np.isfinite(truth_px)
+def _looked_at(where: Bools | None, *maps_px: Floats) -> Bools:
+    """Mask of the pixels `where` the truth, the last of the maps, is known."""
+    shapes = [np.shape(one) for one in maps_px]
+    if len(set(shapes)) > 1:
+        raise ValueError(f"disparity and truth must have one shape, got {shapes}")
+    known = np.isfinite(maps_px[-1])
     looked = known if where is None else known & check_mask(where, known.shape)
     if not looked.any():
         raise ValueError("no pixel with a known truth is left to look at: the truth is NaN or the mask is empty there")
     return looked
 
 
+def _mean(values: Floats | Bools) -> float:
+    return float(values.mean()) if values.size else float("nan")
+
+
 def _percent(share: Bools) -> float:
-    return 100 * float(share.mean()) if share.size else float("nan")
+    return 100 * _mean(share)

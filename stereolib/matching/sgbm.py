@@ -79,22 +79,19 @@ class SGBMParams:
         if not 1 <= self.pre_filter_cap <= 63:
             raise ValueError(f"pre_filter_cap must be 1 to 63, got {self.pre_filter_cap}")
         if self.speckle_window_size < 0 or self.speckle_range < 0:
-            raise ValueError(
-                f"speckle_window_size and speckle_range must be 0 (no search for specks) or more, got "
-                f"{self.speckle_window_size} and {self.speckle_range}"
-            )
+            got = f"got {self.speckle_window_size} and {self.speckle_range}"
+            raise ValueError(f"speckle_window_size and speckle_range must be 0 (no search for specks) or more, {got}")
         self._check_penalties()
 
     def _check_window_and_block(self) -> None:
         n, block = self.num_disparities, self.block_size
         if n < 16 or n % 16:
             below = max(16, n // 16 * 16)
-            raise ValueError(
-                f"num_disparities must be a positive multiple of 16, got {n}; near are {below}, {below + 16}"
-            )
+            near = f"near are {below}, {below + 16}"
+            raise ValueError(f"num_disparities must be a positive multiple of 16, got {n}; {near}")
         if block < 1 or block % 2 == 0:
-            near = max(1, block - 1 if block % 2 == 0 else 1)
-            raise ValueError(f"block_size must be odd and at least 1, got {block}; near are {near}, {near + 2}")
+            below = max(1, block - 1)
+            raise ValueError(f"block_size must be odd and at least 1, got {block}; near are {below}, {below + 2}")
 
     def _check_penalties(self) -> None:
         p1, p2 = self.penalties
@@ -103,11 +100,10 @@ class SGBMParams:
         if self.room < _LEAST_ROOM:
             most = _LARGEST - _LEAST_ROOM * self.block_size**2
             smaller = f"p2 up to {most} (and p1 below it), or " if most > 1 else ""
-            raise ValueError(
-                f"block_size {self.block_size} with p2={p2} runs over: OpenCV adds up costs in 16 bits, and "
-                f"{self.room:.0f} grey levels a pixel are left for a mismatch, {_LEAST_ROOM} are needed. Take {smaller}"
-                f"a block of at most 15 with the usual penalties"
-            )
+            left = f"{self.room:.0f} grey levels a pixel are left for a mismatch, {_LEAST_ROOM} are needed"
+            advice = f"Take {smaller}a block of at most 15 with the usual penalties"
+            why = f"OpenCV adds up costs in 16 bits, and {left}. {advice}"
+            raise ValueError(f"block_size {self.block_size} with p2={p2} runs over: {why}")
 
     @classmethod
     def for_range(cls, rig: RectifiedRig, near_mm: float, far_mm: float = np.inf, **fields: Any) -> SGBMParams:
@@ -220,10 +216,9 @@ def check_window(params: SGBMParams, width_px: int) -> int:
     """
     reach = max(0, params.min_disparity + params.num_disparities)
     if reach + params.block_size // 2 >= width_px:
-        raise ValueError(
-            f"the search window ends at {reach} px, the image is {width_px} px wide and blocks are "
-            f"{params.block_size} px: reduce num_disparities, min_disparity or block_size"
-        )
+        why = f"the image is {width_px} px wide and blocks are {params.block_size} px"
+        advice = "reduce num_disparities, min_disparity or block_size"
+        raise ValueError(f"the search window ends at {reach} px, {why}: {advice}")
     return reach
 
 

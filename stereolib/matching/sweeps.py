@@ -144,14 +144,11 @@ def sweep(
         raise KeyboardInterrupt(f"the sweep was stopped after {finished} of {len(todo)} matches; {kept}") from None
     except Exception as error:
         text = str(error).strip().splitlines()
-        raise RuntimeError(
-            f"the sweep stopped after {finished} of {len(todo)} matches ({type(error).__name__}: "
-            f"{text[0] if text else 'no text'}); {kept}"
-        ) from error
+        why = f"{type(error).__name__}: {text[0] if text else 'no text'}"
+        raise RuntimeError(f"the sweep stopped after {finished} of {len(todo)} matches ({why}); {kept}") from error
     if file is not None:
         file.finish(jobs, done)
-    rows = [row for key, (view, params) in jobs.items() for row in _rows(view, params, done[key])]
-    return pd.DataFrame(rows)
+    return pd.DataFrame([row for key, job in jobs.items() for row in _rows(*job, done[key])])
 
 
 def _check_rectified(view: KnownView) -> None:
@@ -165,16 +162,13 @@ def _listed(views: Sequence[KnownView], settings: Sequence[SGBMParams]) -> dict[
     """Every match by its key: a fingerprint of the view's name and the settings."""
     names = [view.name for view in views]
     if not names or not settings or len(set(names)) < len(names) or len(set(settings)) < len(settings):
-        raise ValueError(
-            f"a sweep takes views with different names and different settings, at least one of each; got {len(names)} "
-            f"views named {', '.join(names)} and {len(settings)} settings"
-        )
-    for view, params in itertools.product(views, settings):
+        got = f"got {len(names)} views named {', '.join(names)} and {len(settings)} settings"
+        needed = "views with different names and different settings, at least one of each"
+        raise ValueError(f"a sweep takes {needed}; {got}")
+    jobs = list(itertools.product(views, settings))
+    for view, params in jobs:
         check_window(params, view.left.shape[1])
-    return {
-        hashlib.sha256(repr((view.name, params)).encode()).hexdigest()[:16]: (view, params)
-        for view, params in itertools.product(views, settings)
-    }
+    return {hashlib.sha256(repr((job[0].name, job[1])).encode()).hexdigest()[:16]: job for job in jobs}
 
 
 def _run(todo: Mapping[str, _Job], whole: bool, workers: Workers, bar: Any) -> Iterator[tuple[str, _Scores]]:
@@ -244,18 +238,16 @@ class _Results:
         if not text.startswith(_FORMAT):
             raise ValueError(f"{self.path} is no results file of a sweep: give another name")
         if not text.startswith(self.head):
-            raise ValueError(
-                f"{self.path} holds the results of another study: other views, truths, regions or `whole`. Give "
-                f"another name, or the views it was made with"
-            )
+            advice = "Give another name, or the views it was made with"
+            why = f"other views, truths, regions or `whole`. {advice}"
+            raise ValueError(f"{self.path} holds the results of another study: {why}")
         rows = text[len(self.head) : text.rfind("\n") + 1]
         scores: dict[tuple[str, str], dict[str, list[float]]] = {}
         for row in csv.DictReader(io.StringIO(rows), self.columns):
             regions = scores.setdefault((row["key"], row["view"]), {})
             regions[row["where"]] = [float(row[name]) for name in METRICS]
-        done = {
-            key: list(each.values()) for (key, view), each in scores.items() if list(each) == self.regions.get(view)
-        }
+        whole = ((key, each) for (key, view), each in scores.items() if list(each) == self.regions.get(view))
+        done = {key: list(each.values()) for key, each in whole}
         self.kept = [line for line in rows.splitlines(keepends=True) if line.split(",", 1)[0] in done]
         write_atomic(self.path, self.head + "".join(self.kept))
         return done

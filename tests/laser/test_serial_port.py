@@ -11,13 +11,13 @@ import time
 import warnings
 from contextlib import closing
 from itertools import islice
+from pathlib import Path
 
 import numpy as np
 import pytest
 from support.old_firmware import encode_turns
 
 from stereolib import laser
-from stereolib.laser import serial_port
 from stereolib.virtual import emulator
 
 LINKS = ["pty", "socket"] if hasattr(os, "openpty") else ["socket"]
@@ -194,7 +194,7 @@ def test_recording_holds_the_bytes_and_the_sidecar_its_story(tmp_path, link):
     with emulator.serve(emulator.replay(data), link) as served:
         about = laser.record_port(served.port, path, progress=seen.append)
     assert path.read_bytes() == data
-    notes = json.loads(serial_port.sidecar(path).read_text())
+    notes = json.loads(Path(f"{path}.json").read_text())
     assert notes == about
     assert notes["sha256"] == hashlib.sha256(data).hexdigest() and notes["bytes"] == len(data)
     assert notes["port"] == served.port and "went away" in notes["ended"]
@@ -217,7 +217,7 @@ def test_recordings_are_never_overwritten_unasked(tmp_path):
         about = laser.record_port(served.port, path, force=True, seconds=0.3)
     assert about["ended"] == "after 0.3 s" and path.read_bytes() == turning(5)[: about["bytes"]]
     other = tmp_path / "b.bin"
-    serial_port.sidecar(other).write_text("{}")
+    Path(f"{other}.json").write_text("{}")
     with pytest.raises(FileExistsError, match=r"b\.bin\.json exists"):
         laser.record_port("/dev/no_such_port", other)
 
@@ -239,7 +239,7 @@ def test_sigkill_loses_nothing_that_the_port_delivered(tmp_path):
         kept = path.read_bytes()
     assert data.startswith(kept) and before <= len(kept) < len(data)
     assert len(laser.decode(kept)) >= 720
-    notes = json.loads(serial_port.sidecar(path).read_text())
+    notes = json.loads(Path(f"{path}.json").read_text())
     assert notes["port"] == served.port and notes["sha256"] is None
 
 

@@ -31,7 +31,7 @@ def test_real_walls_are_straight_with_the_geometry_correction(recording):
     assert wide_rms_mm <= 1.85 and wide_used >= 358
     _, plain_rms_mm, _ = walls(laser.points_mm(mean), 6.0)
     assert wide_rms_mm < 0.8 * plain_rms_mm
-    angles = np.sort(np.rad2deg([w.angle_rad for w in corrected]))
+    angles = np.sort(np.rad2deg([np.arctan2(*w.normal[::-1]) for w in corrected]))
     np.testing.assert_allclose(np.diff(angles), 90, atol=3)
 
 
@@ -49,7 +49,7 @@ def test_walls_of_a_known_room():
     points = (room + rng.normal(0, 1.0, room.shape)) @ rotation.T
     clutter = rng.uniform(-500, 500, (60, 2))
     walls = laser.fit_walls(np.concatenate([points, clutter]), 4, rng=rng)
-    found = sorted((round(np.rad2deg(w.angle_rad)) % 360, w.offset_mm) for w in walls)
+    found = sorted((round(np.rad2deg(np.arctan2(*w.normal[::-1]))) % 360, w.offset_mm) for w in walls)
     assert [angle for angle, _ in found] == [17, 107, 197, 287]
     np.testing.assert_allclose([offset for _, offset in found], [900, 700, 600, 700], atol=0.5)
     for w in walls:

@@ -50,10 +50,9 @@ class Checkerboard:
         if self.columns < 3 or self.rows < 3:
             raise ValueError(f"a checkerboard needs at least 3x3 inner corners, got {self.columns}x{self.rows}")
         if self.columns == self.rows:
-            raise ValueError(
-                f"a board of {self.columns}x{self.rows} inner corners looks the same after a quarter turn, so the two "
-                f"views' corners cannot be matched safely: use one with different numbers of columns and rows"
-            )
+            why = f"a board of {self.columns}x{self.rows} inner corners looks the same after a quarter turn"
+            remedy = "so the two views' corners cannot be matched safely"
+            raise ValueError(f"{why}, {remedy}: use one with different numbers of columns and rows")
         if not (np.isfinite(self.square_mm) and self.square_mm > 0):
             raise ValueError(f"the square's edge must be a positive number of mm, got {self.square_mm}")
         if not _ASPECTS[0] < self.aspect < _ASPECTS[1]:
@@ -95,9 +94,8 @@ class Charuco:
         if self.columns < 2 or self.rows < 2:
             raise ValueError(f"a ChArUco board needs at least 2x2 inner corners, got {self.columns}x{self.rows}")
         if not 0 < self.marker_mm < self.square_mm < np.inf:
-            raise ValueError(
-                f"a marker must be smaller than its square, both in mm, got {self.marker_mm} and {self.square_mm}"
-            )
+            why = "a marker must be smaller than its square, both in mm"
+            raise ValueError(f"{why}, got {self.marker_mm} and {self.square_mm}")
         if not hasattr(cv2.aruco, f"DICT_{self.dictionary}"):
             raise ValueError(f"unknown ArUco dictionary {self.dictionary!r}; one is called 5X5_100")
 
@@ -288,10 +286,8 @@ def find_in_pairs(
     for (left, right), name in zip(pairs, names, strict=True):
         check_pair(left, right, names=(f"{name} (left)", f"{name} (right)"))
         if left.shape[:2] != pairs[0][0].shape[:2]:
-            raise ValueError(
-                f"{name} is {left.shape[1]}x{left.shape[0]}, {names[0]} is "
-                f"{pairs[0][0].shape[1]}x{pairs[0][0].shape[0]}: all pairs must have one size"
-            )
+            why = f"{name} is {left.shape[1]}x{left.shape[0]}, {names[0]} is"
+            raise ValueError(f"{why} {pairs[0][0].shape[1]}x{pairs[0][0].shape[0]}: all pairs must have one size")
     images = [image for pair in pairs for image in pair]
     corners = list(over_cores(lambda image: find_board(image, board), images, "finding boards", progress=progress))
     return pair_views(corners, board, names, pairs[0][0].shape[1::-1])

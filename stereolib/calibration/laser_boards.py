@@ -90,10 +90,9 @@ def find_board_in_scan(
         off = [np.linalg.norm(R @ part.points_mm.mean(axis=0) + t - T_left_board[:3, 3]) for part in fitting]
         fitting = [fitting[int(np.argmin(off))]]
     if len(fitting) != 1:
-        raise ValueError(
-            f"{len(fitting)} things in the scan could be the board (straight, at most {diagonal_mm:.0f} mm long): see "
-            f"that the laser's plane cuts it and nothing like it stands near, or give the expected pose"
-        )
+        why = f"{len(fitting)} things in the scan could be the board (straight, at most {diagonal_mm:.0f} mm long)"
+        remedy = "see that the laser's plane cuts it and nothing like it stands near"
+        raise ValueError(f"{why}: {remedy}, or give the expected pose")
     return LaserBoardView(T_left_board, fitting[0].points_mm, fitting[0].sigma_mm)
 
 

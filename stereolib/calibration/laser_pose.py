@@ -110,9 +110,8 @@ def calibrate_lidar_to_camera(
     height.
     """
     if len(views) < _LEAST_POSES:
-        raise ValueError(
-            f"at least {_LEAST_POSES} poses of the board are needed, got {len(views)}; 8 to 12 make a good calibration"
-        )
+        why = f"at least {_LEAST_POSES} poses of the board are needed, got {len(views)}"
+        raise ValueError(f"{why}; 8 to 12 make a good calibration")
     if start is None:
         starts = [pose_left_world(0.0, 0.0)[:3, :3] @ _turn([0, 0, angle]) for angle in np.radians([0, 90, 180, 270])]
         fits = [_solve(views, rigid(R, np.zeros(3)), board_std_mm, bias_mm) for R in starts]
@@ -230,10 +229,8 @@ def _check_observable(views: Sequence[LaserBoardView], pose: Float64, J: Float64
         return
     direction = ("forward", "sideways", "up")[int(motion.argmax())]
     advice = _advice_for_height(views, pose) if direction == "up" else _advice_for_place(views, pose)
-    raise ValueError(
-        f"these {len(views)} poses leave open where the scan lies: {direction}, its points at 0.5 to 1.2 m are "
-        f"uncertain by {min(worst, 9999):.0f} mm ({max_std_mm:g} mm are allowed): {advice}"
-    )
+    why = f"these {len(views)} poses leave open where the scan lies: {direction}, its points at 0.5 to 1.2 m are"
+    raise ValueError(f"{why} uncertain by {min(worst, 9999):.0f} mm ({max_std_mm:g} mm are allowed): {advice}")
 
 
 def _facing(views: Sequence[LaserBoardView], pose: Float64) -> Float64:

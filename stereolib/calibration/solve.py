@@ -104,10 +104,8 @@ def calibrate_camera(
     count, flags = _model(model)
     views = len(corners_px)
     if views < _MIN_VIEWS:
-        raise ValueError(
-            f"{views} views of the board are too few: at least {_MIN_VIEWS} with different tilts are needed, "
-            f"and 15 to 30 give a trustworthy lens"
-        )
+        why = f"{views} views of the board are too few: at least {_MIN_VIEWS} with different tilts are needed"
+        raise ValueError(f"{why}, and 15 to 30 give a trustworthy lens")
     if (np.nanmax(corners_px, axis=0) - np.nanmin(corners_px, axis=0)).max() < _SAME_PX:
         raise ValueError(f"all {views} views show the board in the same place: move and tilt it between pictures")
     points, images = _lists(board, corners_px)
@@ -161,10 +159,8 @@ def calibrate_stereo(views: BoardViews, *, model: str = "brown3", fixed: bool = 
     )
     R, T = _relative(views, left.camera, right.camera, _model(model)[1])
     if T[0] > abs(T[1]):
-        raise ValueError(
-            f"the right camera comes out {T[0]:.0f} mm to the LEFT of the left one: the two image sets are "
-            f"exchanged; swap them (or both cameras hang upside down: turn all pictures by 180 degrees)"
-        )
+        why = f"the right camera comes out {T[0]:.0f} mm to the LEFT of the left one: the two image sets are exchanged"
+        raise ValueError(f"{why}; swap them (or both cameras hang upside down: turn all pictures by 180 degrees)")
     return StereoCalibration(left, right, fit_rig(views, StereoRig(left.camera, right.camera, R, T), free=not fixed))
 
 

@@ -133,10 +133,8 @@ def save_ros(left: AnyPath, right: AnyPath, rig: StereoRig, *, alpha: float = 0.
     texts = []
     for path, camera, R, P in ((left, rig.left, R2 @ rig.R, rectified.P1), (right, rig.right, R2, rectified.P2)):
         if camera.dist.size > 8:
-            raise ValueError(
-                f"ROS' camera_info has no lens model of {camera.dist.size} coefficients: calibrate with brown3 (5) or "
-                f"rational8 (8) for it"
-            )
+            why = f"ROS' camera_info has no lens model of {camera.dist.size} coefficients"
+            raise ValueError(f"{why}: calibrate with brown3 (5) or rational8 (8) for it")
         info: dict[str, Any] = {
             "image_width": camera.size[0],
             "image_height": camera.size[1],
@@ -215,10 +213,9 @@ def save_kalibr(path: AnyPath, rig: StereoRig) -> Path:
     chain: dict[str, Any] = {}
     for number, (side, camera) in enumerate((("left", rig.left), ("right", rig.right))):
         if camera.dist[4:].any() or camera.K[0, 1]:
-            raise ValueError(
-                f"Kalibr's radtan lens holds k1 k2 p1 p2 and no skew, the {side} camera has k3 = "
-                f"{at_least(camera.dist, 5)[4]:g} and {camera.dist.size} coefficients: calibrate with brown2 for it"
-            )
+            why = "Kalibr's radtan lens holds k1 k2 p1 p2 and no skew"
+            remedy = f"the {side} camera has k3 = {at_least(camera.dist, 5)[4]:g} and {camera.dist.size} coefficients"
+            raise ValueError(f"{why}, {remedy}: calibrate with brown2 for it")
         (fx, _, cx), (_, fy, cy), _ = camera.K.tolist()
         chain[f"cam{number}"] = {
             "cam_overlaps": [1 - number],
@@ -300,10 +297,8 @@ def load_rig(*paths: AnyPath) -> StereoRig:
         return load_kalibr(paths[0])
     if "camera_matrix" in text and len(paths) == 2:
         return load_ros(*paths)
-    raise ValueError(
-        f"{paths[0]} is no calibration that we read: expected the JSON of stereolib, OpenCV's YAML, a Kalibr camchain, "
-        f"or two camera_info files of ROS, left and right"
-    )
+    why = f"{paths[0]} is no calibration that we read: expected the JSON of stereolib, OpenCV's YAML, a Kalibr camchain"
+    raise ValueError(f"{why}, or two camera_info files of ROS, left and right")
 
 
 @contextmanager

@@ -98,10 +98,9 @@ class StereoRig:
             raise ValueError(f"alpha must lie between 0 (only valid pixels) and 1 (all pixels), got {alpha}")
         if not -self.T[0] > abs(self.T[1]):
             x, y, z = self.T
-            raise ValueError(
-                f"the right camera must stand to the right of the left one (T along -x), got T = ({x:.1f}, {y:.1f}, "
-                f"{z:.1f}) mm: swap the cameras, or, if one stands above the other, turn all pictures by a quarter"
-            )
+            why = f"the right camera must stand to the right of the left one (T along -x), got T = ({x:.1f}, {y:.1f}"
+            remedy = f"{z:.1f}) mm: swap the cameras"
+            raise ValueError(f"{why}, {remedy}, or, if one stands above the other, turn all pictures by a quarter")
         lenses = self.left.K, self.left.dist, self.right.K, self.right.dist
         R1, R2, P1, P2, Q, *_ = cv2.stereoRectify(
             *lenses, self.left.size, self.R, self.T[:, None], flags=cv2.CALIB_ZERO_DISPARITY, alpha=alpha
@@ -243,10 +242,8 @@ class RectifiedRig:
         """
         for side, image in (("left", left), ("right", right)):
             if image.shape[1::-1] != self.size:
-                raise ValueError(
-                    f"the {side} image is {image.shape[1]}x{image.shape[0]}, the calibration is for "
-                    f"{self.size[0]}x{self.size[1]}: use images of that size or calibrate again"
-                )
+                why = f"the {side} image is {image.shape[1]}x{image.shape[0]}, the calibration is for"
+                raise ValueError(f"{why} {self.size[0]}x{self.size[1]}: use images of that size or calibrate again")
         if left.ndim != right.ndim:
             raise ValueError(f"one image is grey, the other in colour (shapes {left.shape}, {right.shape})")
         pair = [cv2.remap(i, *m, cv2.INTER_LINEAR) for i, m in zip((left, right), self.maps, strict=True)]

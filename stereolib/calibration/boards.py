@@ -345,9 +345,10 @@ def pair_views(
     ValueError
         If there is no such pair; they are named.
     """
-    views = zip(names, corners[::2], corners[1::2], strict=True)
+    views = list(zip(names, corners[::2], corners[1::2], strict=True))
     both = [(name, left, right) for name, left, right in views if left is not None and right is not None]
-    kept, pattern = tuple(name for name, _, _ in both), f"{board.columns}x{board.rows} inner corners"
+    missing = tuple(name for name, left, right in views if left is None or right is None)
+    pattern = f"{board.columns}x{board.rows} inner corners"
     listed = f"{len(names)} pairs ({', '.join(names[:5])}{', ...' if len(names) > 5 else ''})"
     if not both and isinstance(board, Charuco):
         markers = f"{board.dictionary}, {board.marker_mm:g} mm on squares of {board.square_mm:g} mm"
@@ -358,7 +359,7 @@ def pair_views(
         raise ValueError(f"{why}, and keep the whole board with a white rim in view; give markers' size if it has any")
     left_px = np.stack([left for _, left, _ in both])
     right_px = np.stack([match_order(left, right) for _, left, right in both])
-    return BoardViews(board, size, left_px, right_px, kept, tuple(name for name in names if name not in kept))
+    return BoardViews(board, size, left_px, right_px, tuple(name for name, _, _ in both), missing)
 
 
 def _grid(columns: int, rows: int, width_mm: float, height_mm: float) -> Float32:

@@ -91,8 +91,8 @@ def sort_pairs(views: BoardViews, model: str = "brown3") -> SortedPairs:
     if not groups or len(groups[0]) < max(_MIN_GROUP, len(views) / _LEAST_SHARE):
         most = len(groups[0]) if groups else 0
         why = f"the pairs do not belong together: at most {most} of {len(views)} agree on where the right camera stands"
-        remedy = "Are left and right files of the same moments"
-        raise ValueError(f"{why}. {remedy}, in the same order? Is one camera upside down?")
+        remedy = "Are left and right files of the same moments, in the same order? Is one camera upside down?"
+        raise ValueError(f"{why}. {remedy}")
     calibration, inside = _settled(views, groups[0], able, model)
     others = [rest for g in groups[1:] if len(rest := np.setdiff1d(g, inside)) >= _MIN_GROUP]
     pair_rms = _tried(views, calibration)
@@ -101,12 +101,9 @@ def sort_pairs(views: BoardViews, model: str = "brown3") -> SortedPairs:
         far = _movement(calibration, _settled(views, group, group, model)[0])
         moved.append(f"{len(group)} pairs were taken with the rig in another position ({far})")
         refused |= {int(k): f"belongs to position {number} of the rig, {far} from the first" for k in group}
-    for k in able:
-        if k not in inside and k not in refused:
-            refused[int(k)] = (
-                f"left and right do not fit together ({pair_rms[k]:.2f} px): the board moved between the shutters, "
-                f"or these are two different moments"
-            )
+    why = "the board moved between the shutters, or these are two different moments"
+    misfits = [int(k) for k in able if k not in inside and k not in refused]
+    refused |= {k: f"left and right do not fit together ({pair_rms[k]:.2f} px): {why}" for k in misfits}
     return SortedPairs(calibration, tuple(tuple(g.tolist()) for g in (inside, *others)), refused, tuple(moved))
 
 
@@ -138,8 +135,7 @@ def _refuse_flat(views: BoardViews) -> None:
     tilts = np.degrees(np.arccos(np.clip(np.abs(turns[:, 2, 2]), 0, 1)))
     if np.sort(tilts)[-max(2, len(tilts) // 5)] < _FLAT_DEG:
         why = f"all boards fronto-parallel: hardly one of {len(views)} is tilted by more than {_FLAT_DEG:g} degrees"
-        remedy = "so that the focal length cannot be told from the distance"
-        raise ValueError(f"{why}, {remedy}; tilt the board by 20 to 40 degrees, both ways")
+        raise ValueError(f"{why}: that hides the focal length; tilt the board by 20 to 40 degrees, both ways")
 
 
 def _single(views: BoardViews, corners_px: Floats, model: str) -> tuple[CameraCalibration, dict[int, float]]:

@@ -108,15 +108,9 @@ def calibrate_camera(
         raise ValueError(f"{why}, and 15 to 30 give a trustworthy lens")
     if (np.nanmax(corners_px, axis=0) - np.nanmin(corners_px, axis=0)).max() < _SAME_PX:
         raise ValueError(f"all {views} views show the board in the same place: move and tilt it between pictures")
-    points, images = _lists(board, corners_px)
+    until = _until(_STEPS if count <= _LONG_LENS else _LONG_LENS_STEPS)
     rms, K, dist, _, _, std, _, view_rms = cv2.calibrateCameraExtended(
-        points,
-        images,
-        size,
-        None,
-        None,
-        flags=flags,
-        criteria=_until(_STEPS if count <= _LONG_LENS else _LONG_LENS_STEPS),
+        *_lists(board, corners_px), size, None, None, flags=flags, criteria=until
     )
     if not np.isfinite(rms):
         raise ValueError(f"the calibration of {views} views did not converge: are they all tilted the same way?")
@@ -154,9 +148,8 @@ def calibrate_stereo(views: BoardViews, *, model: str = "brown3", fixed: bool = 
     them it reads only k1 k2 p1 p2 k3 of a longer lens and drops the rest in silence. The joint step is `fit_rig`,
     which meets `cv2.stereoCalibrate`'s minimum in a tenth of its time (in a hundredth with 14 coefficients).
     """
-    left, right = (
-        calibrate_camera(views.board, corners, views.size, model=model) for corners in (views.left_px, views.right_px)
-    )
+    both = views.left_px, views.right_px
+    left, right = (calibrate_camera(views.board, corners, views.size, model=model) for corners in both)
     R, T = _relative(views, left.camera, right.camera, _model(model)[1])
     if T[0] > abs(T[1]):
         why = f"the right camera comes out {T[0]:.0f} mm to the LEFT of the left one: the two image sets are exchanged"

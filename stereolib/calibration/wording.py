@@ -47,8 +47,9 @@ def calibration_facts(diagnosis: Diagnosis) -> dict[str, Any]:
         "K": {"left": rig.left.K, "right": rig.right.K},
         "dist": {"left": rig.left.dist, "right": rig.right.dist},
     }
-    stds = {"K": {"left": std.left_K, "right": std.right_K}, "dist": {"left": std.left_dist, "right": std.right_dist}}
-    stds |= {"R_rad": std.R_rad, "T": std.T_mm, "baseline_mm": std.baseline_mm, "rectified": d.rectified_std}
+    stds: dict[str, Any] = {"K": {"left": std.left_K, "right": std.right_K}}
+    stds |= {"dist": {"left": std.left_dist, "right": std.right_dist}, "R_rad": std.R_rad, "T": std.T_mm}
+    stds |= {"baseline_mm": std.baseline_mm, "rectified": d.rectified_std}
     wrong = {"square_pct": d.square_error_pct, "board_pct": d.board_error_pct}
     wrong |= {name: getattr(d, name) for name in ("epipolar_rms_px", "worst_pair", "worst_pair_px")}
     depth_mm, length_mm = _median(errors.depth_mm), _median(errors.length_mm)

@@ -137,15 +137,9 @@ def measure_objects(
         more_warnings.append(f"nothing stands on the floor within {reach}")
     objects.sort(key=lambda measured: float(np.hypot(*measured.position_mm)))
     readings = np.zeros((0, 2)) if scan is None else laser.points_mm(points_mm(scan))
+    told = (*warnings, *more_warnings)
     return Measurement(
-        objects=tuple(objects),
-        warnings=(*warnings, *more_warnings),
-        floor=floor,
-        laser=laser,
-        scan_mm=readings,
-        left=left,
-        right=right,
-        disparity_px=disparity,
+        tuple(objects), told, floor, laser, scan_mm=readings, left=left, right=right, disparity_px=disparity
     )
 
 
@@ -187,11 +181,9 @@ def _paired(
 ) -> tuple[list[tuple[ObjectRegion | None, Footprint | None]], list[str]]:
     """Pair what the picture shows with what the scan shows, by bearing and distance; the rest stays alone."""
     rectified = floor.rectified
-    spans, distances = [], []
-    for region in regions:
-        edges = (rectified.P1[0, 2] - np.array([region.bounds[2], region.bounds[0]])) / rectified.f_px
-        spans.append(np.arctan(edges))
-        distances.append(float(np.hypot(*region.position_mm)))
+    edges = [np.array([region.bounds[2], region.bounds[0]]) for region in regions]
+    spans = [np.arctan((rectified.P1[0, 2] - columns) / rectified.f_px) for columns in edges]
+    distances = [float(np.hypot(*region.position_mm)) for region in regions]
     readings = [laser.points_mm(footprint.segment.points_mm) for footprint in footprints]
     bearings = [np.arctan2(p[:, 1], p[:, 0]) for p in readings]
     near, far = ([float(pick(np.linalg.norm(p, axis=1))) for p in readings] for pick in (np.min, np.max))
@@ -209,10 +201,8 @@ def _paired(
         if i not in free_regions or j not in free_footprints:
             continue
         if off > _SAME_DISTANCE:
-            warnings.append(
-                f"in one direction the scan shows something at {near[j]:.0f} mm and the pair at {distances[i]:.0f} mm: "
-                f"were they taken at the same time? They are not combined"
-            )
+            why = f"the scan shows something at {near[j]:.0f} mm and the pair at {distances[i]:.0f} mm"
+            warnings.append(f"in one direction {why}: were they taken at the same time? They are not combined")
             continue
         free_regions.remove(i)
         free_footprints.remove(j)

@@ -131,8 +131,7 @@ def from_faces(
             is_flat = flat[k] < 2 * _TOO_FLAT
             why = f"seen too flat, at {np.degrees(flat[k]):.0f} degrees" if is_flat else "too uncertain"
             refused[k] = f"{why}: {at[k]:.0f} ± {std[k]:.0f} mm; turn the object or move the rig"
-    kept = [k for k in range(n) if k not in refused]
-    kept.sort(key=lambda k: -at[k])
+    kept = sorted((k for k in range(n) if k not in refused), key=lambda k: -at[k])
     p, whole = corners_mm(fused.x), n == 2 and len(kept) == 2
     if n == 1:
         reasons = {**reasons, "length": _ONE_FACE}
@@ -145,18 +144,11 @@ def from_faces(
     covariance[2, known] = covariance[known, 2] = 0.0 * height[1]
     side = kept[0] if kept else 0
     place = slice(n, n + 2) if whole else slice(n + 2 + 2 * side, n + 4 + 2 * side)
-    return MeasuredObject(
-        shape="box" if whole else "face",
-        size_mm=size,
-        covariance=covariance,
-        position_mm=at[place],
-        position_covariance=C[place, place],
-        yaw_rad=float(wrap_rad(fused.x[0] + (1 - side) * np.pi / 2, np.pi)),
-        yaw_std_rad=float(std[-1]),
-        outline_mm=np.array([p[1], p[0], p[0] + p[2] - p[1], p[2]]) if whole else p[side : side + 2],
-        sources={**fused.sources, **_height_source(height)},
-        reasons=reasons,
-    )
+    yaw_rad = float(wrap_rad(fused.x[0] + (1 - side) * np.pi / 2, np.pi))
+    outline = np.array([p[1], p[0], p[0] + p[2] - p[1], p[2]]) if whole else p[side : side + 2]
+    where, turned = (at[place], C[place, place]), (yaw_rad, float(std[-1]))
+    sources = {**fused.sources, **_height_source(height)}
+    return MeasuredObject("box" if whole else "face", size, covariance, *where, *turned, outline, sources, reasons)
 
 
 def _sides_and_places(x: Float64) -> Float64:
@@ -200,18 +192,8 @@ def from_scan(
     else:
         why = footprint.reason or f"too uncertain: round, {footprint.length_mm:.0f} ± {round_std:.0f} mm"
         reasons = {**reasons, "length": why, "width": why}
-    return MeasuredObject(
-        shape="circle" if is_circle else "irregular",
-        size_mm=size,
-        covariance=covariance,
-        position_mm=centre,
-        position_covariance=spread,
-        yaw_rad=np.nan,
-        yaw_std_rad=np.nan,
-        outline_mm=outline,
-        sources={"lines": "scan", **_height_source(height)},
-        reasons=reasons,
-    )
+    shape, sources = "circle" if is_circle else "irregular", {"lines": "scan", **_height_source(height)}
+    return MeasuredObject(shape, size, covariance, centre, spread, np.nan, np.nan, outline, sources, reasons)
 
 
 def from_region(region: ObjectRegion, height: tuple[float, float], reasons: dict[str, str]) -> MeasuredObject:
@@ -231,16 +213,9 @@ def from_region(region: ObjectRegion, height: tuple[float, float], reasons: dict
     """
     size, covariance = _with_height(height)
     place, why = np.array(region.position_mm), "no straight face was found"
+    reasons, spread = {**reasons, "length": why, "width": why}, np.full((2, 2), np.nan)
     return MeasuredObject(
-        shape="irregular",
-        size_mm=size,
-        covariance=covariance,
-        position_mm=place,
-        position_covariance=np.full((2, 2), np.nan),
-        yaw_rad=np.nan,
-        yaw_std_rad=np.nan,
-        outline_mm=place[None],
-        reasons={**reasons, "length": why, "width": why},
+        "irregular", size, covariance, place, spread, np.nan, np.nan, outline_mm=place[None], reasons=reasons
     )
 
 

@@ -211,5 +211,4 @@ def clustered_covariance(x: Float64, residual: Float64, weight: Float64, cluster
     inverse = np.linalg.inv(scaled.T @ x)
     g = np.stack([np.bincount(cluster, column * residual) for column in scaled.T], axis=1)
     filled = np.count_nonzero(np.bincount(cluster))
-    covariance: Float64 = inverse @ (g.T @ g) @ inverse * (filled / max(filled - x.shape[1], 1))
-    return covariance
+    return np.asarray(inverse @ (g.T @ g) @ inverse * (filled / max(filled - x.shape[1], 1)))

@@ -25,6 +25,7 @@ AnyPath = str | PathLike[str]
 _MM_PER_M = 1000.0
 #: What OpenCV files call the left and right camera's matrix and lens, before the number of the camera.
 _OPENCV_NAMES = (("M", "D"), ("K", "D"), ("cameraMatrix", "distCoeffs"))
+_OPENCV_RECTIFIED = ("R1", "R2", "P1", "P2", "Q")
 #: ROS' name of a lens -> how many of OpenCV's coefficients it holds.
 _ROS_MODELS = {"plumb_bob": 5, "rational_polynomial": 8}
 _ROS_MATRICES = ("camera_matrix", "distortion_coefficients", "rectification_matrix", "projection_matrix")
@@ -54,15 +55,12 @@ def save_opencv(path: AnyPath, rig: StereoRig, *, alpha: float = 0.0) -> Path:
     rectified = rig.rectify(alpha)
     kind = cv2.FILE_STORAGE_FORMAT_XML if Path(path).suffix.lower() == ".xml" else cv2.FILE_STORAGE_FORMAT_YAML
     storage = cv2.FileStorage("rig", cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY | kind)
-    storage.write("image_width", rig.left.size[0])
-    storage.write("image_height", rig.left.size[1])
+    entries: dict[str, Any] = {"image_width": rig.left.size[0], "image_height": rig.left.size[1]}
     for number, camera in enumerate((rig.left, rig.right), 1):
-        storage.write(f"M{number}", camera.K)
-        storage.write(f"D{number}", at_least(camera.dist, 5)[None])
-    storage.write("R", rig.R)
-    storage.write("T", rig.T[:, None])
-    for name in ("R1", "R2", "P1", "P2", "Q"):
-        storage.write(name, getattr(rectified, name))
+        entries |= {f"M{number}": camera.K, f"D{number}": at_least(camera.dist, 5)[None]}
+    entries |= {"R": rig.R, "T": rig.T[:, None]} | {name: getattr(rectified, name) for name in _OPENCV_RECTIFIED}
+    for name, value in entries.items():
+        storage.write(name, value)
     return write_atomic(path, storage.releaseAndGetString())
 
 
@@ -135,12 +133,9 @@ def save_ros(left: AnyPath, right: AnyPath, rig: StereoRig, *, alpha: float = 0.
         if camera.dist.size > 8:
             why = f"ROS' camera_info has no lens model of {camera.dist.size} coefficients"
             raise ValueError(f"{why}: calibrate with brown3 (5) or rational8 (8) for it")
-        info: dict[str, Any] = {
-            "image_width": camera.size[0],
-            "image_height": camera.size[1],
-            "camera_name": Path(path).stem,
-            "distortion_model": "rational_polynomial" if camera.dist.size == 8 else "plumb_bob",
-        }
+        model = "rational_polynomial" if camera.dist.size == 8 else "plumb_bob"
+        info: dict[str, Any] = {"image_width": camera.size[0], "image_height": camera.size[1]}
+        info |= {"camera_name": Path(path).stem, "distortion_model": model}
         dist, in_metres = at_least(camera.dist, 5)[None], np.column_stack([P[:, :3], P[:, 3] / _MM_PER_M])
         for name, matrix in zip(_ROS_MATRICES, (camera.K, dist, R, in_metres), strict=True):
             info[name] = {"rows": matrix.shape[0], "cols": matrix.shape[1], "data": matrix.ravel().tolist()}
@@ -217,15 +212,10 @@ def save_kalibr(path: AnyPath, rig: StereoRig) -> Path:
             remedy = f"the {side} camera has k3 = {at_least(camera.dist, 5)[4]:g} and {camera.dist.size} coefficients"
             raise ValueError(f"{why}, {remedy}: calibrate with brown2 for it")
         (fx, _, cx), (_, fy, cy), _ = camera.K.tolist()
-        chain[f"cam{number}"] = {
-            "cam_overlaps": [1 - number],
-            "camera_model": "pinhole",
-            "distortion_coeffs": at_least(camera.dist, 4)[:4].tolist(),
-            "distortion_model": "radtan",
-            "intrinsics": [fx, fy, cx, cy],
-            "resolution": list(camera.size),
-            "rostopic": f"/{side}/image_raw",
-        }
+        entry: dict[str, Any] = {"cam_overlaps": [1 - number], "camera_model": "pinhole"}
+        entry |= {"distortion_coeffs": at_least(camera.dist, 4)[:4].tolist(), "distortion_model": "radtan"}
+        entry |= {"intrinsics": [fx, fy, cx, cy], "resolution": list(camera.size), "rostopic": f"/{side}/image_raw"}
+        chain[f"cam{number}"] = entry
     chain["cam1"]["T_cn_cnm1"] = rigid(rig.R, rig.T / _MM_PER_M).tolist()
     return write_atomic(path, _dump(chain))
 

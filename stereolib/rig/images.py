@@ -47,8 +47,7 @@ def read_image(path: str | PathLike[str], *, grey: bool = False) -> UInt8:
     if (megapixels := _megapixels_of_header(data)) > MAX_MEGAPIXELS:
         why = f"{path}: the picture has {megapixels:.0f} megapixels, at most {MAX_MEGAPIXELS:.0f} are read"
         raise ValueError(f"{why}: scale it down")
-    flags = cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH
-    image = cv2.imdecode(np.frombuffer(data, np.uint8), flags) if data else None
+    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH) if data else None
     if image is None:
         raise ValueError(f"{path}: not a readable image ({len(data)} bytes): save it as JPEG or PNG")
     if image.dtype != np.uint8:  # cutting off the low bits would lose a dark picture

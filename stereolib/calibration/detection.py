@@ -88,10 +88,10 @@ def _find(file: Path, *, board: Board, cache: bool) -> View | str:
 
 def _sought(board: Board) -> str:
     """All that a search depends on: a board's pattern, not its size in mm."""
-    pattern = f"{board.columns}x{board.rows}"
-    if isinstance(board, Charuco):
-        pattern += f" {board.dictionary} {board.marker_mm / board.square_mm:.6f}{' legacy' * board.legacy}"
-    return pattern
+    if not isinstance(board, Charuco):
+        return f"{board.columns}x{board.rows}"
+    markers = f"{board.dictionary} {board.marker_mm / board.square_mm:.6f}{' legacy' * board.legacy}"
+    return f"{board.columns}x{board.rows} {markers}"
 
 
 def _keep(kept: Path, corners: Float32 | None, size: tuple[int, int]) -> None:

@@ -16,6 +16,7 @@ from stereolib.measurement.face_lines import LaserOnFloor
 from stereolib.measurement.fusion import Fused, corners_mm
 from stereolib.measurement.regions import ObjectRegion
 
+Height = tuple[float, float]  # and its standard deviation, mm
 #: What `MeasuredObject.size_mm` holds, in its order.
 SIZE_NAMES = ("length", "width", "height")
 _WORST_STD = 0.05  # share of a side: one whose standard deviation is larger is not reported
@@ -94,12 +95,7 @@ class MeasuredObject:
 
 
 def from_faces(
-    fused: Fused,
-    height: tuple[float, float],
-    reasons: dict[str, str],
-    scale_std: float,
-    *,
-    worst_std: float = _WORST_STD,
+    fused: Fused, height: Height, reasons: dict[str, str], scale_std: float, *, worst_std: float = _WORST_STD
 ) -> MeasuredObject:
     """Make a box or a face of its lines and ends, through their covariance.
 
@@ -133,10 +129,9 @@ def from_faces(
             refused[k] = f"{why}: {at[k]:.0f} ± {std[k]:.0f} mm; turn the object or move the rig"
     kept = sorted((k for k in range(n) if k not in refused), key=lambda k: -at[k])
     p, whole = corners_mm(fused.x), n == 2 and len(kept) == 2
-    if n == 1:
-        reasons = {**reasons, "length": _ONE_FACE}
+    reasons = {**reasons, "length": _ONE_FACE} if n == 1 else dict(reasons)
     for k, why in refused.items():
-        reasons = {**reasons, ("length" if n == 2 and len(refused) < 2 else ("width", "length")[k]): why}
+        reasons["length" if n == 2 and len(refused) < 2 else ("width", "length")[k]] = why
     size, covariance = _with_height(height)
     known = [0, 1] if whole else [1][: len(kept)]
     size[known] = at[kept]
@@ -159,9 +154,7 @@ def _sides_and_places(x: Float64) -> Float64:
     return np.hstack([sides, (p[:, 0] + p[:, -1]) / 2, middles.reshape(len(x), -1), x[:, :1]])
 
 
-def from_scan(
-    footprint: Footprint, laser: LaserOnFloor, height: tuple[float, float], reasons: dict[str, str]
-) -> MeasuredObject:
+def from_scan(footprint: Footprint, laser: LaserOnFloor, height: Height, reasons: dict[str, str]) -> MeasuredObject:
     """Make an object of what has no straight face in the scan: a circle where it is one, else an irregular outline.
 
     Parameters
@@ -196,7 +189,7 @@ def from_scan(
     return MeasuredObject(shape, size, covariance, centre, spread, np.nan, np.nan, outline, sources, reasons)
 
 
-def from_region(region: ObjectRegion, height: tuple[float, float], reasons: dict[str, str]) -> MeasuredObject:
+def from_region(region: ObjectRegion, height: Height, reasons: dict[str, str]) -> MeasuredObject:
     """Make an object of what the picture shows without a straight face: its place, and a height where there is one.
 
     Parameters
@@ -219,12 +212,12 @@ def from_region(region: ObjectRegion, height: tuple[float, float], reasons: dict
     )
 
 
-def _with_height(height: tuple[float, float]) -> tuple[Float64, Float64]:
+def _with_height(height: Height) -> tuple[Float64, Float64]:
     """Sizes (3,) and their covariance (3, 3) with the height alone known."""
     covariance = np.full((3, 3), np.nan)
     covariance[2, 2] = height[1] ** 2
     return np.array([np.nan, np.nan, height[0]]), covariance
 
 
-def _height_source(height: tuple[float, float]) -> dict[str, str]:
+def _height_source(height: Height) -> dict[str, str]:
     return {"height": "image"} if np.isfinite(height[0]) else {}

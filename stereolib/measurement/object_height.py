@@ -167,11 +167,6 @@ def _level_lines_mm(floor: Floor, face: Face, heights: Float64) -> Float64:
     return np.asarray(ground + (heights - floor.camera_height_mm)[:, None, None] * floor.axes[2])
 
 
-def _row(floor: Floor, faces: tuple[Face, ...], height_mm: float) -> float:
-    """Row of the near edge at a height, px."""
-    return float(floor.pixels(np.array([[*_near(faces), height_mm]]))[0, 1])
-
-
 def _near(faces: tuple[Face, ...]) -> Float64:
     """Where the near vertical edge stands on the floor, or the nearest end of a single face. (2,) mm."""
     if len(faces) == 2:

@@ -108,8 +108,7 @@ class Camera:
         array([[100.,  50.]])
         """
         uv = np.asarray(pixels, float).reshape(-1, 2)
-        target = (uv - self.K[:2, 2]) @ np.linalg.inv(self.K[:2, :2]).T
-        target = _tilted(target, self.dist, inverse=True)
+        target = _tilted((uv - self.K[:2, 2]) @ np.linalg.inv(self.K[:2, :2]).T, self.dist, inverse=True)
         limit = self.fold_radius
         xy = target * np.minimum(1.0, _START_INSIDE * limit / np.maximum(np.hypot(*target.T), 1e-12))[:, None]
         for _ in range(_NEWTON_STEPS):

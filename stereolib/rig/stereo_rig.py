@@ -215,10 +215,8 @@ class RectifiedRig:
     @cached_property
     def maps(self) -> tuple[RemapTables, RemapTables]:
         """Fixed-point lookup maps of `cv2.remap` for the left and the right image, computed once."""
-        left, right = (
-            cv2.initUndistortRectifyMap(c.K, c.dist, R, P, self.size, cv2.CV_16SC2)
-            for c, R, P in ((self.rig.left, self.R1, self.P1), (self.rig.right, self.R2, self.P2))
-        )
+        sides = (self.rig.left, self.R1, self.P1), (self.rig.right, self.R2, self.P2)
+        left, right = (cv2.initUndistortRectifyMap(c.K, c.dist, R, P, self.size, cv2.CV_16SC2) for c, R, P in sides)
         return left, right
 
     def rectify(self, left: UInt8, right: UInt8) -> tuple[UInt8, UInt8]:

@@ -162,7 +162,8 @@ def _relative(views: BoardViews, left: Camera, right: Camera, flags: int) -> tup
     shared = np.isfinite(views.left_px) & np.isfinite(views.right_px)
     points, first = _lists(views.board, np.where(shared, views.left_px, np.nan))
     _, second = _lists(views.board, np.where(shared, views.right_px, np.nan))
-    lenses = [part for camera in (left, right) for part in (camera.K.copy(), _padded(camera.dist))]
+    dists = [np.pad(camera.dist, (0, max(0, 5 - camera.dist.size)))[None] for camera in (left, right)]
+    lenses = left.K.copy(), dists[0], right.K.copy(), dists[1]
     flags |= cv2.CALIB_FIX_INTRINSIC
     stereo: Any = cv2.stereoCalibrate  # whose type stubs do not allow for vectors
     _, _, _, _, _, R, T, *_ = stereo(points, first, second, *lenses, views.size, flags=flags, criteria=_until(_STEPS))
@@ -202,7 +203,3 @@ def _lists(board: Board, corners_px: Floats) -> tuple[list[Float32], list[Float3
     known: Bools = np.asarray(np.isfinite(corners_px).all(axis=-1))
     points = [board.points_mm[at] for at in known]
     return points, [c[at].astype(np.float32).reshape(-1, 1, 2) for c, at in zip(corners_px, known, strict=True)]
-
-
-def _padded(dist: Float64) -> Float64:
-    return np.pad(dist, (0, max(0, 5 - dist.size)))[None].copy()

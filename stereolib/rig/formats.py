@@ -179,8 +179,7 @@ def load_ros(left: AnyPath, right: AnyPath) -> StereoRig:
     with naming(left, right):
         if not np.linalg.norm(shifts[1]) > 0:
             raise ValueError("the right camera's projection matrix holds no baseline: is it one of a stereo pair?")
-        R, T = turns[1].T @ turns[0], turns[1].T @ (shifts[1] - shifts[0])
-        return StereoRig(cameras[0], cameras[1], R, T)
+        return StereoRig(cameras[0], cameras[1], turns[1].T @ turns[0], turns[1].T @ (shifts[1] - shifts[0]))
 
 
 def save_kalibr(path: AnyPath, rig: StereoRig) -> Path:
@@ -242,8 +241,9 @@ def load_kalibr(path: AnyPath) -> StereoRig:
             entry = need(chain, name)
             models = (need(entry, "camera_model"), need(entry, "distortion_model"))
             if models not in (("pinhole", "radtan"), ("pinhole", "none")):
-                lens = " with ".join(map(str, models))
-                raise ValueError(f"{name} is {lens}; only pinhole with radtan is OpenCV's lens")
+                raise ValueError(
+                    f"{name} is {' with '.join(map(str, models))}; only pinhole with radtan is OpenCV's lens"
+                )
             fx, fy, cx, cy = numbers(need(entry, "intrinsics"))
             K = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
             cameras.append(Camera(K, numbers(entry.get("distortion_coeffs", ())), need(entry, "resolution")))

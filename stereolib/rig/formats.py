@@ -241,9 +241,8 @@ def load_kalibr(path: AnyPath) -> StereoRig:
             entry = need(chain, name)
             models = (need(entry, "camera_model"), need(entry, "distortion_model"))
             if models not in (("pinhole", "radtan"), ("pinhole", "none")):
-                raise ValueError(
-                    f"{name} is {' with '.join(map(str, models))}; only pinhole with radtan is OpenCV's lens"
-                )
+                lens = " with ".join(map(str, models))
+                raise ValueError(f"{name} is {lens}; only pinhole with radtan is OpenCV's lens")
             fx, fy, cx, cy = numbers(need(entry, "intrinsics"))
             K = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
             cameras.append(Camera(K, numbers(entry.get("distortion_coeffs", ())), need(entry, "resolution")))

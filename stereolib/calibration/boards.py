@@ -353,7 +353,9 @@ def pair_views(
     if not both and isinstance(board, Charuco):
         markers = f"{board.dictionary}, {board.marker_mm:g} mm on squares of {board.square_mm:g} mm"
         why = f"no ChArUco board of {pattern} with markers of {markers}, was found in both views of any of {listed}"
-        raise ValueError(f"{why}: is the dictionary right, is the board legacy (before OpenCV 4.6), has it markers?")
+        raise ValueError(
+            f"{why}: is the dictionary right, is the board legacy (before OpenCV 4.6), or has it no markers?"
+        )
     if not both:
         why = f"no board of {pattern} was found in both views of any of {listed}: count inner corners, not squares"
         raise ValueError(f"{why}, and keep the whole board with a white rim in view; give markers' size if it has any")

@@ -126,9 +126,7 @@ def board_size_error_pct(points_mm: Floats, board: Board) -> tuple[float, float]
     shape = board.rows, board.columns, 3
     measured, true = points_mm.reshape(shape), board.points_mm.astype(float).reshape(shape)
     true = np.where(np.isfinite(measured), true, np.nan)  # the same corners on both
-    rows, columns = (
-        (_spans(a), _spans(b)) for a, b in ((measured, true), (measured.swapaxes(0, 1), true.swapaxes(0, 1)))
-    )
+    rows, columns = ([_spans(grid.swapaxes(0, axis)) for grid in (measured, true)] for axis in (0, 1))
     longer = rows if board.columns >= board.rows else columns
     both = rows[0] + columns[0], rows[1] + columns[1]
     square_pct, board_pct = (100 * (a / b - 1) if b else np.nan for a, b in (both, longer))

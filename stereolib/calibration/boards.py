@@ -50,10 +50,8 @@ class Checkerboard:
         if self.columns < 3 or self.rows < 3:
             raise ValueError(f"a checkerboard needs at least 3x3 inner corners, got {self.columns}x{self.rows}")
         if self.columns == self.rows:
-            raise ValueError(
-                f"a board of {self.columns}x{self.rows} inner corners looks the same after a quarter turn, so the two "
-                f"views' corners cannot be matched safely: use one with different numbers of columns and rows"
-            )
+            why = f"a board of {self.columns}x{self.rows} inner corners looks the same after a quarter turn"
+            raise ValueError(f"{why}: use one with different numbers of columns and rows")
         if not (np.isfinite(self.square_mm) and self.square_mm > 0):
             raise ValueError(f"the square's edge must be a positive number of mm, got {self.square_mm}")
         if not _ASPECTS[0] < self.aspect < _ASPECTS[1]:
@@ -95,9 +93,8 @@ class Charuco:
         if self.columns < 2 or self.rows < 2:
             raise ValueError(f"a ChArUco board needs at least 2x2 inner corners, got {self.columns}x{self.rows}")
         if not 0 < self.marker_mm < self.square_mm < np.inf:
-            raise ValueError(
-                f"a marker must be smaller than its square, both in mm, got {self.marker_mm} and {self.square_mm}"
-            )
+            why = "a marker must be smaller than its square, both in mm"
+            raise ValueError(f"{why}, got {self.marker_mm} and {self.square_mm}")
         if not hasattr(cv2.aruco, f"DICT_{self.dictionary}"):
             raise ValueError(f"unknown ArUco dictionary {self.dictionary!r}; one is called 5X5_100")
 
@@ -186,9 +183,7 @@ def find_checkerboard(image: UInt8, board: Checkerboard) -> Float32 | None:
     if not found:
         flags = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_FAST_CHECK
         found, corners = cv2.findChessboardCorners(grey, inner, flags=flags)
-    if not found:
-        return None
-    return _refined(grey, corners.reshape(-1, 2), board)
+    return _refined(grey, corners.reshape(-1, 2), board) if found else None
 
 
 def find_charuco(image: UInt8, board: Charuco) -> Float32 | None:
@@ -288,10 +283,8 @@ def find_in_pairs(
     for (left, right), name in zip(pairs, names, strict=True):
         check_pair(left, right, names=(f"{name} (left)", f"{name} (right)"))
         if left.shape[:2] != pairs[0][0].shape[:2]:
-            raise ValueError(
-                f"{name} is {left.shape[1]}x{left.shape[0]}, {names[0]} is "
-                f"{pairs[0][0].shape[1]}x{pairs[0][0].shape[0]}: all pairs must have one size"
-            )
+            sizes = [f"{image.shape[1]}x{image.shape[0]}" for image in (left, pairs[0][0])]
+            raise ValueError(f"{name} is {sizes[0]}, {names[0]} is {sizes[1]}: all pairs must have one size")
     images = [image for pair in pairs for image in pair]
     corners = list(over_cores(lambda image: find_board(image, board), images, "finding boards", progress=progress))
     return pair_views(corners, board, names, pairs[0][0].shape[1::-1])
@@ -322,9 +315,8 @@ def over_cores(task: Callable[[Any], Any], items: Sequence[Any], what: str, *, p
     threads = cv2.getNumThreads()
     cv2.setNumThreads(1)
     try:
-        running = Parallel(n_jobs=cpu_count(), prefer="threads", return_as="generator")(
-            delayed(task)(item) for item in items
-        )
+        parallel = Parallel(n_jobs=cpu_count(), prefer="threads", return_as="generator")
+        running = parallel(delayed(task)(item) for item in items)
         yield from tqdm(running, what, len(items), unit="view", disable=not progress, leave=False)
     finally:
         cv2.setNumThreads(threads)
@@ -353,29 +345,23 @@ def pair_views(
     ValueError
         If there is no such pair; they are named.
     """
-    count = len(names)
-    both = {
-        i: (left, right)
-        for i, (left, right) in enumerate(zip(corners[::2], corners[1::2], strict=True))
-        if left is not None and right is not None
-    }
-    missing = tuple(names[i] for i in range(count) if i not in both)
+    views = list(zip(names, corners[::2], corners[1::2], strict=True))
+    both = [(name, left, right) for name, left, right in views if left is not None and right is not None]
+    missing = tuple(name for name, left, right in views if left is None or right is None)
+    pattern = f"{board.columns}x{board.rows} inner corners"
+    listed = f"{len(names)} pairs ({', '.join(names[:5])}{', ...' if len(names) > 5 else ''})"
     if not both and isinstance(board, Charuco):
+        markers = f"{board.dictionary}, {board.marker_mm:g} mm on squares of {board.square_mm:g} mm"
+        why = f"no ChArUco board of {pattern} with markers of {markers}, was found in both views of any of {listed}"
         raise ValueError(
-            f"no ChArUco board of {board.columns}x{board.rows} inner corners with markers of {board.dictionary}, "
-            f"{board.marker_mm:g} mm on squares of {board.square_mm:g} mm, was found in both views of any of {count} "
-            f"pairs: is the dictionary right, is the board legacy (printed by OpenCV before 4.6), or has it no markers?"
+            f"{why}: is the dictionary right, is the board legacy (before OpenCV 4.6), or has it no markers?"
         )
     if not both:
-        raise ValueError(
-            f"no board of {board.columns}x{board.rows} inner corners was found in both views of any of "
-            f"{count} pairs ({', '.join(names[:5])}{', ...' if len(names) > 5 else ''}): count inner corners, "
-            f"not squares, and keep the whole board with a white rim in view (a board with markers in its squares is "
-            f"found by them: give their size)"
-        )
-    left_px = np.stack([left for left, _ in both.values()])
-    right_px = np.stack([match_order(left, right) for left, right in both.values()])
-    return BoardViews(board, size, left_px, right_px, tuple(names[i] for i in both), missing)
+        why = f"no board of {pattern} was found in both views of any of {listed}: count inner corners, not squares"
+        raise ValueError(f"{why}, and keep the whole board with a white rim in view; give markers' size if it has any")
+    left_px = np.stack([left for _, left, _ in both])
+    right_px = np.stack([match_order(left, right) for _, left, right in both])
+    return BoardViews(board, size, left_px, right_px, tuple(name for name, _, _ in both), missing)
 
 
 def _grid(columns: int, rows: int, width_mm: float, height_mm: float) -> Float32:

@@ -8,6 +8,7 @@ pairs (Triggs et al., Bundle adjustment: a modern synthesis, 2000, section 6).
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 
 import cv2
@@ -117,11 +118,9 @@ def fit_rig(views: BoardViews, rig: StereoRig, *, iterations: int = 30, free: bo
         while gain < 0 and damping < _MOST_DAMPING:
             total = now.normal.sum(axis=0)
             step = _solve(total + damping * np.diag(np.diag(total)), now.gradient.sum(axis=0))
-            try:
+            with suppress(ValueError):  # a step out of what a camera can be gains nothing
                 trial = _linearise(views, moved_rig(now.rig, step), *_pose_step(now, step))
                 gain = before - float((trial.residuals_px**2).sum())
-            except ValueError:  # a step out of what a camera can be
-                gain = -1.0
             damping *= 0.1 if gain >= 0 else 10.0
         if gain < 0:
             break

@@ -136,19 +136,13 @@ def _regions(masks: list[Bools]) -> list[str]:
 
     In either, because a board near the left rim of the left image is out of the right camera's sight.
     """
-    empty: Bools = np.ones((3, 3), bool)
-    for mask in masks:
-        for i, band in enumerate(np.array_split(mask, 3, axis=0)):
-            for j, part in enumerate(np.array_split(band, 3, axis=1)):
-                empty[i, j] &= part.mean() < _REGION_SHARE
+    ninths = [[np.array_split(band, 3, axis=1) for band in np.array_split(mask, 3)] for mask in masks]
+    empty = np.all([[[part.mean() < _REGION_SHARE for part in row] for row in mask] for mask in ninths], axis=0)
     if not empty[1, 1] and empty[[0, 2]].all() and empty[1, [0, 2]].any():
         return ["no views outside the centre"]
     missing = []
-    for names, lines in ((_ROWS, empty), (_COLUMNS, empty.T)):
-        missing += [f"no views in the {name} third" for name, line in zip(names, lines, strict=True) if line.all()]
-    rows, columns = np.all(empty, axis=1, keepdims=True), np.all(empty, axis=0, keepdims=True)
-    whole = empty & (rows | columns)
-    for i, j in np.argwhere(empty & ~whole):
-        name = "centre" if i == j == 1 else f"{_ROWS[i]} {_COLUMNS[j]}"
-        missing.append(f"no views in the {name}")
-    return missing
+    for thirds, lines in ((_ROWS, empty), (_COLUMNS, empty.T)):
+        missing += [f"no views in the {name} third" for name, line in zip(thirds, lines, strict=True) if line.all()]
+    alone = np.argwhere(empty & ~empty.all(axis=1, keepdims=True) & ~empty.all(axis=0))
+    names = ("centre" if i == j == 1 else f"{_ROWS[i]} {_COLUMNS[j]}" for i, j in alone)
+    return missing + [f"no views in the {name}" for name in names]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import io
 from collections.abc import Sequence
+from contextlib import suppress
 from functools import partial
 from os import PathLike
 from pathlib import Path
@@ -20,17 +21,11 @@ CACHE = ".stereolib_corners"
 _VERSION = 2  # of the detector: a change of its results must change it
 _CACHE_LIMIT_BYTES = 2**20  # corners of a board are some kB
 _LISTED = 20  # lines of an error's list, a screen
+Files = Sequence[str | PathLike[str]]
 View = tuple[Float32 | None, tuple[int, int]]
 
 
-def find_in_files(
-    left: Sequence[str | PathLike[str]],
-    right: Sequence[str | PathLike[str]],
-    board: Board,
-    *,
-    cache: bool = True,
-    progress: bool = True,
-) -> BoardViews:
+def find_in_files(left: Files, right: Files, board: Board, *, cache: bool = True, progress: bool = True) -> BoardViews:
     """Find the board in paired image files; pairs carry the left files' names.
 
     Each view is kept as soon as it is done (`CACHE`, by the sha256 of the file's bytes), so that an interruption
@@ -58,8 +53,7 @@ def find_in_files(
     if len(left) != len(right) or not len(left):
         raise ValueError(f"expected as many right images as left ones, got {len(left)} left and {len(right)} right")
     files = [Path(file) for pair in zip(left, right, strict=True) for file in pair]
-    search = partial(_find, board=board, cache=cache)
-    results = list(over_cores(search, files, "finding boards", progress=progress))
+    results = list(over_cores(partial(_find, board=board, cache=cache), files, "finding boards", progress=progress))
     if wrong := [text for text in results if isinstance(text, str)]:
         raise ValueError(f"{len(wrong)} of {len(files)} files are no readable images:{_lines(wrong)}")
     sizes = [result[1] for result in results]
@@ -94,19 +88,17 @@ def _find(file: Path, *, board: Board, cache: bool) -> View | str:
 
 def _sought(board: Board) -> str:
     """All that a search depends on: a board's pattern, not its size in mm."""
-    pattern = f"{board.columns}x{board.rows}"
-    if isinstance(board, Charuco):
-        pattern += f" {board.dictionary} {board.marker_mm / board.square_mm:.6f}{' legacy' * board.legacy}"
-    return pattern
+    if not isinstance(board, Charuco):
+        return f"{board.columns}x{board.rows}"
+    markers = f"{board.dictionary} {board.marker_mm / board.square_mm:.6f}{' legacy' * board.legacy}"
+    return f"{board.columns}x{board.rows} {markers}"
 
 
 def _keep(kept: Path, corners: Float32 | None, size: tuple[int, int]) -> None:
     stream = io.BytesIO()
     np.savez(stream, corners=np.zeros((0, 2), np.float32) if corners is None else corners, size=np.array(size))
-    try:
+    with suppress(OSError, ValueError):  # a folder for reading only: nothing is lost but time
         write_atomic(kept, stream.getvalue())
-    except (OSError, ValueError):
-        return  # a folder for reading only: nothing is lost but time
 
 
 def _load(kept: Path, board: Board) -> View | None:

@@ -122,10 +122,10 @@ class Diagnosis:
     worst_pair_px: float
     folds: tuple[str, ...]
     lenses: tuple[HoldOut, ...]
-    checks: tuple[Check, ...]
-    warnings: tuple[str, ...]
-    verdict: str
-    reasons: tuple[str, ...]
+    checks: tuple[Check, ...] = ()
+    warnings: tuple[str, ...] = ()
+    verdict: str = ""
+    reasons: tuple[str, ...] = ()
 
     @property
     def pairs_used(self) -> tuple[str, ...]:
@@ -201,10 +201,6 @@ def diagnose(
         worst_pair_px=float(epipolar[worst]),
         folds=tuple(f"the {side} lens {fold}" for side, fold in folds),
         lenses=tuple(neighbour_errors(used, fit, model)) if len(used) >= _FEW_PAIRS else (),
-        checks=(),
-        warnings=(),
-        verdict="",
-        reasons=(),
     )
     diagnosis = replace(diagnosis, checks=_checks(diagnosis))
     findings = [  # causes before what they cause
@@ -232,11 +228,9 @@ def _set_findings(diagnosis: Diagnosis, moved: tuple[str, ...], ruler_mm: float 
         findings.append((level, f"{len(lone)} of {total} pairs were left out: {listed}"))
     baseline, square = diagnosis.rig.baseline_mm, diagnosis.views.board.square_mm
     if ruler_mm is not None and abs(baseline / ruler_mm - 1) > max(_RULER[0], _RULER[1] / ruler_mm):
-        text = (
-            f"the board or the ruler is measured wrong: the baseline comes out {baseline:.1f} mm, the ruler says "
-            f"{ruler_mm:.1f} mm, so the squares would be {square * ruler_mm / baseline:.2f} mm and not {square:g} mm"
-        )
-        findings.append((2, text))
+        text = f"the baseline comes out {baseline:.1f} mm, the ruler says {ruler_mm:.1f} mm"
+        squares = f"so the squares would be {square * ruler_mm / baseline:.2f} mm and not {square:g} mm"
+        findings.append((2, f"the board or the ruler is measured wrong: {text}, {squares}"))
     if not _SQUARES_MM[0] <= square <= _SQUARES_MM[1]:
         text = f"squares of {square:g} mm and a baseline of {baseline:.3g} mm"
         findings.append((0, f"{text}: was the square's edge given in millimetres?"))
@@ -249,8 +243,8 @@ def _coverage_findings(diagnosis: Diagnosis) -> list[Finding]:
     count, coverage = len(diagnosis.views), diagnosis.coverage
     if count < _FEW_PAIRS:
         findings.append((1, f"{count} pairs are few: {_FEW_PAIRS} or more make the result trustworthy"))
-    for text in coverage.missing:
-        findings.append((1, f"{text}: hold the board there in some pictures" if "no views" in text else text))
+    remedy = ": hold the board there in some pictures"
+    findings += [(1, text + remedy * ("no views" in text)) for text in coverage.missing]
     if coverage.image < _LITTLE_IMAGE:
         findings.append((1, f"the boards cover only {100 * coverage.image:.0f} % of the images: hold them nearer"))
     return findings
@@ -300,11 +294,9 @@ def _board_findings(used: BoardViews, fit: RigFit) -> list[Finding]:
     off, std = 100 * stretch / board.aspect, 100 * np.sqrt((len(others) - 1) * np.var(others))
     than, aspect = "they are wide" if board.aspect == 1 else "given", board.aspect + stretch
     wide = 2 * board.square_mm / (1 + aspect)
-    text = (
-        f"the board's squares come out {abs(off):.1f} % {'higher' if off > 0 else 'lower'} than {than} (± {std:.2f} %; "
-        f"width runs along the {board.columns} corners): measure both sides of the board and give a square's "
-        f"width x height, as --square-mm {wide:.2f}x{wide * aspect:.2f}"
-    )
+    text = f"the board's squares come out {abs(off):.1f} % {'higher' if off > 0 else 'lower'} than {than}"
+    remedy = "measure both sides of the board and give a square's width x height, as --square-mm"
+    text += f" (± {std:.2f} %; width runs along the {board.columns} corners): {remedy} {wide:.2f}x{wide * aspect:.2f}"
     return [(1, text)]
 
 

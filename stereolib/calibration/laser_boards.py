@@ -78,22 +78,17 @@ def find_board_in_scan(
     ValueError
         If no object in the scan, or more than one, could be the board.
     """
-    fitting = [
-        part
-        for part in find_segments(scan, sigma=sigma)
-        if part.kind == "object"
-        and part.extent_mm < _LONGER * diagonal_mm
-        and fit_line(part.points_mm).rms_mm < _FLAT_MM
-    ]
+    things = [part for part in find_segments(scan, sigma=sigma) if part.kind == "object"]
+    short = [part for part in things if part.extent_mm < _LONGER * diagonal_mm]
+    fitting = [part for part in short if fit_line(part.points_mm).rms_mm < _FLAT_MM]
     if len(fitting) > 1 and expected is not None:
         R, t = np.asarray(expected, float)[:3, :2], np.asarray(expected, float)[:3, 3]
         off = [np.linalg.norm(R @ part.points_mm.mean(axis=0) + t - T_left_board[:3, 3]) for part in fitting]
         fitting = [fitting[int(np.argmin(off))]]
     if len(fitting) != 1:
-        raise ValueError(
-            f"{len(fitting)} things in the scan could be the board (straight, at most {diagonal_mm:.0f} mm long): see "
-            f"that the laser's plane cuts it and nothing like it stands near, or give the expected pose"
-        )
+        why = f"{len(fitting)} things in the scan could be the board (straight, at most {diagonal_mm:.0f} mm long)"
+        remedy = "see that the laser's plane cuts it and nothing like it stands near"
+        raise ValueError(f"{why}: {remedy}, or give the expected pose")
     return LaserBoardView(T_left_board, fitting[0].points_mm, fitting[0].sigma_mm)
 
 

@@ -110,9 +110,8 @@ def calibrate_lidar_to_camera(
     height.
     """
     if len(views) < _LEAST_POSES:
-        raise ValueError(
-            f"at least {_LEAST_POSES} poses of the board are needed, got {len(views)}; 8 to 12 make a good calibration"
-        )
+        why = f"at least {_LEAST_POSES} poses of the board are needed, got {len(views)}"
+        raise ValueError(f"{why}; 8 to 12 make a good calibration")
     if start is None:
         starts = [pose_left_world(0.0, 0.0)[:3, :3] @ _turn([0, 0, angle]) for angle in np.radians([0, 90, 180, 270])]
         fits = [_solve(views, rigid(R, np.zeros(3)), board_std_mm, bias_mm) for R in starts]
@@ -145,14 +144,10 @@ def _contradiction(views: Sequence[LaserBoardView], pose: Float64, board_std_mm:
         left.append(float(_misses(others, _solve(others, pose, board_std_mm, bias_mm)[2]).max()))
     k = int(np.argmin(left))
     if left[k] > _CONTRADICTS:
-        return (
-            f"the {len(views)} views contradict each other, and leaving out any one does not mend it: see that "
-            f"pictures and scans belong together, and that the readings lie on the board"
-        )
-    return (
-        f"view {k + 1} of {len(views)} contradicts the others, which agree without it: the board moved between picture "
-        f"and scan, or the readings lie on something else; leave it out"
-    )
+        remedy = "see that pictures and scans belong together, and that the readings lie on the board"
+        return f"the {len(views)} views contradict each other, and leaving out any one does not mend it: {remedy}"
+    why = "the board moved between picture and scan, or the readings lie on something else; leave it out"
+    return f"view {k + 1} of {len(views)} contradicts the others, which agree without it: {why}"
 
 
 def _toward(views: Sequence[LaserBoardView]) -> Float64:
@@ -184,6 +179,10 @@ def _solve(
     def at(x: Float64) -> Float64:
         return np.asarray(start @ rigid(_turn(x[:3]), x[3:]))
 
+    def off(x: Float64, weight: Float64) -> Float64:
+        pose = at(x)
+        return np.asarray(((p @ pose[:3, :3].T + pose[:3, 3]) * n).sum(axis=1) * weight - d * weight)
+
     def whitened(pose: Float64) -> tuple[Float64, Float64]:
         m = n @ pose[:3, :3]
         facing = np.maximum(np.abs((m * beam).sum(axis=1)), _LEAST_FACING)
@@ -196,12 +195,7 @@ def _solve(
     pose = start
     for _ in range(_ROUNDS):  # the weights follow the pose
         weight = np.linalg.norm(whitened(pose)[0][:, 3:], axis=1)
-        fit = least_squares(
-            lambda x, w=weight: ((p @ at(x)[:3, :3].T + at(x)[:3, 3]) * n).sum(axis=1) * w - d * w,
-            np.zeros(6),
-            x_scale=_STEP_SCALE,
-            max_nfev=_MOST_STEPS,
-        )
+        fit = least_squares(off, np.zeros(6), args=(weight,), x_scale=_STEP_SCALE, max_nfev=_MOST_STEPS)
         pose = at(fit.x)
         for _ in range(_POLISH_STEPS):
             m = n @ pose[:3, :3]
@@ -230,10 +224,8 @@ def _check_observable(views: Sequence[LaserBoardView], pose: Float64, J: Float64
         return
     direction = ("forward", "sideways", "up")[int(motion.argmax())]
     advice = _advice_for_height(views, pose) if direction == "up" else _advice_for_place(views, pose)
-    raise ValueError(
-        f"these {len(views)} poses leave open where the scan lies: {direction}, its points at 0.5 to 1.2 m are "
-        f"uncertain by {min(worst, 9999):.0f} mm ({max_std_mm:g} mm are allowed): {advice}"
-    )
+    why = f"these {len(views)} poses leave open where the scan lies: {direction}, its points at 0.5 to 1.2 m are"
+    raise ValueError(f"{why} uncertain by {min(worst, 9999):.0f} mm ({max_std_mm:g} mm are allowed): {advice}")
 
 
 def _facing(views: Sequence[LaserBoardView], pose: Float64) -> Float64:
@@ -257,7 +249,5 @@ def _advice_for_place(views: Sequence[LaserBoardView], pose: Float64) -> str:
     spread = float(np.ptp((facing - facing[0] + 90) % 180))
     if spread >= _SPREAD_DEG:
         return "the boards stand too close together: hold some to the left, to the right, nearer and farther"
-    return (
-        f"the boards face nearly the same way (within {spread:.0f} degrees): turn some 30 to 45 degrees to the "
-        f"left, and some to the right"
-    )
+    remedy = "turn some 30 to 45 degrees to the left, and some to the right"
+    return f"the boards face nearly the same way (within {spread:.0f} degrees): {remedy}"

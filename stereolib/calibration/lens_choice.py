@@ -105,12 +105,9 @@ def hold_out_errors(
             fitted = fit_rig(known, longer) if longer else calibrate_stereo(known, model=model).fit
             rig = fitted.rig
             held = fit_rig(unknown, rig, free=False)
-            sums = [((f.residuals_px**2).sum(), f.seen.sum()) for f in (fitted, held)]
-            squares[model] += np.array(sums).ravel()
-    return [
-        HoldOut(model, LENS_MODELS[model][0], float(np.sqrt(a / m)), float(np.sqrt(b / n)))
-        for model, (a, m, b, n) in squares.items()
-    ]
+            squares[model] += [sum_ for f in (fitted, held) for sum_ in ((f.residuals_px**2).sum(), f.seen.sum())]
+    rms = {model: (float(np.sqrt(a / m)), float(np.sqrt(b / n))) for model, (a, m, b, n) in squares.items()}
+    return [HoldOut(model, LENS_MODELS[model][0], *errors) for model, errors in rms.items()]
 
 
 def left_out_rms_px(fitted: RigFit) -> float:

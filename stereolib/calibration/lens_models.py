@@ -83,11 +83,8 @@ def fold_inside(camera: Camera) -> LensFold | None:
     lost[outside] = ~np.isfinite(camera.rays(np.column_stack([u[outside], v[outside]]))[:, 0])
     if not lost.any():
         return None
-    corners = (
-        (f"{row} {column}", int(part.sum()))
-        for row, band in zip(("upper", "lower"), np.array_split(lost, 2), strict=True)
-        for column, part in zip(("left", "right"), np.array_split(band, 2, axis=1), strict=True)
-    )
-    where = " and ".join(f"{name} corner ({count} px)" for name, count in corners if count)
+    parts = [part for band in np.array_split(lost, 2) for part in np.array_split(band, 2, axis=1)]
+    corners = zip(("upper left", "upper right", "lower left", "lower right"), parts, strict=True)
+    where = " and ".join(f"{name} corner ({part.sum()} px)" for name, part in corners if part.any())
     far = np.hypot(u - camera.K[0, 2], v - camera.K[1, 2])[lost].min()
     return LensFold(where, int(lost.sum()), float(far), float(lost.mean()))

@@ -90,10 +90,9 @@ def sort_pairs(views: BoardViews, model: str = "brown3") -> SortedPairs:
     groups = _groups(views, able, left.camera, right.camera, max(_AGREE * noise, _LEAST_AGREE_PX))
     if not groups or len(groups[0]) < max(_MIN_GROUP, len(views) / _LEAST_SHARE):
         most = len(groups[0]) if groups else 0
-        raise ValueError(
-            f"the pairs do not belong together: at most {most} of {len(views)} agree on where the right camera "
-            f"stands. Are left and right files of the same moments, in the same order? Is one camera upside down?"
-        )
+        why = f"the pairs do not belong together: at most {most} of {len(views)} agree on where the right camera stands"
+        remedy = "Are left and right files of the same moments, in the same order? Is one camera upside down?"
+        raise ValueError(f"{why}. {remedy}")
     calibration, inside = _settled(views, groups[0], able, model)
     others = [rest for g in groups[1:] if len(rest := np.setdiff1d(g, inside)) >= _MIN_GROUP]
     pair_rms = _tried(views, calibration)
@@ -102,35 +101,27 @@ def sort_pairs(views: BoardViews, model: str = "brown3") -> SortedPairs:
         far = _movement(calibration, _settled(views, group, group, model)[0])
         moved.append(f"{len(group)} pairs were taken with the rig in another position ({far})")
         refused |= {int(k): f"belongs to position {number} of the rig, {far} from the first" for k in group}
-    for k in able:
-        if k not in inside and k not in refused:
-            refused[int(k)] = (
-                f"left and right do not fit together ({pair_rms[k]:.2f} px): the board moved between the shutters, "
-                f"or these are two different moments"
-            )
+    why = "the board moved between the shutters, or these are two different moments"
+    misfits = [int(k) for k in able if k not in inside and k not in refused]
+    refused |= {k: f"left and right do not fit together ({pair_rms[k]:.2f} px): {why}" for k in misfits}
     return SortedPairs(calibration, tuple(tuple(g.tolist()) for g in (inside, *others)), refused, tuple(moved))
 
 
 def _refuse_few(views: BoardViews) -> None:
     """Too few pairs, or too few different ones, or one camera twice."""
     if len(views) < _MIN_GROUP:
-        raise ValueError(
-            f"{len(views)} pairs of the board are too few ({', '.join(views.names)}): at least 3 with different tilts "
-            f"are needed, and 15 to 30 give a trustworthy rig"
-        )
+        why = f"{len(views)} pairs of the board are too few ({', '.join(views.names)})"
+        raise ValueError(f"{why}: at least 3 with different tilts are needed, and 15 to 30 give a trustworthy rig")
     if np.nanmedian(np.abs(views.left_px - views.right_px)) < _SAME_PX:
-        raise ValueError(
-            "left and right are the same pictures: the board is at the same place in both. Was one folder copied twice?"
-        )
+        why = "left and right are the same pictures: the board is at the same place in both"
+        raise ValueError(f"{why}. Was one folder copied twice?")
     different: list[Float64] = []
     for corners in np.asarray(views.left_px, float):
         if all(not np.nanmax(np.abs(corners - other), initial=0) < _STILL_PX for other in different):
             different.append(corners)
     if len(different) < _MIN_GROUP:
-        raise ValueError(
-            f"the {len(views)} pairs show the board in only {len(different)} different place(s): move and tilt it "
-            f"between pictures; at least 3 places are needed, and 15 to 30 give a trustworthy rig"
-        )
+        why = f"the {len(views)} pairs show the board in only {len(different)} different place(s): move and tilt it"
+        raise ValueError(f"{why} between pictures; at least 3 places are needed, and 15 to 30 give a trustworthy rig")
 
 
 def _refuse_flat(views: BoardViews) -> None:
@@ -143,10 +134,8 @@ def _refuse_flat(views: BoardViews) -> None:
     turns = board_poses(views.board.points_mm, views.left_px, guess)[0]
     tilts = np.degrees(np.arccos(np.clip(np.abs(turns[:, 2, 2]), 0, 1)))
     if np.sort(tilts)[-max(2, len(tilts) // 5)] < _FLAT_DEG:
-        raise ValueError(
-            f"all boards fronto-parallel: hardly one of {len(views)} is tilted by more than {_FLAT_DEG:g} degrees, so "
-            f"that the focal length cannot be told from the distance; tilt the board by 20 to 40 degrees, both ways"
-        )
+        why = f"all boards fronto-parallel: hardly one of {len(views)} is tilted by more than {_FLAT_DEG:g} degrees"
+        raise ValueError(f"{why}: that hides the focal length; tilt the board by 20 to 40 degrees, both ways")
 
 
 def _single(views: BoardViews, corners_px: Floats, model: str) -> tuple[CameraCalibration, dict[int, float]]:

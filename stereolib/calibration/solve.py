@@ -95,21 +95,13 @@ def calibrate_camera(
     count, flags = _model(model)
     views = len(corners_px)
     if views < _MIN_VIEWS:
-        raise ValueError(
-            f"{views} views of the board are too few: at least {_MIN_VIEWS} with different tilts are needed, "
-            f"and 15 to 30 give a trustworthy lens"
-        )
+        why = f"{views} views of the board are too few: at least {_MIN_VIEWS} with different tilts are needed"
+        raise ValueError(f"{why}, and 15 to 30 give a trustworthy lens")
     if (np.nanmax(corners_px, axis=0) - np.nanmin(corners_px, axis=0)).max() < _SAME_PX:
         raise ValueError(f"all {views} views show the board in the same place: move and tilt it between pictures")
-    points, images = _lists(board, corners_px)
+    until = _until(_STEPS if count <= _LONG_LENS else _LONG_LENS_STEPS)
     rms, K, dist, _, _, std, _, view_rms = cv2.calibrateCameraExtended(
-        points,
-        images,
-        size,
-        None,
-        None,
-        flags=flags,
-        criteria=_until(_STEPS if count <= _LONG_LENS else _LONG_LENS_STEPS),
+        *_lists(board, corners_px), size, None, None, flags=flags, criteria=until
     )
     if not np.isfinite(rms):
         raise ValueError(f"the calibration of {views} views did not converge: are they all tilted the same way?")
@@ -147,15 +139,12 @@ def calibrate_stereo(views: BoardViews, *, model: str = "brown3", fixed: bool = 
     them it reads only k1 k2 p1 p2 k3 of a longer lens and drops the rest in silence. The joint step is `fit_rig`,
     which meets `cv2.stereoCalibrate`'s minimum in a tenth of its time (in a hundredth with 14 coefficients).
     """
-    left, right = (
-        calibrate_camera(views.board, corners, views.size, model=model) for corners in (views.left_px, views.right_px)
-    )
+    both = views.left_px, views.right_px
+    left, right = (calibrate_camera(views.board, corners, views.size, model=model) for corners in both)
     R, T = _relative(views, left.camera, right.camera, _model(model)[1])
     if T[0] > abs(T[1]):
-        raise ValueError(
-            f"the right camera comes out {T[0]:.0f} mm to the LEFT of the left one: the two image sets are "
-            f"exchanged; swap them (or both cameras hang upside down: turn all pictures by 180 degrees)"
-        )
+        why = f"the right camera comes out {T[0]:.0f} mm to the LEFT of the left one: the two image sets are exchanged"
+        raise ValueError(f"{why}; swap them (or both cameras hang upside down: turn all pictures by 180 degrees)")
     return StereoCalibration(left, right, fit_rig(views, StereoRig(left.camera, right.camera, R, T), free=not fixed))
 
 
@@ -164,7 +153,8 @@ def _relative(views: BoardViews, left: Camera, right: Camera, flags: int) -> tup
     shared = np.isfinite(views.left_px) & np.isfinite(views.right_px)
     points, first = _lists(views.board, np.where(shared, views.left_px, np.nan))
     _, second = _lists(views.board, np.where(shared, views.right_px, np.nan))
-    lenses = [part for camera in (left, right) for part in (camera.K.copy(), _padded(camera.dist))]
+    dists = [np.pad(camera.dist, (0, max(0, 5 - camera.dist.size)))[None] for camera in (left, right)]
+    lenses = left.K.copy(), dists[0], right.K.copy(), dists[1]
     flags |= cv2.CALIB_FIX_INTRINSIC
     stereo: Any = cv2.stereoCalibrate  # whose type stubs do not allow for vectors
     _, _, _, _, _, R, T, *_ = stereo(points, first, second, *lenses, views.size, flags=flags, criteria=_until(_STEPS))
@@ -204,7 +194,3 @@ def _lists(board: Board, corners_px: Floats) -> tuple[list[Float32], list[Float3
     known: Bools = np.asarray(np.isfinite(corners_px).all(axis=-1))
     points = [board.points_mm[at] for at in known]
     return points, [c[at].astype(np.float32).reshape(-1, 1, 2) for c, at in zip(corners_px, known, strict=True)]
-
-
-def _padded(dist: Float64) -> Float64:
-    return np.pad(dist, (0, max(0, 5 - dist.size)))[None].copy()

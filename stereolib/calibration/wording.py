@@ -11,7 +11,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from stereolib.base import Float64
+from stereolib.base import Float64, plus_minus
 from stereolib.calibration.boards import Board, Charuco
 from stereolib.calibration.bundle_adjustment import lens_vector
 from stereolib.calibration.diagnosis import Diagnosis
@@ -43,43 +43,25 @@ def calibration_facts(diagnosis: Diagnosis) -> dict[str, Any]:
         is None.
     """
     d, rig, std, errors = diagnosis, diagnosis.rig, diagnosis.std, diagnosis.error_map
-    told = {name: getattr(d, name) for name in ("verdict", "reasons", "warnings", "model")}
-    told |= {
-        "board": asdict(d.views.board),
-        "rms_px": d.rms_px,
+    matrices = {
         "K": {"left": rig.left.K, "right": rig.right.K},
         "dist": {"left": rig.left.dist, "right": rig.right.dist},
-        "R": rig.R,
-        "T": rig.T,
-        "baseline_mm": rig.baseline_mm,
-        "std": {
-            "K": {"left": std.left_K, "right": std.right_K},
-            "dist": {"left": std.left_dist, "right": std.right_dist},
-            "R_rad": std.R_rad,
-            "T": std.T_mm,
-            "baseline_mm": std.baseline_mm,
-            "rectified": d.rectified_std,
-        },
-        "pairs_used": d.pairs_used,
-        "pairs_refused": d.pairs_left_out,
-        "pair_rms_px": dict(zip(d.pairs_used, d.pair_rms_px, strict=True)),
-        "groups": d.groups,
-        "coverage": {"score": d.coverage.score} | asdict(d.coverage),
-        "errors": {
-            "square_pct": d.square_error_pct,
-            "board_pct": d.board_error_pct,
-            "epipolar_rms_px": d.epipolar_rms_px,
-            "worst_pair": d.worst_pair,
-            "worst_pair_px": d.worst_pair_px,
-            "at_mm": errors.at_mm,
-            "depth_std_mm": _median(errors.depth_mm),
-            "length_std_mm": _median(errors.length_mm),
-            "length_mm": errors.of_mm,
-        },
-        "folds": d.folds,
-        "checks": {check.name: check._asdict() for check in d.checks},
-        "lens_models": {lens.model: asdict(lens) for lens in d.lenses},
     }
+    stds: dict[str, Any] = {"K": {"left": std.left_K, "right": std.right_K}}
+    stds |= {"dist": {"left": std.left_dist, "right": std.right_dist}, "R_rad": std.R_rad, "T": std.T_mm}
+    stds |= {"baseline_mm": std.baseline_mm, "rectified": d.rectified_std}
+    wrong = {"square_pct": d.square_error_pct, "board_pct": d.board_error_pct}
+    wrong |= {name: getattr(d, name) for name in ("epipolar_rms_px", "worst_pair", "worst_pair_px")}
+    depth_mm, length_mm = _median(errors.depth_mm), _median(errors.length_mm)
+    wrong |= {"at_mm": errors.at_mm, "depth_std_mm": depth_mm, "length_std_mm": length_mm, "length_mm": errors.of_mm}
+    told = {name: getattr(d, name) for name in ("verdict", "reasons", "warnings", "model")}
+    told |= {"board": asdict(d.views.board), "rms_px": d.rms_px, **matrices}
+    told |= {"R": rig.R, "T": rig.T, "baseline_mm": rig.baseline_mm, "std": stds}
+    told |= {"pairs_used": d.pairs_used, "pairs_refused": d.pairs_left_out}
+    told |= {"pair_rms_px": dict(zip(d.pairs_used, d.pair_rms_px, strict=True)), "groups": d.groups}
+    told |= {"coverage": {"score": d.coverage.score} | asdict(d.coverage), "errors": wrong, "folds": d.folds}
+    told |= {"checks": {check.name: check._asdict() for check in d.checks}}
+    told |= {"lens_models": {lens.model: asdict(lens) for lens in d.lenses}}
     plain: dict[str, Any] = _plain(told)
     return plain
 
@@ -178,25 +160,10 @@ def _rows(template: str, d: Diagnosis) -> list[tuple[str, str]]:
         keep_trailing_newline=True,
         finalize=lambda value: re.sub(r"[\r\n]", " ", str(value)),
     )
-    errors, rig = d.error_map, d.rig
-    text = templates.get_template(f"{template}.txt.jinja").render(
-        d=d,
-        rig=rig,
-        std=d.std,
-        errors=errors,
-        named=_named,
-        with_std=_with_std,
-        lens_names=LENS_NAMES,
-        verdict_meaning=VERDICT_MEANINGS.get(d.verdict, ""),
-        lenses={"left": lens_vector(rig.left), "right": lens_vector(rig.right)},
-        rows_of_R=["[" + " ".join(f"{v:9.6f}" for v in row) + "]" for row in rig.R],
-        turns_deg=np.degrees(np.ravel(cv2.Rodrigues(rig.R)[0])),
-        turns_std_deg=np.degrees(d.std.R_rad),
-        squares=_edges(d.views.board),
-        depth_mm=_median(errors.depth_mm),
-        length_mm=_median(errors.length_mm),
-        lens_errors=[f"{lens.model} {lens.hold_out_rms_px:.4f} px" for lens in d.lenses],
-    )
+    values = {"named": _named, "with_std": plus_minus, "median": _median, "edges": _edges, "degrees": np.degrees}
+    values |= {"lens_names": LENS_NAMES, "lenses": {s: lens_vector(getattr(d.rig, s)) for s in ("left", "right")}}
+    values |= {"verdict_meaning": VERDICT_MEANINGS.get(d.verdict, ""), "turns": np.ravel(cv2.Rodrigues(d.rig.R)[0])}
+    text = templates.get_template(f"{template}.txt.jinja").render(values, d=d)
     return [(name, value) for name, _, value in (line.partition(" | ") for line in text.split("\n") if line)]
 
 
@@ -210,15 +177,7 @@ def _edges(board: Board) -> str:
 def _named(names: Sequence[str], values: Float64, stds: Float64) -> str:
     """As many values as there are, each behind its name."""
     entries = zip(names, values, stds, strict=False)
-    return "  ".join(f"{name} {_with_std(v, s)}".replace(" ", _TIED) for name, v, s in entries) or "none"
-
-
-def _with_std(value: float, std: float) -> str:
-    """``729.91 ± 0.12``: the deviation with two digits, the value with as many decimals."""
-    if not (np.isfinite(std) and std > 0):
-        return f"{value:.6g}"
-    decimals = int(np.clip(1 - np.floor(np.log10(std)), 0, 9))
-    return f"{round(value, decimals) + 0.0:.{decimals}f} ± {std:.{decimals}f}"  # + 0.0: never -0.00
+    return "  ".join(f"{name} {plus_minus(v, s)}".replace(" ", _TIED) for name, v, s in entries) or "none"
 
 
 def _median(values: Float64) -> float:

@@ -37,10 +37,8 @@ def check_disparity_map(disparity_px: Floats, rectified: RectifiedRig) -> Floats
     """
     disparity = np.asarray(disparity_px)
     if disparity.shape != rectified.size[::-1]:
-        raise ValueError(
-            f"the disparity map has shape {disparity.shape}, the calibration is for images of "
-            f"{rectified.size[0]}x{rectified.size[1]}: use a map of that size or calibrate again"
-        )
+        why = f"the disparity map has shape {disparity.shape}, the calibration is for images of"
+        raise ValueError(f"{why} {rectified.size[0]}x{rectified.size[1]}: use a map of that size or calibrate again")
     if disparity.dtype.kind != "f":
         raise ValueError(f"the disparity is {disparity.dtype}: give float pixels with NaN for invalid ones")
     return disparity

@@ -120,8 +120,7 @@ def locate_edge(
     differences: list[Float32] = []
     for picture, x, in_width in zip(light, points, within, strict=False):
         y, inside = points[2], in_width & within[2]
-        count = np.count_nonzero(inside)
-        if count < _LEAST_SAMPLES:
+        if (count := np.count_nonzero(inside)) < _LEAST_SAMPLES:
             continue
         if count < len(inside):
             x, y = x[:, inside], y[:, inside]

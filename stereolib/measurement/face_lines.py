@@ -201,9 +201,7 @@ def pictured_lines(faces: tuple[Face, ...], floor: Floor, uncertainty: Systemati
         best = int(faces[1].pixels > faces[0].pixels)
         return pictured_lines(faces[best : best + 1], floor, uncertainty)
     if len(faces) == 1:
-        full = np.zeros((3, 3))
-        full[:2, :2] = C
-        return FaceLines(np.append(y, np.nan), full)
+        return FaceLines(np.append(y, np.nan), np.pad(C, (0, 1)))
     H = np.array([[1.0, 0, 0], [0, 1, 0], [1, 0, 0], [0, 0, 1]])
     y[2] = y[0] - off
     W = np.linalg.inv(C)

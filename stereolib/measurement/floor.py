@@ -77,8 +77,7 @@ class Floor:
 
     @cached_property
     def _n(self) -> Float64:
-        n: Float64 = self.rectified.P1[:, :3].T @ self.plane / (self.rectified.f_px * self.rectified.baseline_mm)
-        return n
+        return np.asarray(self.rectified.P1[:, :3].T @ self.plane / (self.rectified.f_px * self.rectified.baseline_mm))
 
     @cached_property
     def camera_height_mm(self) -> float:
@@ -127,8 +126,7 @@ class Floor:
         -------
         array like `u` and `v`, px
         """
-        disparity_px: Floats = self.plane[0] * u + self.plane[1] * v + self.plane[2]
-        return disparity_px
+        return np.asarray(self.plane[0] * u + self.plane[1] * v + self.plane[2])
 
     def height_mm(self, u: Float64, v: Float64, disparity_px: Floats) -> Floats:
         """Height above the floor of what pixels show, ``(1 - d_floor / d) / |n|``.
@@ -385,5 +383,4 @@ def _ransac(search: _Search, trials: int, rng: np.random.Generator) -> Float64 |
     expected = planes.astype(np.float32) @ x[some].T.astype(np.float32)
     off = (voters - expected) / floor_tolerance_px(voters)
     on, under = np.abs(off) < 1, (off < -_UNDER) & (expected > 0)
-    best: Float64 = planes[(on @ voters - under @ voters).argmax()]
-    return best
+    return np.asarray(planes[(on @ voters - under @ voters).argmax()])

@@ -193,8 +193,7 @@ def fuse(
         matched = [_matched_px(lines.normal(k), evidence, laser, f) for k in (0, 1)]
         lines, left_out = _with_corner(lines, [end.bearing for end in roughly], matched, _edge, f)
         roughly = _rough_ends(lines, evidence, laser, floor)
-    x, covariance = np.append(lines.x, [end.bearing for end in roughly]), np.zeros((5, 5))
-    covariance[:3, :3] = lines.covariance
+    x, covariance = np.append(lines.x, [end.bearing for end in roughly]), np.pad(lines.covariance, (0, 2))
     sources = {"lines": shares}
     for side, (name, end) in enumerate(zip(("right end", "left end"), roughly, strict=True)):
         face = lines.visible[-side]
@@ -283,9 +282,8 @@ def _with_corner(
         x[1 + weak] = FaceLines(x, lines.covariance).normal(weak) @ corner
         return x
 
-    y = np.append(lines.x[known], bearing)
-    C = np.zeros((3, 3))
-    C[:2, :2], C[2, 2] = lines.covariance[np.ix_(known, known)], std**2
+    y, C = np.append(lines.x[known], bearing), np.pad(lines.covariance[np.ix_(known, known)], (0, 1))
+    C[2, 2] = std**2
     J = np.stack([(through(y + step) - through(y)) / step.sum() for step in np.diag(_STEPS[[0, 1, 3]])], axis=1)
     return FaceLines(through(y), J @ C @ J.T), {}
 

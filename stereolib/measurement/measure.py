@@ -103,13 +103,12 @@ def measure_objects(
     ValueError
         If pictures and calibration do not fit together.
     """
-    rectified, lidar, warnings = instrument.rectified, instrument.lidar, []
+    rectified, lidar, warnings = instrument.rectified, instrument.lidar, list[str]()
     rows = max(instrument.uncertainty.floor_rows, _HALF_FLOOR_ROWS)
     left, right = rectified.rectify(left, right)
     disparity = _half_size_disparity(left, right)
     pair = AlignedPair.of(left, right)
-    regions: list[ObjectRegion] = []
-    no_floor = ""
+    regions, no_floor = list[ObjectRegion](), ""
     try:
         floor = floor or fit_floor(disparity, rectified, rng=rng, pair=pair)
         regions = find_objects(disparity, floor)
@@ -122,31 +121,23 @@ def measure_objects(
     if scan is not None and lidar is None:
         warnings.append("the laser's pose is not known: it is taken to stand straight below the left camera")
     laser = _BELOW if lidar is None else LaserOnFloor.of(lidar, ground)
-    footprints = [] if scan is None else _footprints(scan, laser)
+    parts = [] if scan is None else find_segments(scan)
+    footprints = [fit_footprint(part, bias_mm=laser.bias_mm) for part in parts if part.kind == "object"]
     if scan is not None and not footprints:
         warnings.append(f"the scan shows no object within {_SCAN_REACH_M} m: sizes come from the pair alone")
     scene = _Scene(ground, pair, laser, replace(instrument.uncertainty, floor_rows=rows), bool(footprints), no_floor)
-    together, more_warnings = _paired(regions, footprints, ground, laser)
-    objects = []
+    together, unlike = _paired(regions, footprints, ground, laser)
+    warnings, objects = warnings + unlike, list[MeasuredObject]()
     for region, footprint in together:
         measured, disagreement = _measure_one(scene, region, footprint)
         objects.append(measured)
-        more_warnings += [disagreement] if disagreement else []
+        warnings += [disagreement] if disagreement else []
     if not objects:
         reach = f"{OBJECTS_WITHIN_MM / 1000:g} m of the cameras or {_SCAN_REACH_M} m of the laser"
-        more_warnings.append(f"nothing stands on the floor within {reach}")
+        warnings.append(f"nothing stands on the floor within {reach}")
     objects.sort(key=lambda measured: float(np.hypot(*measured.position_mm)))
     readings = np.zeros((0, 2)) if scan is None else laser.points_mm(points_mm(scan))
-    return Measurement(
-        objects=tuple(objects),
-        warnings=(*warnings, *more_warnings),
-        floor=floor,
-        laser=laser,
-        scan_mm=readings,
-        left=left,
-        right=right,
-        disparity_px=disparity,
-    )
+    return Measurement(tuple(objects), tuple(warnings), floor, laser, readings, left, right, disparity)
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,10 +150,6 @@ class _Scene:
     uncertainty: SystematicUncertainty
     scanned: bool
     no_floor: str
-
-
-def _footprints(scan: LaserScan, laser: LaserOnFloor) -> list[Footprint]:
-    return [fit_footprint(part, bias_mm=laser.bias_mm) for part in find_segments(scan) if part.kind == "object"]
 
 
 def _floor_below(instrument: Instrument) -> Floor:
@@ -187,11 +174,9 @@ def _paired(
 ) -> tuple[list[tuple[ObjectRegion | None, Footprint | None]], list[str]]:
     """Pair what the picture shows with what the scan shows, by bearing and distance; the rest stays alone."""
     rectified = floor.rectified
-    spans, distances = [], []
-    for region in regions:
-        edges = (rectified.P1[0, 2] - np.array([region.bounds[2], region.bounds[0]])) / rectified.f_px
-        spans.append(np.arctan(edges))
-        distances.append(float(np.hypot(*region.position_mm)))
+    edges = [np.array([region.bounds[2], region.bounds[0]]) for region in regions]
+    spans = [np.arctan((rectified.P1[0, 2] - columns) / rectified.f_px) for columns in edges]
+    distances = [float(np.hypot(*region.position_mm)) for region in regions]
     readings = [laser.points_mm(footprint.segment.points_mm) for footprint in footprints]
     bearings = [np.arctan2(p[:, 1], p[:, 0]) for p in readings]
     near, far = ([float(pick(np.linalg.norm(p, axis=1))) for p in readings] for pick in (np.min, np.max))
@@ -202,17 +187,14 @@ def _paired(
 
     both = [(i, j) for i in range(len(regions)) for j in range(len(footprints)) if overlap(i, j) > _OVERLAP]
     candidates = [(abs(distances[i] - near[j]) / near[j], i, j) for i, j in both]
-    pairs: list[tuple[ObjectRegion | None, Footprint | None]] = []
-    warnings: list[str] = []
+    pairs, warnings = list[tuple[ObjectRegion | None, Footprint | None]](), list[str]()
     free_regions, free_footprints = set(range(len(regions))), set(range(len(footprints)))
     for off, i, j in sorted(candidates):
         if i not in free_regions or j not in free_footprints:
             continue
         if off > _SAME_DISTANCE:
-            warnings.append(
-                f"in one direction the scan shows something at {near[j]:.0f} mm and the pair at {distances[i]:.0f} mm: "
-                f"were they taken at the same time? They are not combined"
-            )
+            why = f"the scan shows something at {near[j]:.0f} mm and the pair at {distances[i]:.0f} mm"
+            warnings.append(f"in one direction {why}: were they taken at the same time? They are not combined")
             continue
         free_regions.remove(i)
         free_footprints.remove(j)

@@ -16,6 +16,7 @@ from stereolib.measurement.face_lines import LaserOnFloor
 from stereolib.measurement.fusion import Fused, corners_mm
 from stereolib.measurement.regions import ObjectRegion
 
+Height = tuple[float, float]  # and its standard deviation, mm
 #: What `MeasuredObject.size_mm` holds, in its order.
 SIZE_NAMES = ("length", "width", "height")
 _WORST_STD = 0.05  # share of a side: one whose standard deviation is larger is not reported
@@ -94,12 +95,7 @@ class MeasuredObject:
 
 
 def from_faces(
-    fused: Fused,
-    height: tuple[float, float],
-    reasons: dict[str, str],
-    scale_std: float,
-    *,
-    worst_std: float = _WORST_STD,
+    fused: Fused, height: Height, reasons: dict[str, str], scale_std: float, *, worst_std: float = _WORST_STD
 ) -> MeasuredObject:
     """Make a box or a face of its lines and ends, through their covariance.
 
@@ -131,13 +127,11 @@ def from_faces(
             is_flat = flat[k] < 2 * _TOO_FLAT
             why = f"seen too flat, at {np.degrees(flat[k]):.0f} degrees" if is_flat else "too uncertain"
             refused[k] = f"{why}: {at[k]:.0f} ± {std[k]:.0f} mm; turn the object or move the rig"
-    kept = [k for k in range(n) if k not in refused]
-    kept.sort(key=lambda k: -at[k])
+    kept = sorted((k for k in range(n) if k not in refused), key=lambda k: -at[k])
     p, whole = corners_mm(fused.x), n == 2 and len(kept) == 2
-    if n == 1:
-        reasons = {**reasons, "length": _ONE_FACE}
+    reasons = {**reasons, "length": _ONE_FACE} if n == 1 else dict(reasons)
     for k, why in refused.items():
-        reasons = {**reasons, ("length" if n == 2 and len(refused) < 2 else ("width", "length")[k]): why}
+        reasons["length" if n == 2 and len(refused) < 2 else ("width", "length")[k]] = why
     size, covariance = _with_height(height)
     known = [0, 1] if whole else [1][: len(kept)]
     size[known] = at[kept]
@@ -145,18 +139,11 @@ def from_faces(
     covariance[2, known] = covariance[known, 2] = 0.0 * height[1]
     side = kept[0] if kept else 0
     place = slice(n, n + 2) if whole else slice(n + 2 + 2 * side, n + 4 + 2 * side)
-    return MeasuredObject(
-        shape="box" if whole else "face",
-        size_mm=size,
-        covariance=covariance,
-        position_mm=at[place],
-        position_covariance=C[place, place],
-        yaw_rad=float(wrap_rad(fused.x[0] + (1 - side) * np.pi / 2, np.pi)),
-        yaw_std_rad=float(std[-1]),
-        outline_mm=np.array([p[1], p[0], p[0] + p[2] - p[1], p[2]]) if whole else p[side : side + 2],
-        sources={**fused.sources, **_height_source(height)},
-        reasons=reasons,
-    )
+    yaw_rad = float(wrap_rad(fused.x[0] + (1 - side) * np.pi / 2, np.pi))
+    outline = np.array([p[1], p[0], p[0] + p[2] - p[1], p[2]]) if whole else p[side : side + 2]
+    where, turned = (at[place], C[place, place]), (yaw_rad, float(std[-1]))
+    sources = {**fused.sources, **_height_source(height)}
+    return MeasuredObject("box" if whole else "face", size, covariance, *where, *turned, outline, sources, reasons)
 
 
 def _sides_and_places(x: Float64) -> Float64:
@@ -167,9 +154,7 @@ def _sides_and_places(x: Float64) -> Float64:
     return np.hstack([sides, (p[:, 0] + p[:, -1]) / 2, middles.reshape(len(x), -1), x[:, :1]])
 
 
-def from_scan(
-    footprint: Footprint, laser: LaserOnFloor, height: tuple[float, float], reasons: dict[str, str]
-) -> MeasuredObject:
+def from_scan(footprint: Footprint, laser: LaserOnFloor, height: Height, reasons: dict[str, str]) -> MeasuredObject:
     """Make an object of what has no straight face in the scan: a circle where it is one, else an irregular outline.
 
     Parameters
@@ -200,21 +185,11 @@ def from_scan(
     else:
         why = footprint.reason or f"too uncertain: round, {footprint.length_mm:.0f} ± {round_std:.0f} mm"
         reasons = {**reasons, "length": why, "width": why}
-    return MeasuredObject(
-        shape="circle" if is_circle else "irregular",
-        size_mm=size,
-        covariance=covariance,
-        position_mm=centre,
-        position_covariance=spread,
-        yaw_rad=np.nan,
-        yaw_std_rad=np.nan,
-        outline_mm=outline,
-        sources={"lines": "scan", **_height_source(height)},
-        reasons=reasons,
-    )
+    shape, sources = "circle" if is_circle else "irregular", {"lines": "scan", **_height_source(height)}
+    return MeasuredObject(shape, size, covariance, centre, spread, np.nan, np.nan, outline, sources, reasons)
 
 
-def from_region(region: ObjectRegion, height: tuple[float, float], reasons: dict[str, str]) -> MeasuredObject:
+def from_region(region: ObjectRegion, height: Height, reasons: dict[str, str]) -> MeasuredObject:
     """Make an object of what the picture shows without a straight face: its place, and a height where there is one.
 
     Parameters
@@ -231,25 +206,18 @@ def from_region(region: ObjectRegion, height: tuple[float, float], reasons: dict
     """
     size, covariance = _with_height(height)
     place, why = np.array(region.position_mm), "no straight face was found"
+    reasons, spread = {**reasons, "length": why, "width": why}, np.full((2, 2), np.nan)
     return MeasuredObject(
-        shape="irregular",
-        size_mm=size,
-        covariance=covariance,
-        position_mm=place,
-        position_covariance=np.full((2, 2), np.nan),
-        yaw_rad=np.nan,
-        yaw_std_rad=np.nan,
-        outline_mm=place[None],
-        reasons={**reasons, "length": why, "width": why},
+        "irregular", size, covariance, place, spread, np.nan, np.nan, outline_mm=place[None], reasons=reasons
     )
 
 
-def _with_height(height: tuple[float, float]) -> tuple[Float64, Float64]:
+def _with_height(height: Height) -> tuple[Float64, Float64]:
     """Sizes (3,) and their covariance (3, 3) with the height alone known."""
     covariance = np.full((3, 3), np.nan)
     covariance[2, 2] = height[1] ** 2
     return np.array([np.nan, np.nan, height[0]]), covariance
 
 
-def _height_source(height: tuple[float, float]) -> dict[str, str]:
+def _height_source(height: Height) -> dict[str, str]:
     return {"height": "image"} if np.isfinite(height[0]) else {}

@@ -125,7 +125,8 @@ def measure_height(
     middle = lines[:, len(heights) // 2]
     if np.mean(middle[..., 1] / middle[..., 2]) * rectified.f_px + rectified.P1[1, 2] < _REACH_PX:
         raise CannotMeasure("cut by the frame", _CUT)
-    area = np.ptp([_row(floor, faces, height) for height in (0.0, top)]) * rectified.f_px
+    near = _near(faces)
+    area = np.ptp(floor.pixels(np.array([[*near, 0.0], [*near, top]]))[:, 1]) * rectified.f_px
     area *= sum(face.bearing[1] - face.bearing[0] for face in faces)
     share = STEP**2 * sum(face.pixels for face in faces) / area
     if share < _LEAST_SHARE:
@@ -135,20 +136,11 @@ def measure_height(
     if edge is None or edge.contrast < _LEAST_CONTRAST:
         raise CannotMeasure("no top edge", "the object's upper outline does not stand out; change light or background")
     parts = _parts(floor, faces, edge.position, edge.std, uncertainty or SystematicUncertainty())
-    near = _near(faces)
     foot_px, top_px = floor.pixels(np.array([[*near, 0.0], [*near, edge.position]]))
     total = float(np.sqrt(sum(part**2 for part in parts.values())))
     if total > worst_std * edge.position:
         raise CannotMeasure("too uncertain", f"{edge.position:.0f} ± {total:.0f} mm; light or texture the object")
-    return GroundHeight(
-        height_mm=edge.position,
-        height_std_mm=total,
-        faces=faces,
-        near_mm=near,
-        foot_px=foot_px,
-        top_px=top_px,
-        parts_mm=parts,
-    )
+    return GroundHeight(edge.position, total, faces, near, foot_px, top_px, parts)
 
 
 def _rough_top(floor: Floor, region: ObjectRegion, faces: tuple[Face, ...]) -> float:
@@ -175,19 +167,13 @@ def _level_lines_mm(floor: Floor, face: Face, heights: Float64) -> Float64:
     return np.asarray(ground + (heights - floor.camera_height_mm)[:, None, None] * floor.axes[2])
 
 
-def _row(floor: Floor, faces: tuple[Face, ...], height_mm: float) -> float:
-    """Row of the near edge at a height, px."""
-    return float(floor.pixels(np.array([[*_near(faces), height_mm]]))[0, 1])
-
-
 def _near(faces: tuple[Face, ...]) -> Float64:
     """Where the near vertical edge stands on the floor, or the nearest end of a single face. (2,) mm."""
     if len(faces) == 2:
         (a, b), (c, d) = faces[0].line, faces[1].line
         return faces[0].points_mm(np.array((c - a) / (b - d)))
     ends = faces[0].points_mm(np.array(faces[0].bearing))
-    nearest: Float64 = ends[ends[:, 0].argmin()]
-    return nearest
+    return np.asarray(ends[ends[:, 0].argmin()])
 
 
 def _parts(

@@ -91,13 +91,10 @@ class PlaneFit:
     parameters : (k,) float64
         The disparity is ``x . parameters``.
     covariance : (k, k) float64
-    agreement : float
-        Share of the pixels that agree, 0..1.
     """
 
     parameters: Float64
     covariance: Float64
-    agreement: float
 
 
 def align(pair: AlignedPair, u: Float64, v: Float64, x: Float64, start: Float64) -> PlaneFit:
@@ -154,8 +151,7 @@ def align(pair: AlignedPair, u: Float64, v: Float64, x: Float64, start: Float64)
             except np.linalg.LinAlgError:
                 text = "the pictures show nothing to align; light or texture the surface"
                 raise CannotMeasure("no texture", text) from None
-    covariance = clustered_covariance(J, e, weight, cell_of(u, v))
-    return PlaneFit(parameters, covariance, np.count_nonzero(weight) / len(weight))
+    return PlaneFit(parameters, clustered_covariance(J, e, weight, cell_of(u, v)))
 
 
 def median(values: Floats) -> float:
@@ -211,5 +207,4 @@ def clustered_covariance(x: Float64, residual: Float64, weight: Float64, cluster
     inverse = np.linalg.inv(scaled.T @ x)
     g = np.stack([np.bincount(cluster, column * residual) for column in scaled.T], axis=1)
     filled = np.count_nonzero(np.bincount(cluster))
-    covariance: Float64 = inverse @ (g.T @ g) @ inverse * (filled / max(filled - x.shape[1], 1))
-    return covariance
+    return np.asarray(inverse @ (g.T @ g) @ inverse * (filled / max(filled - x.shape[1], 1)))

@@ -77,8 +77,7 @@ class Camera:
         with np.errstate(divide="ignore", invalid="ignore"):
             xy = np.where(points[:, 2:] > 0, points[:, :2] / points[:, 2:], np.nan)
         distorted, _ = distort(xy, self.dist)
-        pixels: Float64 = _tilted(distorted, self.dist) @ self.K[:2, :2].T + self.K[:2, 2]
-        return pixels
+        return np.asarray(_tilted(distorted, self.dist) @ self.K[:2, :2].T + self.K[:2, 2])
 
     def rays(self, pixels: ArrayLike, *, clamp: bool = False) -> Float64:
         """Directions (x/z, y/z, 1) that the lens maps to these pixels, by Newton's method.
@@ -109,8 +108,7 @@ class Camera:
         array([[100.,  50.]])
         """
         uv = np.asarray(pixels, float).reshape(-1, 2)
-        target = (uv - self.K[:2, 2]) @ np.linalg.inv(self.K[:2, :2]).T
-        target = _tilted(target, self.dist, inverse=True)
+        target = _tilted((uv - self.K[:2, 2]) @ np.linalg.inv(self.K[:2, :2]).T, self.dist, inverse=True)
         limit = self.fold_radius
         xy = target * np.minimum(1.0, _START_INSIDE * limit / np.maximum(np.hypot(*target.T), 1e-12))[:, None]
         for _ in range(_NEWTON_STEPS):
@@ -207,5 +205,4 @@ def _tilted(xy: Float64, dist: Float64, *, inverse: bool = False) -> Float64:
     turn = np.array([[cy, 0, -sy], [0, 1, 0], [sy, 0, cy]]) @ np.array([[1, 0, 0], [0, cx, sx], [0, -sx, cx]])
     H = np.array([[turn[2, 2], 0, -turn[0, 2]], [0, turn[2, 2], -turn[1, 2]], [0, 0, 1]]) @ turn
     xyw = np.column_stack([xy, np.ones(len(xy))]) @ (np.linalg.inv(H) if inverse else H).T
-    tilted: Float64 = xyw[:, :2] / xyw[:, 2:]
-    return tilted
+    return np.asarray(xyw[:, :2] / xyw[:, 2:])

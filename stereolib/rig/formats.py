@@ -25,6 +25,7 @@ AnyPath = str | PathLike[str]
 _MM_PER_M = 1000.0
 #: What OpenCV files call the left and right camera's matrix and lens, before the number of the camera.
 _OPENCV_NAMES = (("M", "D"), ("K", "D"), ("cameraMatrix", "distCoeffs"))
+_OPENCV_RECTIFIED = ("R1", "R2", "P1", "P2", "Q")
 #: ROS' name of a lens -> how many of OpenCV's coefficients it holds.
 _ROS_MODELS = {"plumb_bob": 5, "rational_polynomial": 8}
 _ROS_MATRICES = ("camera_matrix", "distortion_coefficients", "rectification_matrix", "projection_matrix")
@@ -54,15 +55,12 @@ def save_opencv(path: AnyPath, rig: StereoRig, *, alpha: float = 0.0) -> Path:
     rectified = rig.rectify(alpha)
     kind = cv2.FILE_STORAGE_FORMAT_XML if Path(path).suffix.lower() == ".xml" else cv2.FILE_STORAGE_FORMAT_YAML
     storage = cv2.FileStorage("rig", cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY | kind)
-    storage.write("image_width", rig.left.size[0])
-    storage.write("image_height", rig.left.size[1])
+    entries: dict[str, Any] = {"image_width": rig.left.size[0], "image_height": rig.left.size[1]}
     for number, camera in enumerate((rig.left, rig.right), 1):
-        storage.write(f"M{number}", camera.K)
-        storage.write(f"D{number}", at_least(camera.dist, 5)[None])
-    storage.write("R", rig.R)
-    storage.write("T", rig.T[:, None])
-    for name in ("R1", "R2", "P1", "P2", "Q"):
-        storage.write(name, getattr(rectified, name))
+        entries |= {f"M{number}": camera.K, f"D{number}": at_least(camera.dist, 5)[None]}
+    entries |= {"R": rig.R, "T": rig.T[:, None]} | {name: getattr(rectified, name) for name in _OPENCV_RECTIFIED}
+    for name, value in entries.items():
+        storage.write(name, value)
     return write_atomic(path, storage.releaseAndGetString())
 
 
@@ -133,16 +131,11 @@ def save_ros(left: AnyPath, right: AnyPath, rig: StereoRig, *, alpha: float = 0.
     texts = []
     for path, camera, R, P in ((left, rig.left, R2 @ rig.R, rectified.P1), (right, rig.right, R2, rectified.P2)):
         if camera.dist.size > 8:
-            raise ValueError(
-                f"ROS' camera_info has no lens model of {camera.dist.size} coefficients: calibrate with brown3 (5) or "
-                f"rational8 (8) for it"
-            )
-        info: dict[str, Any] = {
-            "image_width": camera.size[0],
-            "image_height": camera.size[1],
-            "camera_name": Path(path).stem,
-            "distortion_model": "rational_polynomial" if camera.dist.size == 8 else "plumb_bob",
-        }
+            why = f"ROS' camera_info has no lens model of {camera.dist.size} coefficients"
+            raise ValueError(f"{why}: calibrate with brown3 (5) or rational8 (8) for it")
+        model = "rational_polynomial" if camera.dist.size == 8 else "plumb_bob"
+        info: dict[str, Any] = {"image_width": camera.size[0], "image_height": camera.size[1]}
+        info |= {"camera_name": Path(path).stem, "distortion_model": model}
         dist, in_metres = at_least(camera.dist, 5)[None], np.column_stack([P[:, :3], P[:, 3] / _MM_PER_M])
         for name, matrix in zip(_ROS_MATRICES, (camera.K, dist, R, in_metres), strict=True):
             info[name] = {"rows": matrix.shape[0], "cols": matrix.shape[1], "data": matrix.ravel().tolist()}
@@ -186,8 +179,7 @@ def load_ros(left: AnyPath, right: AnyPath) -> StereoRig:
     with naming(left, right):
         if not np.linalg.norm(shifts[1]) > 0:
             raise ValueError("the right camera's projection matrix holds no baseline: is it one of a stereo pair?")
-        R, T = turns[1].T @ turns[0], turns[1].T @ (shifts[1] - shifts[0])
-        return StereoRig(cameras[0], cameras[1], R, T)
+        return StereoRig(cameras[0], cameras[1], turns[1].T @ turns[0], turns[1].T @ (shifts[1] - shifts[0]))
 
 
 def save_kalibr(path: AnyPath, rig: StereoRig) -> Path:
@@ -215,20 +207,14 @@ def save_kalibr(path: AnyPath, rig: StereoRig) -> Path:
     chain: dict[str, Any] = {}
     for number, (side, camera) in enumerate((("left", rig.left), ("right", rig.right))):
         if camera.dist[4:].any() or camera.K[0, 1]:
-            raise ValueError(
-                f"Kalibr's radtan lens holds k1 k2 p1 p2 and no skew, the {side} camera has k3 = "
-                f"{at_least(camera.dist, 5)[4]:g} and {camera.dist.size} coefficients: calibrate with brown2 for it"
-            )
+            why = "Kalibr's radtan lens holds k1 k2 p1 p2 and no skew"
+            remedy = f"the {side} camera has k3 = {at_least(camera.dist, 5)[4]:g} and {camera.dist.size} coefficients"
+            raise ValueError(f"{why}, {remedy}: calibrate with brown2 for it")
         (fx, _, cx), (_, fy, cy), _ = camera.K.tolist()
-        chain[f"cam{number}"] = {
-            "cam_overlaps": [1 - number],
-            "camera_model": "pinhole",
-            "distortion_coeffs": at_least(camera.dist, 4)[:4].tolist(),
-            "distortion_model": "radtan",
-            "intrinsics": [fx, fy, cx, cy],
-            "resolution": list(camera.size),
-            "rostopic": f"/{side}/image_raw",
-        }
+        entry: dict[str, Any] = {"cam_overlaps": [1 - number], "camera_model": "pinhole"}
+        entry |= {"distortion_coeffs": at_least(camera.dist, 4)[:4].tolist(), "distortion_model": "radtan"}
+        entry |= {"intrinsics": [fx, fy, cx, cy], "resolution": list(camera.size), "rostopic": f"/{side}/image_raw"}
+        chain[f"cam{number}"] = entry
     chain["cam1"]["T_cn_cnm1"] = rigid(rig.R, rig.T / _MM_PER_M).tolist()
     return write_atomic(path, _dump(chain))
 
@@ -300,10 +286,8 @@ def load_rig(*paths: AnyPath) -> StereoRig:
         return load_kalibr(paths[0])
     if "camera_matrix" in text and len(paths) == 2:
         return load_ros(*paths)
-    raise ValueError(
-        f"{paths[0]} is no calibration that we read: expected the JSON of stereolib, OpenCV's YAML, a Kalibr camchain, "
-        f"or two camera_info files of ROS, left and right"
-    )
+    why = f"{paths[0]} is no calibration that we read: expected the JSON of stereolib, OpenCV's YAML, a Kalibr camchain"
+    raise ValueError(f"{why}, or two camera_info files of ROS, left and right")
 
 
 @contextmanager

@@ -42,21 +42,17 @@ def read_image(path: str | PathLike[str], *, grey: bool = False) -> UInt8:
     data = read_bytes(path)
     for kind, start, end in _ENDS:
         if data.startswith(start) and end not in data[-64:]:
-            raise ValueError(
-                f"{path}: the {kind} is cut short ({len(data)} bytes, no end marker): copy or record it again"
-            )
+            why = f"{path}: the {kind} is cut short ({len(data)} bytes, no end marker)"
+            raise ValueError(f"{why}: copy or record it again")
     if (megapixels := _megapixels_of_header(data)) > MAX_MEGAPIXELS:
-        raise ValueError(
-            f"{path}: the picture has {megapixels:.0f} megapixels, at most {MAX_MEGAPIXELS:.0f} are read: scale it down"
-        )
-    flags = cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH
-    image = cv2.imdecode(np.frombuffer(data, np.uint8), flags) if data else None
+        why = f"{path}: the picture has {megapixels:.0f} megapixels, at most {MAX_MEGAPIXELS:.0f} are read"
+        raise ValueError(f"{why}: scale it down")
+    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH) if data else None
     if image is None:
         raise ValueError(f"{path}: not a readable image ({len(data)} bytes): save it as JPEG or PNG")
     if image.dtype != np.uint8:  # cutting off the low bits would lose a dark picture
-        raise ValueError(
-            f"{path}: the picture has {image.dtype} samples, 8 bits are needed: scale it to 0..255 and save it again"
-        )
+        why = f"{path}: the picture has {image.dtype} samples, 8 bits are needed"
+        raise ValueError(f"{why}: scale it to 0..255 and save it again")
     return to_grey(image) if grey else image  # by one formula, whatever the file's decoder would do
 
 

@@ -50,13 +50,9 @@ def to_matlab_struct(rig: StereoRig) -> dict[str, Any]:
         k1, k2, p1, p2, k3 = at_least(camera.dist, 5)[:5]
         K = camera.K.copy()
         K[:2, 2] += 1
-        fields[f"CameraParameters{number}"] = {
-            "IntrinsicMatrix": K.T,
-            "RadialDistortion": np.array([k1, k2, k3]),
-            "TangentialDistortion": np.array([p1, p2]),
-            "ImageSize": np.array(camera.size[::-1], float),
-            "WorldUnits": "mm",
-        }
+        lens = {"RadialDistortion": np.array([k1, k2, k3]), "TangentialDistortion": np.array([p1, p2])}
+        image = {"ImageSize": np.array(camera.size[::-1], float), "WorldUnits": "mm"}
+        fields[f"CameraParameters{number}"] = {"IntrinsicMatrix": K.T, **lens, **image}
     return fields | {"RotationOfCamera2": rig.R.T.copy(), "TranslationOfCamera2": rig.T[None].copy()}
 
 

@@ -61,14 +61,12 @@ class StereoRig:
     @property
     def E(self) -> Float64:
         """Essential matrix ``skew(T) R``: ``x_right^T E x_left = 0`` for ideal coordinates. (3, 3), mm."""
-        E: Float64 = skew(self.T) @ self.R
-        return E
+        return np.asarray(skew(self.T) @ self.R)
 
     @property
     def F(self) -> Float64:
         """Fundamental matrix ``K_R^-T E K_L^-1``, not normalised: ``u_right^T F u_left = 0``. (3, 3)."""
-        F: Float64 = np.linalg.inv(self.right.K).T @ self.E @ np.linalg.inv(self.left.K)
-        return F
+        return np.asarray(np.linalg.inv(self.right.K).T @ self.E @ np.linalg.inv(self.left.K))
 
     def rectify(self, alpha: float = 0.0) -> RectifiedRig:
         """Turn both cameras so that rows agree (Bouguet's method, `cv2.stereoRectify`).
@@ -97,11 +95,10 @@ class StereoRig:
         if not 0 <= alpha <= 1:
             raise ValueError(f"alpha must lie between 0 (only valid pixels) and 1 (all pixels), got {alpha}")
         if not -self.T[0] > abs(self.T[1]):
-            x, y, z = self.T
-            raise ValueError(
-                f"the right camera must stand to the right of the left one (T along -x), got T = ({x:.1f}, {y:.1f}, "
-                f"{z:.1f}) mm: swap the cameras, or, if one stands above the other, turn all pictures by a quarter"
-            )
+            why = "the right camera must stand to the right of the left one (T along -x), got"
+            T = ", ".join(f"{value:.1f}" for value in self.T)
+            remedy = "swap the cameras, or, if one stands above the other, turn all pictures by a quarter"
+            raise ValueError(f"{why} T = ({T}) mm: {remedy}")
         lenses = self.left.K, self.left.dist, self.right.K, self.right.dist
         R1, R2, P1, P2, Q, *_ = cv2.stereoRectify(
             *lenses, self.left.size, self.R, self.T[:, None], flags=cv2.CALIB_ZERO_DISPARITY, alpha=alpha
@@ -218,10 +215,8 @@ class RectifiedRig:
     @cached_property
     def maps(self) -> tuple[RemapTables, RemapTables]:
         """Fixed-point lookup maps of `cv2.remap` for the left and the right image, computed once."""
-        left, right = (
-            cv2.initUndistortRectifyMap(c.K, c.dist, R, P, self.size, cv2.CV_16SC2)
-            for c, R, P in ((self.rig.left, self.R1, self.P1), (self.rig.right, self.R2, self.P2))
-        )
+        sides = (self.rig.left, self.R1, self.P1), (self.rig.right, self.R2, self.P2)
+        left, right = (cv2.initUndistortRectifyMap(c.K, c.dist, R, P, self.size, cv2.CV_16SC2) for c, R, P in sides)
         return left, right
 
     def rectify(self, left: UInt8, right: UInt8) -> tuple[UInt8, UInt8]:
@@ -243,10 +238,8 @@ class RectifiedRig:
         """
         for side, image in (("left", left), ("right", right)):
             if image.shape[1::-1] != self.size:
-                raise ValueError(
-                    f"the {side} image is {image.shape[1]}x{image.shape[0]}, the calibration is for "
-                    f"{self.size[0]}x{self.size[1]}: use images of that size or calibrate again"
-                )
+                sizes = f"{image.shape[1]}x{image.shape[0]}, the calibration is for {self.size[0]}x{self.size[1]}"
+                raise ValueError(f"the {side} image is {sizes}: use images of that size or calibrate again")
         if left.ndim != right.ndim:
             raise ValueError(f"one image is grey, the other in colour (shapes {left.shape}, {right.shape})")
         pair = [cv2.remap(i, *m, cv2.INTER_LINEAR) for i, m in zip((left, right), self.maps, strict=True)]
@@ -284,8 +277,7 @@ class RectifiedRig:
             raise ValueError(f'side must be "left" or "right", got {side!r}')
         camera, R, P = (self.rig.left, self.R1, self.P1) if side == "left" else (self.rig.right, self.R2, self.P2)
         xyz = camera.rays(pixels) @ R.T
-        rectified: Float64 = xyz[:, :2] / xyz[:, 2:] @ P[:2, :2].T + P[:2, 2]
-        return rectified
+        return np.asarray(xyz[:, :2] / xyz[:, 2:] @ P[:2, :2].T + P[:2, 2])
 
     def triangulate(self, pixels: npt.ArrayLike, disparity_px: npt.ArrayLike) -> Float64:
         """Points of rectified left pixels by their disparity.

@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 import pytest
 
-from stereolib.base import datasets
+from stereolib.base import datasets, plus_minus
 from stereolib.calibration import LENS_MODELS, Charuco, wording
 from stereolib.cli import commands
 from stereolib.cli.boards import pair_files, parse_board
@@ -316,11 +316,11 @@ def test_text_says_what_is_asked_with_deviations(diagnosis: Any) -> None:
 
 
 def test_numbers_carry_two_digits_of_their_deviation() -> None:
-    assert wording._with_std(729.9077, 0.1234) == "729.91 ± 0.12"
-    assert wording._with_std(-0.00069, 0.000123) == "-0.00069 ± 0.00012"
-    assert wording._with_std(-0.0012, 0.62) == "0.00 ± 0.62"
-    assert wording._with_std(1234.5, 45.6) == "1234 ± 46"
-    assert wording._with_std(5.25, float("nan")) == "5.25"
+    assert plus_minus(729.9077, 0.1234) == "729.91 ± 0.12"
+    assert plus_minus(-0.00069, 0.000123) == "-0.00069 ± 0.00012"
+    assert plus_minus(-0.0012, 0.62) == "0.00 ± 0.62"
+    assert plus_minus(1234.5, 45.6) == "1234 ± 46"
+    assert plus_minus(5.25, float("nan")) == "5.25"
 
 
 def test_facts_are_json_even_where_something_is_unknown(diagnosis: Any) -> None:

@@ -27,7 +27,6 @@ def test_alignment_finds_a_slanted_plane_to_a_hundredth():
     fit = align(AlignedPair.of(*pair), uu, vv, x, plane + np.array([0, 0, 1.5]))
     assert np.abs(x @ (fit.parameters - plane)).max() < 0.06
     assert abs(np.mean(x @ (fit.parameters - plane))) < 0.02
-    assert fit.agreement > 0.9
     blank = np.full((480, 640), 90, np.uint8)
     with pytest.raises(ValueError, match="no texture"):
         align(AlignedPair.of(blank, blank), uu, vv, x, plane)

@@ -30,14 +30,14 @@ class LaserScan:
         Distance, mm, and signal strength, counts, beam by beam; NaN where nothing was measured.
     stamp_s : float
         Start of the turn from the start of the stream, s, as the motor speed tells it.
-    scan_time_s : float
-        Duration of a turn, s, at its median speed.
+    scan_time_s, time_increment_s : float
+        Duration of a turn and of a beam, s, at the turn's median speed.
     speed_rpm : float
         Median motor speed, rpm (NaN if the firmware does not tell).
     complete : bool
         All 90 packets of the turn arrived.
-    angle_min_rad, angle_increment_rad : float
-        Angle of the first beam, and between two beams, rad.
+    angle_min_rad, angle_increment_rad, angle_max_rad : float
+        Angle of the first beam, between two beams, and of the last beam, rad.
     range_min_mm, range_max_mm : float
         Ranges that the sensor measures, or that were let through, mm.
     """
@@ -63,6 +63,16 @@ class LaserScan:
     def angles_rad(self) -> Float64:
         """Angle of every beam, (360,) rad."""
         return self.angle_min_rad + np.arange(len(self.ranges_mm), dtype=np.float64) * self.angle_increment_rad
+
+    @property
+    def angle_max_rad(self) -> float:
+        """Angle of the last beam, rad."""
+        return self.angle_min_rad + (len(self.ranges_mm) - 1) * self.angle_increment_rad
+
+    @property
+    def time_increment_s(self) -> float:
+        """Time between two beams, s."""
+        return self.scan_time_s / len(self.ranges_mm)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -130,8 +130,8 @@ class RepairScore:
         Share of pixels without a disparity before.
     filled_pct : float, %
         Share of those that have one after.
-    wrong2_pct : float, %
-        Share of the filled pixels that are off by more than 2 px.
+    wrong2_pct, wrong3_pct : float, %
+        Share of the filled pixels that are off by more than 2, 3 px.
     shift_px : float
         Mean change of the pixels that were right before (within 2 px).
     """
@@ -139,6 +139,7 @@ class RepairScore:
     holes_pct: float
     filled_pct: float
     wrong2_pct: float
+    wrong3_pct: float
     shift_px: float
 
 
@@ -165,9 +166,10 @@ def score_repair(before_px: Floats, after_px: Floats, truth_px: Floats, where: B
     before, after, truth = (np.asarray(array, float)[looked] for array in (before_px, after_px, truth_px))
     hole = np.isnan(before)
     filled, right = hole & np.isfinite(after), np.abs(before - truth) <= 2
-    wrong, moved = np.abs(after - truth)[filled] > 2, (after - before)[right]
+    off, moved = np.abs(after - truth)[filled], (after - before)[right]
     shift_px = float(np.nanmean(moved)) if moved.size else float("nan")
-    return RepairScore(_percent(hole), _percent(np.isfinite(after[hole])), _percent(wrong), shift_px)
+    filled_pct = _percent(np.isfinite(after[hole]))
+    return RepairScore(_percent(hole), filled_pct, _percent(off > 2), _percent(off > 3), shift_px)
 
 
 def overreach_px(disparity_px: Floats, truth_px: Floats, on_object: Bools, step_px: float = 20.0) -> float:

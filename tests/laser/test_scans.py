@@ -37,7 +37,9 @@ def test_turns_put_every_beam_at_its_angle():
     np.testing.assert_array_equal(scans[1].ranges_mm, 1360 + np.arange(360))
     first = scans[0]
     np.testing.assert_allclose(first.angles_rad, np.deg2rad(np.arange(360)))
+    assert first.angle_max_rad == pytest.approx(np.deg2rad(359))
     assert first.scan_time_s == pytest.approx(0.2)
+    assert first.time_increment_s == pytest.approx(0.2 / 360)
     assert scans[1].stamp_s == pytest.approx(0.2)
     with pytest.raises(ValueError, match="read-only"):
         first.ranges_mm[0] = 0

@@ -57,6 +57,7 @@ def test_repair_by_hand():
     assert result.holes_pct == pytest.approx(400 / 7)
     assert result.filled_pct == 75
     assert result.wrong2_pct == pytest.approx(200 / 3)
+    assert result.wrong3_pct == pytest.approx(100 / 3)
     assert result.shift_px == pytest.approx(0.5)  # of the two that were right
     whole = scoring.score_repair(after[:, :2], after[:, :2], truth[:, :2], where[:, :2])
     assert (whole.holes_pct, whole.shift_px) == (0, 0)
@@ -161,7 +162,7 @@ def test_repair_counts_holes_wrong_fills_and_shift() -> None:
     after[0, :4] = [np.nan, 50.0, 52.5, 59.0]
     found = scoring.score_repair(before, after, truth, everywhere)
     assert (found.holes_pct, found.filled_pct, found.shift_px) == (40.0, 75.0, 0.5)
-    assert found.wrong2_pct == pytest.approx(200 / 3)
+    assert found.wrong2_pct == pytest.approx(200 / 3) and found.wrong3_pct == pytest.approx(100 / 3)
 
 
 def test_repair_without_holes_has_nothing_filled() -> None:

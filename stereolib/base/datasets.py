@@ -147,7 +147,7 @@ def real_recording(name: str, timeout_s: float = 4.0) -> Path:
     try:
         if not cached.is_file():
             _wait_for_answer(url, timeout_s)
-        found = pooch.retrieve(
+        fetched = pooch.retrieve(
             url,
             known_hash=f"sha256:{known}",
             fname=cached.name,
@@ -160,7 +160,7 @@ def real_recording(name: str, timeout_s: float = 4.0) -> Path:
             f"{'has no such file' if own else 'is not set'}, the cache {cached.parent} has none, and the download "
             f"failed ({type(error).__name__}). Connect to the network, or set STEREOLIB_DATA to a folder that holds it."
         ) from error
-    return Path(found)
+    return Path(fetched)
 
 
 def real_recordings(folder: str) -> list[Path]:

@@ -177,13 +177,13 @@ def find_checkerboard(image: UInt8, board: Checkerboard) -> Float32 | None:
         In the order of `Checkerboard.points_mm`, up to a half turn of the board (see `match_order`).
     """
     grey, inner = to_grey(image), (board.columns, board.rows)
-    found, corners = cv2.findChessboardCornersSB(grey, inner, flags=cv2.CALIB_CB_NORMALIZE_IMAGE)
-    if not found:  # stretching the contrast can close the gaps between the squares of an overexposed board
-        found, corners = cv2.findChessboardCornersSB(grey, inner, flags=0)
-    if not found:
+    detected, corners = cv2.findChessboardCornersSB(grey, inner, flags=cv2.CALIB_CB_NORMALIZE_IMAGE)
+    if not detected:  # stretching the contrast can close the gaps between the squares of an overexposed board
+        detected, corners = cv2.findChessboardCornersSB(grey, inner, flags=0)
+    if not detected:
         flags = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_FAST_CHECK
-        found, corners = cv2.findChessboardCorners(grey, inner, flags=flags)
-    return _refined(grey, corners.reshape(-1, 2), board) if found else None
+        detected, corners = cv2.findChessboardCorners(grey, inner, flags=flags)
+    return _refined(grey, corners.reshape(-1, 2), board) if detected else None
 
 
 def find_charuco(image: UInt8, board: Charuco) -> Float32 | None:

@@ -52,7 +52,7 @@ class RigFit:
     turns: Float64
     shifts: Float64
     residuals_px: Float64
-    seen: Bools
+    known: Bools
     normal: Float64
     gradient: Float64
     _poses: tuple[Float64, Float64, Float64]
@@ -60,17 +60,17 @@ class RigFit:
     @property
     def rms_px(self) -> float:
         """Rms distance of found and predicted corners over both cameras, as OpenCV counts it."""
-        return float(np.sqrt((self.residuals_px**2).sum() / self.seen.sum()))
+        return float(np.sqrt((self.residuals_px**2).sum() / self.known.sum()))
 
     @property
     def pair_rms_px(self) -> Float64:
         """Rms distance of found and predicted corners in each pair and camera. (n, 2)."""
-        return np.asarray(np.sqrt((self.residuals_px**2).sum(axis=(2, 3)) / self.seen.sum(axis=2)))
+        return np.asarray(np.sqrt((self.residuals_px**2).sum(axis=(2, 3)) / self.known.sum(axis=2)))
 
     @property
     def sigma_px(self) -> float:
         """Standard deviation of one coordinate, from the residuals and the degrees of freedom."""
-        free = 2 * int(self.seen.sum()) - 6 * len(self.turns) - self.normal.shape[1]
+        free = 2 * int(self.known.sum()) - 6 * len(self.turns) - self.normal.shape[1]
         return float(np.sqrt((self.residuals_px**2).sum() / max(free, 1)))
 
     def without_each(self) -> Float64:
@@ -261,10 +261,10 @@ def _linearise(views: BoardViews, rig: StereoRig, turns: Float64, shifts: Float6
     RX = X @ rig.R.T
     n = 4 + rig.left.dist.size
     corners_px = np.stack([views.left_px, views.right_px], 1).astype(float)
-    seen = np.isfinite(corners_px).all(axis=-1)
+    known = np.isfinite(corners_px).all(axis=-1)
     predicted_l, by_point_l, by_lens_l = project_with_derivatives(rig.left, X)
     predicted_r, by_point_r, by_lens_r = project_with_derivatives(rig.right, RX + rig.T)
-    residuals = np.where(seen[..., None], corners_px - np.stack([predicted_l, predicted_r], 1), 0.0)
+    residuals = np.where(known[..., None], corners_px - np.stack([predicted_l, predicted_r], 1), 0.0)
     pairs, corners = X.shape[:2]
     shared = np.zeros((pairs, 2, corners, 2, 2 * n + 6))
     shared[:, 0, ..., :n], shared[:, 1, ..., n : 2 * n] = by_lens_l, by_lens_r
@@ -272,15 +272,15 @@ def _linearise(views: BoardViews, rig: StereoRig, turns: Float64, shifts: Float6
     shared[:, 1, ..., 2 * n + 3 :] = by_point_r
     by_point = np.stack([by_point_l, by_point_r @ rig.R], 1)
     pose = np.concatenate([by_point @ turn_derivatives(turned)[:, None], by_point], -1)
-    shared *= seen[..., None, None]
-    pose *= seen[..., None, None]
+    shared *= known[..., None, None]
+    pose *= known[..., None, None]
     J, P, r = shared.reshape(pairs, -1, 2 * n + 6), pose.reshape(pairs, -1, 6), residuals.reshape(pairs, -1, 1)
     JT, PT = J.transpose(0, 2, 1), P.transpose(0, 2, 1)
     inverse = np.linalg.inv(PT @ P)
     cross, own = PT @ J, PT @ r
     normal = JT @ J - cross.transpose(0, 2, 1) @ inverse @ cross
     gradient = (JT @ r - cross.transpose(0, 2, 1) @ inverse @ own)[..., 0]
-    return RigFit(rig, turns, shifts, residuals, seen, normal, gradient, (inverse, cross, own[..., 0]))
+    return RigFit(rig, turns, shifts, residuals, known, normal, gradient, (inverse, cross, own[..., 0]))
 
 
 def _pose_step(now: RigFit, step: Float64) -> tuple[Float64, Float64]:
@@ -320,8 +320,8 @@ def board_poses(board_mm: Floats, corners_px: Floats, camera: Camera) -> tuple[F
     """
     turns, shifts = [], []
     for corners in np.asarray(corners_px, float):
-        seen = np.isfinite(corners[:, 0])
-        turn, shift = board_pose(board_mm[seen], corners[seen], camera)
+        known = np.isfinite(corners[:, 0])
+        turn, shift = board_pose(board_mm[known], corners[known], camera)
         turns.append(cv2.Rodrigues(turn)[0])
         shifts.append(shift)
     return np.array(turns), np.array(shifts)

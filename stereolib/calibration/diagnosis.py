@@ -189,7 +189,7 @@ def diagnose(
         std=rig_std(rig, covariance),
         pairs_refused={views.names[k]: why for k, why in sorted(pairs.refused.items())},
         pair_rms_px=fit.pair_rms_px,
-        residuals_px=np.where(fit.seen[..., None], fit.residuals_px, np.nan).transpose(1, 0, 2, 3),
+        residuals_px=np.where(fit.known[..., None], fit.residuals_px, np.nan).transpose(1, 0, 2, 3),
         coverage=judge_coverage(used, fit.turns, fit.shifts),
         groups=tuple(tuple(views.names[k] for k in group) for group in pairs.groups),
         error_map=error_map(rig, covariance, at_mm=at_mm),
@@ -285,7 +285,7 @@ def _board_findings(used: BoardViews, fit: RigFit) -> list[Finding]:
         return []
     stretched = replace(used, board=replace(board, aspect=board.aspect + _TRIED_STRETCH))
     before = fit.residuals_px
-    change = np.where(fit.seen[..., None], fit_rig(stretched, fit.rig).residuals_px - before, 0.0)
+    change = np.where(fit.known[..., None], fit_rig(stretched, fit.rig).residuals_px - before, 0.0)
     along, length = (before * change).sum(axis=(1, 2, 3)), (change**2).sum(axis=(1, 2, 3))
     stretch = -_TRIED_STRETCH * float(along.sum() / max(length.sum(), 1e-30))
     if abs(stretch) < _STRETCH or along.sum() ** 2 < _STRETCH_SHARE * length.sum() * (before**2).sum():

@@ -78,8 +78,8 @@ def find_board_in_scan(
     ValueError
         If no object in the scan, or more than one, could be the board.
     """
-    things = [part for part in find_segments(scan, sigma=sigma) if part.kind == "object"]
-    short = [part for part in things if part.extent_mm < _LONGER * diagonal_mm]
+    objects = [part for part in find_segments(scan, sigma=sigma) if part.kind == "object"]
+    short = [part for part in objects if part.extent_mm < _LONGER * diagonal_mm]
     fitting = [part for part in short if fit_line(part.points_mm).rms_mm < _FLAT_MM]
     if len(fitting) > 1 and expected is not None:
         R, t = np.asarray(expected, float)[:3, :2], np.asarray(expected, float)[:3, 3]

@@ -105,7 +105,7 @@ def hold_out_errors(
             fitted = fit_rig(known, longer) if longer else calibrate_stereo(known, model=model).fit
             rig = fitted.rig
             held = fit_rig(unknown, rig, free=False)
-            squares[model] += [sum_ for f in (fitted, held) for sum_ in ((f.residuals_px**2).sum(), f.seen.sum())]
+            squares[model] += [sum_ for f in (fitted, held) for sum_ in ((f.residuals_px**2).sum(), f.known.sum())]
     rms = {model: (float(np.sqrt(a / m)), float(np.sqrt(b / n))) for model, (a, m, b, n) in squares.items()}
     return [HoldOut(model, LENS_MODELS[model][0], *errors) for model, errors in rms.items()]
 
@@ -129,7 +129,7 @@ def left_out_rms_px(fitted: RigFit) -> float:
     """
     steps, own = fitted.without_each(), (fitted.residuals_px**2).sum(axis=(1, 2, 3))
     more = np.einsum("ks,kst,kt->k", steps, fitted.normal, steps) - 2 * (fitted.gradient * steps).sum(axis=1)
-    return float(np.sqrt((own + more).sum() / fitted.seen.sum()))
+    return float(np.sqrt((own + more).sum() / fitted.known.sum()))
 
 
 def neighbour_errors(views: BoardViews, fitted: RigFit, model: str) -> list[HoldOut]:

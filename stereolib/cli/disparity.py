@@ -58,19 +58,19 @@ def _run(arguments: argparse.Namespace) -> int:
         pair = StereoRig.load(arguments.calibration).rectify().rectify(*pair)
     with _named_as_options():
         unsure = np.isnan(check_rectified(*pair))
-        found = run(*pair)
+        estimate = run(*pair)
     if unsure:
         print("note: too few points of the two pictures could be matched to tell whether the pair is rectified")
-    valid = np.isfinite(found.disparity_px)
+    valid = np.isfinite(estimate.disparity_px)
     if not valid.any():
         raise ValueError("no pixel was matched: check that the pictures are a stereo pair, left one first")
-    low, high = (float(limit) for limit in np.percentile(found.disparity_px[valid], (1, 99)))
-    for path, array in ((out, found.disparity_px), (deviation, found.std_px)):
+    low, high = (float(limit) for limit in np.percentile(estimate.disparity_px[valid], (1, 99)))
+    for path, array in ((out, estimate.disparity_px), (deviation, estimate.std_px)):
         if array is not None:
             stream = io.BytesIO()
             np.save(stream, array.astype(np.float32), allow_pickle=False)
             write_atomic(path, stream.getvalue())
-    shown = color_disparity(found.disparity_px, low, max(high, low + 1))
+    shown = color_disparity(estimate.disparity_px, low, max(high, low + 1))
     write_atomic(picture, cv2.imencode(".png", shown)[1].tobytes())
     print(f"{out}: {100 * valid.mean():.1f} % of the pixels matched, disparities {low:.1f} to {high:.1f} px")
     return DONE

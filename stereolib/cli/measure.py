@@ -67,17 +67,17 @@ def measured_facts(measured: Measurement) -> dict[str, Any]:
         return round(float(value), 4) if np.isfinite(value) else None
 
     entries = []
-    for thing in measured.objects:
-        entry: dict[str, Any] = {"shape": thing.shape}
-        for name, size, std in zip(("length", "width", "height"), thing.size_mm, thing.std_mm, strict=True):
+    for item in measured.objects:
+        entry: dict[str, Any] = {"shape": item.shape}
+        for name, size, std in zip(("length", "width", "height"), item.size_mm, item.std_mm, strict=True):
             entry |= {f"{name}_mm": plain(size), f"{name}_std_mm": plain(std)}
-        volume, area = thing.volume_l, thing.surface_m2
+        volume, area = item.volume_l, item.surface_m2
         entry |= {"volume_l": plain(volume[0]), "volume_std_l": plain(volume[1])}
         entry |= {"surface_m2": plain(area[0]), "surface_std_m2": plain(area[1])}
-        entry["position_mm"] = [plain(value) for value in thing.position_mm]
-        entry["position_std_mm"] = [plain(value) for value in np.sqrt(np.diag(thing.position_covariance))]
-        entry |= {"yaw_rad": plain(thing.yaw_rad), "yaw_std_rad": plain(thing.yaw_std_rad)}
-        entries.append(entry | {"sources": thing.sources, "reasons": thing.reasons})
+        entry["position_mm"] = [plain(value) for value in item.position_mm]
+        entry["position_std_mm"] = [plain(value) for value in np.sqrt(np.diag(item.position_covariance))]
+        entry |= {"yaw_rad": plain(item.yaw_rad), "yaw_std_rad": plain(item.yaw_std_rad)}
+        entries.append(entry | {"sources": item.sources, "reasons": item.reasons})
     return {
         "frame": "floor below the left camera; x forward, y left, mm, rad; one standard deviation",
         "objects": entries,
@@ -89,13 +89,13 @@ def measured_text(measured: Measurement) -> str:
     """A block for each object: sizes with one standard deviation, place, and what is not known, and why."""
     import numpy as np
 
-    lines, nameless = [], [thing for thing in measured.objects if np.isnan(thing.size_mm).all()]
-    for k, thing in enumerate(thing for thing in measured.objects if thing not in nameless):
-        sizes = " x ".join(plus_minus(size, std) for size, std in zip(thing.size_mm, thing.std_mm, strict=True))
-        lines.append(f"{k + 1}  {thing.shape}: {sizes} mm (length x width x height, ± one standard deviation)")
-        lines += [f"   {line}" for line in _details(thing)]
+    lines, nameless = [], [item for item in measured.objects if np.isnan(item.size_mm).all()]
+    for k, item in enumerate(item for item in measured.objects if item not in nameless):
+        sizes = " x ".join(plus_minus(size, std) for size, std in zip(item.size_mm, item.std_mm, strict=True))
+        lines.append(f"{k + 1}  {item.shape}: {sizes} mm (length x width x height, ± one standard deviation)")
+        lines += [f"   {line}" for line in _details(item)]
     if nameless:
-        places = "; ".join(f"{x:.0f} mm ahead, {y:+.0f} mm left" for x, y in (thing.position_mm for thing in nameless))
+        places = "; ".join(f"{x:.0f} mm ahead, {y:+.0f} mm left" for x, y in (item.position_mm for item in nameless))
         lines.append(f"also seen, but not measurable (pieces of wall, what is cut or hidden): {places}")
     lines += [f"warning: {text}" for text in measured.warnings]
     return "\n".join(
@@ -103,20 +103,20 @@ def measured_text(measured: Measurement) -> str:
     )
 
 
-def _details(thing: MeasuredObject) -> list[str]:
+def _details(item: MeasuredObject) -> list[str]:
     import numpy as np
 
-    x, y = thing.position_mm
+    x, y = item.position_mm
     place = f"at {x:.0f} mm ahead, {abs(y):.0f} mm {'left' if y >= 0 else 'right'}"
-    turned = "" if np.isnan(thing.yaw_rad) else f", turned by {np.degrees(thing.yaw_rad):.1f} degrees"
+    turned = "" if np.isnan(item.yaw_rad) else f", turned by {np.degrees(item.yaw_rad):.1f} degrees"
     lines = [place + turned]
-    volume, std = thing.volume_l
+    volume, std = item.volume_l
     if np.isfinite(volume):
-        area, area_std = thing.surface_m2
+        area, area_std = item.surface_m2
         lines.append(f"volume {plus_minus(volume, std)} l, surface {plus_minus(area, area_std)} m2 (sides and top)")
-    if thing.sources:
-        lines.append("; ".join(f"{what}: {who}" for what, who in thing.sources.items()))
-    return lines + [f"no {what}: {why}" if what != "object" else why for what, why in thing.reasons.items()]
+    if item.sources:
+        lines.append("; ".join(f"{what}: {who}" for what, who in item.sources.items()))
+    return lines + [f"no {what}: {why}" if what != "object" else why for what, why in item.reasons.items()]
 
 
 MEASURE = Command(

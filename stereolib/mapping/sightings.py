@@ -50,7 +50,7 @@ class Sighting:
     from_mm: Float64
 
     @classmethod
-    def of(cls, station: int, seen: MeasuredObject, pose: Float64, pose_covariance: Float64) -> Sighting:
+    def of(cls, station: int, visible: MeasuredObject, pose: Float64, pose_covariance: Float64) -> Sighting:
         """Bring an object from the floor frame of a station into the map.
 
         Parameters
@@ -70,22 +70,22 @@ class Sighting:
         ``p = t + R(yaw) q``; the covariance of (x, y, yaw) is ``R S R' + J C J'`` with ``J = d(p, yaw) / d pose``.
         """
         R = turn_2d(pose[2])
-        lever = R @ seen.position_mm
-        yaw = float(wrap_rad(seen.yaw_rad + pose[2], np.pi))
+        lever = R @ visible.position_mm
+        yaw = float(wrap_rad(visible.yaw_rad + pose[2], np.pi))
         covariance = np.zeros((6, 6))
-        covariance[:2, :2] = R @ seen.position_covariance @ R.T
-        covariance[2, 2] = seen.yaw_std_rad**2
-        covariance[3:, 3:] = seen.covariance
+        covariance[:2, :2] = R @ visible.position_covariance @ R.T
+        covariance[2, 2] = visible.yaw_std_rad**2
+        covariance[3:, 3:] = visible.covariance
         there = replace(
-            seen,
+            visible,
             position_mm=pose[:2] + lever,
             position_covariance=covariance[:2, :2].copy(),
             yaw_rad=yaw,
-            outline_mm=pose[:2] + seen.outline_mm @ R.T,
+            outline_mm=pose[:2] + visible.outline_mm @ R.T,
         )
         J = np.zeros((6, 3))
         J[:3] = [[1, 0, -lever[1]], [0, 1, lever[0]], [0, 0, 1]]
-        values = np.array([*there.position_mm, yaw, *seen.size_mm])
+        values = np.array([*there.position_mm, yaw, *visible.size_mm])
         covariance = np.nan_to_num(covariance) + J @ pose_covariance @ J.T
         return cls(station, there, values, covariance, np.asarray(pose[:2], float))
 

@@ -63,11 +63,11 @@ def draw_rectification(alpha: float, roll_error_deg: float) -> tuple[UInt8, str]
     rectified = StereoRig(true.left, true.right, turn @ true.R, true.T).rectify(alpha)
     left, right = rectified.rectify(*recordings.load_pair("conditions/texture"))
     points = np.random.default_rng(0).uniform([-250, -150, 700], [250, 150, 1000], (200, 3))
-    seen = (
+    known = (
         (true.left.project(points), "left"),
         (true.right.project(points @ true.R.T + true.T), "right"),
     )
-    rows = [rectified.rectify_points(pixels, side)[:, 1] for pixels, side in seen]
+    rows = [rectified.rectify_points(pixels, side)[:, 1] for pixels, side in known]
     rms = np.sqrt(np.mean((rows[0] - rows[1]) ** 2))
     picture = np.hstack([left, right])
     picture[40::60] = (230, 180, 90)

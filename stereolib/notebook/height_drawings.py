@@ -35,17 +35,17 @@ def draw_recipe(set_up: str, rows: int, tolerance_px: float, dilate_px: int) -> 
     from stereolib.virtual import recordings
 
     left, right = recordings.rectified().rectify(*recordings.load_pair(f"conditions/{_RECORDED[set_up]}"))
-    found = height_by_maximum(
+    result = height_by_maximum(
         compute_disparity(left, right, SGBMParams(128)),
         paper.printed_value("scale.cm_per_px"),
         rows,
         tolerance_px=tolerance_px,
         dilate_px=dilate_px,
     )
-    picture = _marked(left, found)
-    ray_mm = height_of_top(recordings.rectified(), recordings.setup(set_up), found)
-    text = f"{found.mask.sum()} pixels count, rows {found.top_row} to {found.foot_row}: "
-    return picture, text + f"the recipe reads {found.height_mm / 10:.1f} cm, the top pixel's ray {ray_mm / 10:.1f} cm"
+    picture = _marked(left, result)
+    ray_mm = height_of_top(recordings.rectified(), recordings.setup(set_up), result)
+    text = f"{result.mask.sum()} pixels count, rows {result.top_row} to {result.foot_row}: "
+    return picture, text + f"the recipe reads {result.height_mm / 10:.1f} cm, the top pixel's ray {ray_mm / 10:.1f} cm"
 
 
 def draw_heights(distance_mm: float, yaw_deg: float, lateral_mm: float, height_mm: float) -> tuple[UInt8, str]:

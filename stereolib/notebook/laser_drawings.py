@@ -39,13 +39,13 @@ def draw_sweep(turns: int, albedo: float, distance_mm: int, yaw_deg: int) -> tup
     painted = replace(cube, boxes=(cube.boxes[0], replace(cube.boxes[1], materials=(shade,))))
     sensor = VirtualLidar()
     data = sensor.scan(painted, recordings.LASER_POSE, np.random.default_rng(0), turns)
-    found = laser.average(laser.turns(laser.decode(data)))
+    merged = laser.average(laser.turns(laser.decode(data)))
     true_mm = sensor.truth_mm(painted, recordings.LASER_POSE)
     on_cube = true_mm < sensor.truth_mm(replace(cube, boxes=cube.boxes[:1]), recordings.LASER_POSE) - 1
     figure, axes = panels(1, width_in=6, aspect=0.9)
-    plot_scan(laser.points_mm(found), axes[0], f"median of {turns} turns")
+    plot_scan(laser.points_mm(merged), axes[0], f"median of {turns} turns")
     axes[0].set(xlim=(-700, 700), ylim=(-100, distance_mm + 600))
-    error, lost = np.abs(found.ranges_mm - true_mm)[on_cube], np.isnan(found.ranges_mm[on_cube]).mean()
+    error, lost = np.abs(merged.ranges_mm - true_mm)[on_cube], np.isnan(merged.ranges_mm[on_cube]).mean()
     median = f"{np.nanmedian(error):.1f} mm" if lost < 1 else "unknown"
     return figure_to_image(figure), f"{on_cube.sum()} beams meet the cube, {lost:.0%} lost; median error {median}"
 
@@ -66,12 +66,12 @@ def draw_map_view(azimuth_deg: int, elevation_deg: int, show: str) -> tuple[UInt
     """
     from stereolib.mapping import view_map
 
-    found, made, points = _walk_map()
+    merged, made, points = _walk_map()
     shown = points if show == "points" else None
-    picture = view_map(found, made, azimuth_deg=azimuth_deg, elevation_deg=elevation_deg, points=shown)
-    (volume, std), (area, area_std) = found.volume_l, found.surface_m2
-    text = f"{len(found.objects)} objects, {volume:.2f} ± {std:.2f} litres, {area:.3f} ± {area_std:.3f} m² of surface"
-    return picture, text + f"; {len(found.walls)} walls, {len(points.points_mm)} points"
+    picture = view_map(merged, made, azimuth_deg=azimuth_deg, elevation_deg=elevation_deg, points=shown)
+    (volume, std), (area, area_std) = merged.volume_l, merged.surface_m2
+    text = f"{len(merged.objects)} objects, {volume:.2f} ± {std:.2f} litres, {area:.3f} ± {area_std:.3f} m² of surface"
+    return picture, text + f"; {len(merged.walls)} walls, {len(points.points_mm)} points"
 
 
 def draw_matching(off_mm: int, off_deg: float, chance: int) -> tuple[UInt8, str]:
@@ -113,5 +113,5 @@ def _walk_map() -> tuple[Map, list[Solid], Cloud]:
     clouds = [
         colored_cloud(m.disparity_px, m.left, m.floor, pose=walk.POSES[n], max_mm=1600.0) for n, m in measured.items()
     ]
-    found = merge_stations(stations, rng=np.random.default_rng(8))
-    return found, map_solids(found), join_clouds(clouds)
+    merged = merge_stations(stations, rng=np.random.default_rng(8))
+    return merged, map_solids(merged), join_clouds(clouds)

@@ -98,17 +98,17 @@ def plot_top_view(
     ax.scatter(readings[:, 0], readings[:, 1], s=2, color="0.75", lw=0, zorder=1)
     for wall in room.walls:
         ax.plot(*wall.ends_mm.T, color="0.25", lw=2.5, solid_capstyle="projecting", zorder=2)
-    for k, (name, thing) in enumerate(zip(room.names, room.measured, strict=True)):
+    for k, (name, item) in enumerate(zip(room.names, room.measured, strict=True)):
         color = tuple(c / 255 for c in RGB[k % len(RGB)])
-        outline = thing.outline_mm[np.isfinite(thing.outline_mm).all(axis=1)]
+        outline = item.outline_mm[np.isfinite(item.outline_mm).all(axis=1)]
         ax.add_patch(Polygon(outline, closed=len(outline) > 2, fc=(*color, 0.35), ec=color, lw=1.8, zorder=3))
-        _ellipse(thing.position_mm, times**2 * np.nan_to_num(thing.position_covariance), ax, color)
-        sizes = " x ".join(f"{v / 10:.1f}" if np.isfinite(v) else "?" for v in thing.size_mm)
+        _ellipse(item.position_mm, times**2 * np.nan_to_num(item.position_covariance), ax, color)
+        sizes = " x ".join(f"{v / 10:.1f}" if np.isfinite(v) else "?" for v in item.size_mm)
         ax.plot([], [], "s", color=color, label=f"{name}  {sizes} cm")
-        top = outline[:, 1].max() if len(outline) else thing.position_mm[1]
+        top = outline[:, 1].max() if len(outline) else item.position_mm[1]
         ax.annotate(
             name,
-            (float(thing.position_mm[0]), float(top)),
+            (float(item.position_mm[0]), float(top)),
             (0, 3),
             ha="center",
             va="bottom",

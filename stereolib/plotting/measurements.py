@@ -45,20 +45,20 @@ def plot_height_attempt(attempt: HeightAttempt, ax: Axes, title: str = "") -> Ax
     plot_image(picture.astype(np.uint8), ax, title)
     if attempt.measured is None or attempt.floor is None:
         return ax
-    found = attempt.measured
-    for face in found.faces:
+    result = attempt.measured
+    for face in result.faces:
         ground = face.points_mm(np.array(face.bearing))
-        upright = [[*ground[k], z] for k, z in ((0, 0), (1, 0), (1, found.height_mm), (0, found.height_mm), (0, 0))]
+        upright = [[*ground[k], z] for k, z in ((0, 0), (1, 0), (1, result.height_mm), (0, result.height_mm), (0, 0))]
         at = attempt.floor.pixels(np.array(upright))
         ax.plot(*at.T, color="white", lw=1)
-        ax.plot(*at[2:4].T, color=COLORS[1], lw=2.5, label="top line" if face is found.faces[0] else None)
-    edge = np.stack([found.foot_px, found.top_px])
+        ax.plot(*at[2:4].T, color=COLORS[1], lw=2.5, label="top line" if face is result.faces[0] else None)
+    edge = np.stack([result.foot_px, result.top_px])
     ax.plot(*edge.T, color=COLORS[6], lw=2.5, label="near edge")
     ax.plot(*edge.T, "o", color="white", mec=COLORS[6], ms=4)
-    text = f"{found.height_mm / 10:.2f} ± {0.196 * found.height_std_mm:.2f} cm"
+    text = f"{result.height_mm / 10:.2f} ± {0.196 * result.height_std_mm:.2f} cm"
     ax.annotate(
         text,
-        tuple(found.top_px),
+        tuple(result.top_px),
         (0, 12),
         textcoords="offset points",
         ha="center",

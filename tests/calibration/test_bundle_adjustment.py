@@ -104,7 +104,7 @@ def test_corners_that_were_not_found_are_left_out(views, fitted):
     std = np.sqrt(np.diag(bundle_adjustment.inverse_normal(fitted.normal.sum(axis=0)))) * fitted.sigma_px
     assert (np.abs(bundle_adjustment.rig_difference(found.rig, fitted.rig)) < 3 * std).all()
     assert np.isfinite(found.fit.residuals_px).all()
-    assert found.fit.seen[:, 0].mean() == pytest.approx(0.8, abs=0.05)
+    assert found.fit.known[:, 0].mean() == pytest.approx(0.8, abs=0.05)
 
 
 def test_pose_of_a_board_is_the_minimum_to_rounding(views, rig):

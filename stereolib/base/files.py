@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import errno
 import json
 import os
@@ -51,13 +52,13 @@ def read_bytes(path: str | PathLike[str], *, limit_bytes: int = LIMIT_BYTES, sil
     >>> read_bytes("no/such/scan.bin")
     Traceback (most recent call last):
     ...
-    ValueError: no/such/scan.bin: no such file
+    ValueError: no/such/scan.bin: no such file; there is no folder no/such
     """
     path = Path(path)
     try:
         kind = path.stat()
     except (FileNotFoundError, NotADirectoryError):
-        raise ValueError(f"{path}: no such file") from None
+        raise ValueError(f"{path}: no such file{_hint(path)}") from None
     except ValueError as error:  # a NUL in the name
         raise ValueError(f"{str(path)!r}: not the name of a file ({error})") from None
     if stat.S_ISDIR(kind.st_mode):
@@ -322,6 +323,14 @@ def _read_pipe(path: Path, limit_bytes: int, silence_s: float) -> bytes:
     finally:
         os.close(descriptor)
     raise ValueError(f"{path}: this pipe delivers more than {_size(limit_bytes)}; is it the right one?")
+
+
+def _hint(path: Path) -> str:
+    """What else the user may have meant by a name that is not there."""
+    if not path.parent.is_dir():
+        return f"; there is no folder {path.parent}"
+    near = difflib.get_close_matches(path.name, [other.name for other in path.parent.iterdir()], 1)
+    return f"; did you mean {near[0]}?" if near else ""
 
 
 def _size(count: float) -> str:

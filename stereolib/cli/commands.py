@@ -42,7 +42,7 @@ def _add(commands: Sequence[Command], parser: argparse.ArgumentParser) -> None:
         if command.commands:
             _add(command.commands, child)
         else:
-            child.set_defaults(run=command.run, interrupted=command.interrupted)
+            child.set_defaults(run=command.run, interrupted=command.interrupted, parser=child)
 
 
 def make_parser() -> argparse.ArgumentParser:
@@ -76,5 +76,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     int
         Exit code: 0 done, 1 the work says no, 2 wrong input, 130 interrupted.
     """
-    arguments = make_parser().parse_args(argv)
+    arguments, unknown = make_parser().parse_known_args(argv)
+    if unknown:  # said by the command's own parser, whose help lists its options
+        arguments.parser.error(f"unrecognized arguments: {' '.join(unknown)}")
     return guarded(lambda: arguments.run(arguments), arguments.interrupted)

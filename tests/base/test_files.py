@@ -21,7 +21,8 @@ pipes = pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no
         ("missing.bin", "missing.bin: no such file"),
         (".", "is a folder; name a file in it"),
         ("big.bin", r"big.bin: 2 kB, at most 1 kB are read"),
-        ("big.bin/x", "no such file"),
+        ("big.bin/x", r"no such file; there is no folder .*big\.bin"),
+        ("bigg.bin", r"no such file; did you mean big\.bin\?"),
         ("a\0b", "not the name of a file"),
     ],
 )

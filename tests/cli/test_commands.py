@@ -61,6 +61,13 @@ def test_wrong_words_are_refused(words: list[str], capsys: pytest.CaptureFixture
     assert said.startswith("stereolib: error: ") and "--help" in said and said.count("\n") == 1
 
 
+def test_an_unknown_option_leads_to_the_help_that_lists_them(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit, match="2"):
+        commands.main(["data", "verify", "--ouput", "x"])
+    said = capsys.readouterr().err
+    assert said == "stereolib: error: unrecognized arguments: --ouput x; see stereolib data verify --help\n"
+
+
 @pytest.mark.parametrize(
     ("error", "code", "line"),
     [

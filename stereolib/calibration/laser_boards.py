@@ -65,7 +65,7 @@ def find_board_in_scan(
     diagonal_mm : float
         Of the board.
     sigma : callable
-        Noise of a reading (see `stereolib.laser.segments`).
+        Noise of a reading (see `stereolib.laser.find_segments`).
     expected : (4, 4) array, optional
         Rough ``T_left_lidar``: decides if several objects could be the board.
 

@@ -22,7 +22,7 @@ PYTHONS = ["3.11", "3.12", "3.13"]
 
 PYTEST = ["-m", "pytest", "-n", "2", "--dist", "loadfile", "-q"]
 UNIT_TESTS = [*PYTEST, "--doctest-modules", "tests", "stereolib"]
-OPENCV_TESTS = [*PYTEST, "--only-opencv", "tests"]  # the option's help says which these are
+OPENCV_TESTS = [*PYTEST, "--only-opencv", "-m", "not slow", "tests"]  # the option's help says which these are
 CHECKS = [
     "ruff check",
     "ruff format --check",

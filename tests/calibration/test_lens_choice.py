@@ -16,6 +16,7 @@ def brown():
     return corner_set(np.random.default_rng(21), rig=draw_rig(np.random.default_rng(20)))
 
 
+@pytest.mark.slow
 def test_more_coefficients_fit_better_and_predict_no_better(brown):
     results = hold_out_errors(brown, ["pinhole", "brown3", "rational8", "thin_prism12"])
     train = [r.train_rms_px for r in results]

@@ -79,6 +79,7 @@ def bootstrap_covariance(views, fitted, draws, rng):
     return np.cov(np.array(moves).T)
 
 
+@pytest.mark.slow
 def test_jackknife_is_the_bootstrap(views, fitted, covariance):
     booted = bootstrap_covariance(views, fitted, 60, np.random.default_rng(2))
     ratio = std(covariance) / std(booted)

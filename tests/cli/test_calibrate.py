@@ -201,6 +201,7 @@ def test_bad_pictures_are_named(
     assert not (tmp_path / "rig").exists()
 
 
+@pytest.mark.slow
 def test_the_wrong_board_is_said(boards: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     words = ["calibrate", *boards, "--board", "10x7", "--square-mm", "25", "--output", str(tmp_path)]
     assert commands.main(words) == 2
@@ -242,6 +243,7 @@ def test_truth_lies_within_four_standard_deviations(done: tuple[int, Path, list[
     assert kept["calibration"]["pairs_used"] == [f"{k:02d}.jpg" for k in range(1, 19)]
 
 
+@pytest.mark.slow
 def test_nothing_is_overwritten_unless_forced(
     done: tuple[int, Path, list[str]], capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -260,6 +262,7 @@ def test_nothing_is_overwritten_unless_forced(
     assert {name: printed[name] for name in kept["calibration"]} == kept["calibration"]
 
 
+@pytest.mark.slow
 def test_files_of_other_tools_hold_the_same_rig(done: tuple[int, Path, list[str]], tmp_path: Path) -> None:
     words = [
         *done[2][:-2],

@@ -7,6 +7,7 @@ import pytest
 from stereolib import notebook
 
 
+@pytest.mark.slow
 def test_sliders_say_both_readings():
     picture, text = notebook.draw_heights(700, 45, 0, 300.0)
     assert picture.shape == (480, 1280, 3)

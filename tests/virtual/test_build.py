@@ -29,6 +29,7 @@ def test_manifest_is_written_as_sha256sum_does(tmp_path):
     )
 
 
+@pytest.mark.slow
 def test_build_writes_pairs_streams_and_sums(tmp_path, monkeypatch):
     """With a renderer that takes no time: the files, the seeds, and what `only` leaves alone."""
     light = np.full((48, 64, 3), 0.4, np.float32)

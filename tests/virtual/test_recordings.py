@@ -61,6 +61,7 @@ def test_stations_of_the_walk_stand_where_they_should():
         assert T[2, 2] == pytest.approx(np.sin(np.radians(8.27)), abs=1e-3)
 
 
+@pytest.mark.slow
 def test_boxes_of_the_walk_are_seen_from_two_sides():
     """By the truth: whole in both pictures of two stations whose directions differ by 30 degrees; the fourth in one."""
     seen = {k: [] for k in range(1, 6)}

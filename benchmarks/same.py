@@ -28,7 +28,10 @@ from stereolib.paper import published
 
 COMPARED = ("figures", "notebooks")
 #: Files that may differ, each with its reason.
-MAY_DIFFER: dict[str, str] = {}
+MAY_DIFFER = {
+    "notebooks/01_calibration.ipynb": "lenses of eight and more coefficients end in a flat valley, somewhere else with "
+    "other kernels: curves of two pictures move by a fraction of a pixel, no number does",
+}
 EXTRA_DIGITS = 8  # behind the printed ones, to see how far a number stands from where its rounding turns
 LEAST_MARGIN = 10.0  # times its spread between processors
 _NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?(?![\w.])")

@@ -36,7 +36,7 @@ def read_recording(path: str | PathLike[str]) -> Readings:
     >>> read_recording("no/such/room.bin")
     Traceback (most recent call last):
     ...
-    ValueError: no/such/room.bin: no such file
+    ValueError: no/such/room.bin: no such file; there is no folder no/such
     """
     return decode_recording(read_bytes(path), str(path))
 

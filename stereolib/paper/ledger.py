@@ -6,6 +6,7 @@ import os
 import re
 import textwrap
 from collections.abc import Mapping
+from dataclasses import replace
 from html import escape
 from io import StringIO
 from itertools import zip_longest
@@ -15,29 +16,40 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from stereolib.base import figures_dir, read_text, write_atomic
-from stereolib.paper.printed_values import NUMERIC, Published, printed_item, published
+from stereolib.paper.printed_values import Published, printed_item, published
 
 if TYPE_CHECKING:
     import pandas as pd
 
-COLUMNS = ("id", "where", "paper", "ours", "difference", "tolerance", "unit", "verdict", "reason")
+COLUMNS = ("id", "where", "kind", "paper", "ours", "difference", "tolerance", "unit", "verdict", "reason")
 _EXTRA_DIGITS = int(os.environ.get("STEREOLIB_EXTRA_DIGITS", "0"))  # `make same` looks behind the rounding
-_CLAIM = {"yes": "agrees", "in part": "holds in part", "no": "does not hold"}
-_WIDTHS = {"id": 20, "paper": 19, "ours": 19, "difference": 10, "tolerance": 9, "verdict": 11, "reason": 26}
+# verdicts of what is held against ...: when all of it holds, a part, nothing
+_VERDICTS = {
+    "number": ("reproduced", "differs", "differs"),
+    "truth": ("meets the truth", "misses the truth", "misses the truth"),
+    "claim": ("agrees", "holds in part", "does not hold"),
+    "itself": ("consistent", "paper contradicts itself", "paper contradicts itself"),
+    "built in": ("recovered", "not recovered", "not recovered"),  # a number that the virtual rig was made from
+}
+_WIDTHS = {"id": 18, "kind": 8, "paper": 17, "ours": 20, "difference": 10, "tolerance": 9, "verdict": 11, "reason": 20}
 _ROUNDING = 1e-9  # of a difference that is as large as its tolerance, which still counts
 
 
-def compare_with_paper(values: Mapping[str, Any], reasons: Mapping[str, str] | None = None) -> pd.DataFrame:
-    """Rows of the ledger: ours against the paper's.
+def compare_with_paper(
+    values: Mapping[str, Any], reasons: Mapping[str, str] | None = None, tolerances: Mapping[str, Any] | None = None
+) -> pd.DataFrame:
+    """Rows of the ledger: ours against the paper's, with the verdict that the item's own limits give.
 
     Parameters
     ----------
     values : mapping of id to ours
-        Numbers and matrices in the paper's unit and convention (see `printed_form`). For a claim or a figure True,
-        False, or a text that begins with ``yes``, ``in part`` or ``no``, as ``"no: 7.4 mm near 3 m"``. Where the
-        paper contradicts itself or prints nothing to compare: any number or text, or None.
+        Numbers and matrices in the paper's unit and convention (see `printed_form`). For a claim the computed
+        quantities by the names of its conditions, as ``{"times": 82.0}``. Where there is nothing to compare: any
+        number or text, or None.
     reasons : mapping of id to text, optional
         Replaces the reason of ``published.toml`` where this run knows better.
+    tolerances : mapping of id to number or array, optional
+        For every item whose tolerance is computed (``atol = "computed"``), and for no other.
 
     Returns
     -------
@@ -47,20 +59,30 @@ def compare_with_paper(values: Mapping[str, Any], reasons: Mapping[str, str] | N
     Raises
     ------
     ValueError
-        If an id is unknown (close ones are named), a shape is wrong, or a claim is answered with something else.
+        If an id is unknown (close ones are named), a shape is wrong, a claim is answered with something else than
+        its quantities, or a computed tolerance is missing.
 
     Examples
     --------
     >>> row = compare_with_paper({"scale.cm_per_px": 42 / 362}).iloc[0]
     >>> row["paper"], row["ours"], row["difference"], row["verdict"]
-    ('0.116', '0.1160', '+0.0000', 'reproduced')
+    ('0.116', '0.1160', '+0.0000', 'consistent')
     """
     import pandas as pd
 
-    reasons = reasons or {}
-    if extra := sorted(set(reasons) - set(values)):
-        raise ValueError(f"reasons for ids that are not compared: {extra}")
-    rows = [_row(printed_item(id), ours, reasons.get(id)) for id, ours in values.items()]
+    reasons, tolerances = reasons or {}, tolerances or {}
+    if extra := sorted((set(reasons) | set(tolerances)) - set(values)):
+        raise ValueError(f"reasons or tolerances for ids that are not compared: {extra}")
+    rows = []
+    for id, ours in values.items():
+        item = printed_item(id)
+        if (item.atol == "computed") != (id in tolerances):
+            raise ValueError(
+                f"{id}: its tolerance is {'' if item.atol == 'computed' else 'not '}computed by the caller"
+            )
+        if id in tolerances:
+            item = replace(item, atol=np.asarray(tolerances[id], float).tolist())
+        rows.append(_row(item, ours, reasons.get(id)))
     return pd.DataFrame(rows, columns=COLUMNS)
 
 
@@ -178,25 +200,37 @@ def show_rows(rows: pd.DataFrame) -> ShownRows:
 
 def _row(item: Published, ours: Any, reason: str | None) -> tuple[str, ...]:
     difference = tolerance = ""
-    if isinstance(ours, (bool, np.bool_)) and item.comparability not in NUMERIC:
-        ours = "yes" if ours else "no"
-    if item.comparability in NUMERIC:
-        difference, tolerance, verdict = _judge(item, ours)
-    elif item.comparability == "qualitative":
-        begins = [word for word in _CLAIM if re.match(rf"{word}\b", str(ours))]
-        if not begins:
-            raise ValueError(f"{item.id} is a claim: answer True, False or 'yes|in part|no: why', got {ours!r}")
-        verdict = _CLAIM[begins[0]]
+    mine, why = "-" if ours is None else _text(ours, np.add(item.places, _EXTRA_DIGITS)), reason or item.reason
+    if item.numeric:
+        difference, tolerance, holding = _judge(item, ours)
+    elif item.conditions:
+        mine, difference, tolerance, holding = _weigh(item, ours)
+        why = " ".join([why, *(f"{c.limit[0].upper()}{c.limit[1:]}: {c.because}" for c in item.conditions.values())])
+    if item.against in ("nothing", "not attempted"):
+        verdict = {"redrawn": "redrawn"}.get(item.kind, item.against.replace("nothing", "not comparable"))
     else:
-        inconsistent = item.comparability == "internally-inconsistent"
-        verdict = "paper contradicts itself" if inconsistent else "not comparable"
-    mine = "-" if ours is None else _text(ours, np.add(item.places, _EXTRA_DIGITS))
-    row = (item.id, item.where, _text(item.value, item.digits), mine, difference, tolerance)
-    return (*row, item.unit, verdict, reason or item.reason)
+        words = _VERDICTS["built in" if item.kind == "built in" and item.numeric else item.against]
+        verdict = words[0 if holding == 1 else 1 if holding else 2]
+    row = (item.id, item.where, item.kind, _text(item.value, item.digits), mine, difference, tolerance)
+    return (*row, item.unit, verdict, why)
 
 
-def _judge(item: Published, ours: Any) -> tuple[str, str, str]:
-    """Difference (of a matrix the largest, without sign), tolerance and verdict of a number."""
+def _weigh(item: Published, ours: Any) -> tuple[str, str, str, float]:
+    """A claim: what was measured, how many of its conditions hold, their limits, and the share that holds."""
+    if not isinstance(ours, Mapping) or set(ours) != set(item.conditions):
+        raise ValueError(f"{item.id} is a claim: give {sorted(item.conditions)} with a number each, got {ours!r}")
+    said, held = [], []
+    for name, condition in item.conditions.items():
+        value = float(ours[name])
+        held.append(condition.holds(value))
+        said.append(condition.says.replace("{}", _text(value, condition.digits + _EXTRA_DIGITS)))
+    answers = [f"{text}: {'yes' if yes else 'no'}" for text, yes in zip(said, held, strict=True)]
+    limits = "; ".join(condition.limit for condition in item.conditions.values())
+    return "; ".join(answers), f"{sum(held)} of {len(held)} hold", limits, sum(held) / len(held)
+
+
+def _judge(item: Published, ours: Any) -> tuple[str, str, float]:
+    """Difference (of a matrix the largest, without sign), tolerance, and 1 if all is within it, else 0."""
     paper = np.asarray(item.value, float)
     if isinstance(ours, (str, bool)) or ours is None or np.shape(ours) != paper.shape:
         kind = f"shape {paper.shape}" if paper.ndim else "a single number"
@@ -210,9 +244,8 @@ def _judge(item: Published, ours: Any) -> tuple[str, str, str]:
         limit, tolerance = item.rtol * np.abs(paper).max(), f"{100 * item.rtol:g} %"
     else:
         limit = np.asarray(item.atol, float)
-        tolerance = " to ".join(f"{v:g}" for v in sorted({limit.min(), limit.max()}))
-    within = bool((np.abs(step) <= limit + _ROUNDING).all())
-    return difference, tolerance, "reproduced" if within else "differs"
+        tolerance = " to ".join(f"{v:.3g}" for v in sorted({limit.min(), limit.max()}))
+    return difference, tolerance, float((np.abs(step) <= limit + _ROUNDING).all())
 
 
 def _text(value: Any, digits: Any, sign: str = "") -> str:

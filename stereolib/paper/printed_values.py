@@ -4,16 +4,74 @@ from __future__ import annotations
 
 import difflib
 import tomllib
-from dataclasses import dataclass, fields
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
 from functools import cache
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
 from stereolib.base import data_path, read_text
 
-NUMERIC = ("exact", "same-method")
-OTHER = ("qualitative", "internally-inconsistent", "not-reproducible")
+KINDS = ("test", "built in", "argument", "redrawn")
+# what an item is held against -> how many tolerances it has, and whether it has conditions
+AGAINST = {
+    "number": {(1, False)},
+    "truth": {(1, False)},
+    "claim": {(0, True)},
+    "itself": {(1, False), (0, True)},
+    "nothing": {(0, False)},
+    "not attempted": {(0, False)},
+}
+
+
+@dataclass(frozen=True)
+class Condition:
+    """What a computed quantity must fulfil for a claim to hold.
+
+    Raises
+    ------
+    ValueError
+        If it has no limit or no reason for it, or its sentence no place for the number.
+    """
+
+    says: str
+    because: str
+    least: float | None = None
+    most: float | None = None
+    digits: int = 0
+
+    def __post_init__(self) -> None:
+        if self.says.count("{}") != 1:
+            raise ValueError(f"a condition's sentence needs one {{}} for its number: {self.says!r}")
+        if self.least is None and self.most is None:
+            raise ValueError(f"a condition needs least, most or both: {self.says!r}")
+        if not self.because:
+            raise ValueError(f"a limit needs its reason: {self.says!r}")
+
+    @property
+    def limit(self) -> str:
+        """Its limits in words."""
+        if self.least == self.most:
+            return f"{self.least:g}"
+        if self.least is not None and self.most is not None:
+            return f"{self.least:g} to {self.most:g}"
+        return f"at least {self.least:g}" if self.most is None else f"at most {self.most:g}"
+
+    def holds(self, value: float) -> bool:
+        """Whether a number keeps the limits; NaN never does.
+
+        Parameters
+        ----------
+        value : float
+
+        Returns
+        -------
+        bool
+        """
+        low, high = (-np.inf if self.least is None else self.least), (np.inf if self.most is None else self.most)
+        return bool(low <= value <= high)
 
 
 @dataclass(frozen=True)
@@ -23,13 +81,15 @@ class Published:
     Raises
     ------
     ValueError
-        If it has no reason, an unknown comparability, or is a number without one tolerance.
+        If it has no reason, an unknown kind or opponent, is a number without one tolerance, or a claim without a
+        condition.
     """
 
     id: str
     value: Any
     where: str
-    comparability: str
+    kind: str
+    against: str
     reason: str
     notebook: str
     what: str = ""
@@ -37,17 +97,38 @@ class Published:
     digits: int | list[int] = 0
     shown: int | list[int] | None = None
     convention: str = ""
-    atol: float | list[Any] | None = None
+    atol: float | str | list[Any] | None = None
     rtol: float | None = None
+    conditions: Mapping[str, Condition] = field(default_factory=dict)
     figure: str = ""
 
     def __post_init__(self) -> None:
-        if self.comparability not in NUMERIC + OTHER:
-            raise ValueError(f"comparability {self.comparability!r} is none of {NUMERIC + OTHER}")
-        if self.comparability in NUMERIC and (self.atol is None) == (self.rtol is None):
-            raise ValueError("a number needs either atol or rtol")
+        if self.kind not in KINDS:
+            raise ValueError(f"kind {self.kind!r} is none of {KINDS}")
+        if self.against not in AGAINST:
+            raise ValueError(f"against {self.against!r} is none of {tuple(AGAINST)}")
         if not self.reason:
-            raise ValueError("a tolerance or comparability needs its reason")
+            raise ValueError("a tolerance or a verdict needs its reason")
+        conditions = {name: c if isinstance(c, Condition) else Condition(**c) for name, c in self.conditions.items()}
+        object.__setattr__(self, "conditions", MappingProxyType(conditions))
+        self._check_limits()
+
+    def _check_limits(self) -> None:
+        if isinstance(self.atol, str) and self.atol != "computed":
+            raise ValueError(f'atol must be a number, one per element or "computed", got {self.atol!r}')
+        has = (self.atol is not None) + (self.rtol is not None), bool(self.conditions)
+        if has not in AGAINST[self.against]:
+            raise ValueError(
+                f"held against {self.against!r}: a number needs either atol or rtol, a claim needs conditions, "
+                f"nothing to hold against has neither; got {has[0]} tolerances, {len(self.conditions)} conditions"
+            )
+        if self.kind == "redrawn" and self.against != "nothing":
+            raise ValueError("what is only redrawn is held against nothing")
+
+    @property
+    def numeric(self) -> bool:
+        """Whether it is a number with a tolerance."""
+        return self.atol is not None or self.rtol is not None
 
     @property
     def places(self) -> int | list[int]:

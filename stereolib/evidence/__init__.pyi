@@ -1,0 +1,5 @@
+from .matching import glare_times
+
+__all__ = [
+    "glare_times",
+]

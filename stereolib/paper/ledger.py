@@ -200,12 +200,14 @@ def show_rows(rows: pd.DataFrame) -> ShownRows:
 
 def _row(item: Published, ours: Any, reason: str | None) -> tuple[str, ...]:
     difference = tolerance = ""
-    mine, why = "-" if ours is None else _text(ours, np.add(item.places, _EXTRA_DIGITS)), reason or item.reason
-    if item.numeric:
-        difference, tolerance, holding = _judge(item, ours)
-    elif item.conditions:
+    why = reason or item.reason
+    if item.conditions:
         mine, difference, tolerance, holding = _weigh(item, ours)
-        why = " ".join([why, *(f"{c.limit[0].upper()}{c.limit[1:]}: {c.because}" for c in item.conditions.values())])
+        why = " ".join([why, *(f"{c.limit[0].upper()}{c.limit[1:]}: {c.because}." for c in item.conditions.values())])
+    else:
+        mine = "-" if ours is None else _text(ours, np.add(item.places, _EXTRA_DIGITS))
+        if item.numeric:
+            difference, tolerance, holding = _judge(item, ours)
     if item.against in ("nothing", "not attempted"):
         verdict = {"redrawn": "redrawn"}.get(item.kind, item.against.replace("nothing", "not comparable"))
     else:

@@ -31,7 +31,7 @@ def turned_ids(tests: Path) -> set[str]:
     found = set()
     for path in tests.rglob("test_*.py"):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "assert_turns" and node.args:
-                if isinstance(node.args[0], ast.Constant):
-                    found.add(node.args[0].value)
+            called = isinstance(node, ast.Call) and getattr(node.func, "id", "") == "assert_turns"
+            if called and node.args and isinstance(node.args[0], ast.Constant):
+                found.add(node.args[0].value)
     return found

@@ -4,9 +4,10 @@ from .height_recipe import HeightResult, height_by_maximum, height_from_depth, h
 from .ledger import compare_with_paper, record_rows, recorded_rows, show_rows
 from .pixel_cm import cm_per_px, cm_per_px_at, depth_of_scale_mm, fit_focal_length_px
 from .printed_rig import paper_rig, printed_essential, printed_form, printed_fundamental
-from .printed_values import Published, max_deviation, printed_value, published
+from .printed_values import KINDS, Published, max_deviation, printed_value, published
 
 __all__ = [
+    "KINDS",
     "CubeSetup",
     "CubeView",
     "HeightResult",

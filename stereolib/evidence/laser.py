@@ -10,14 +10,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from stereolib.base import Bools, Float64
-from stereolib.laser import ErrorCurve, LaserScan, find_segments, fit_footprint
+from stereolib.laser import ErrorCurve, LaserScan, error_curve, find_segments, fit_footprint
 from stereolib.paper import Published, printed_value, published
 
 #: Powers of the distance with which the steps of a reading may grow: 0 is a clock's, 2 a spot's on a chip.
 STEP_POWERS = tuple(np.arange(0, 4.01, 0.25).tolist())
 _STEPS_MM = (1.2, 4.0)  # looked for, at the nearest reading: nearer to one millimetre the packet's own would be found
-_OVERSAMPLING = 8  # steps tried, for one that could be told apart from the next
+_OVERSAMPLING = 4  # steps tried, for one that could be told apart from the next
 _CHANCE = 1e-3  # of as good a pattern among readings without one
+_LEAST_READINGS = 30  # of which a mean error is told
 _LIGHT_MM_PER_PS = 0.299792458
 _MM_PER_CM = 10.0
 
@@ -62,7 +63,7 @@ class StepPattern:
             ``step(at) (distance / at)^power``.
         """
         best = float(self.steps_mm[np.argmax(self.scores)])
-        return best * float(distance_mm / self.at_mm) ** self.power
+        return best * float((distance_mm / self.at_mm) ** self.power)
 
 
 def find_step_pattern(readings_mm: ArrayLike, powers: Sequence[float] = STEP_POWERS) -> StepPattern:
@@ -232,7 +233,7 @@ def relative_spread(far_mm: ArrayLike) -> dict[str, float]:
     dict
         ``spread_pct``
     """
-    return {"spread_pct": 100 * noise_of_median(far_mm, 1) / float(np.median(far_mm))}
+    return {"spread_pct": 100 * noise_of_median(far_mm, 1) / float(np.median(np.asarray(far_mm, np.float64)))}
 
 
 def averaging_gain(far_mm: ArrayLike, n: int = 5) -> dict[str, float]:
@@ -251,25 +252,36 @@ def averaging_gain(far_mm: ArrayLike, n: int = 5) -> dict[str, float]:
     return {"noise_times": noise_of_median(far_mm, n) / noise_of_median(far_mm, 1)}
 
 
-def averaging_of_reflectivity(curve: ErrorCurve, averaged: ErrorCurve, least: float = 1.0) -> dict[str, float]:
-    """What averaging leaves of the errors that a dark surface makes.
+def averaging_of_reflectivity(true_mm: ArrayLike, readings_mm: Sequence[Float64], n: int = 5) -> dict[str, float]:
+    """What the median of n readings leaves of the errors that a surface makes.
 
     Parameters
     ----------
-    curve, averaged : ErrorCurve
-        Of single readings and of readings averaged, at the same distances.
-    least : float
-        Biases smaller than this are left out, mm.
+    true_mm : (k,) array_like
+        Known distances, mm.
+    readings_mm : sequence of k arrays
+        Readings at each, mm, NaN where none came back; combined n by n in their order.
+    n : int
 
     Returns
     -------
     dict
-        ``bias_times``, the root mean square bias of the one over the other's; ``lost_times``, of the beams that are
-        lost, summed over the distances.
+        ``bias_times``: bias (rms over the distances) of the medians over that of single readings; ``lost_times``: the
+        same of the share that is lost.
     """
-    kept = np.isfinite(curve.bias_mm) & np.isfinite(averaged.bias_mm) & (np.abs(curve.bias_mm) > least)
-    bias = np.sqrt(np.mean(averaged.bias_mm[kept] ** 2) / np.mean(curve.bias_mm[kept] ** 2))
-    return {"bias_times": float(bias), "lost_times": float(averaged.dropout.sum() / curve.dropout.sum())}
+    one = error_curve(true_mm, readings_mm)
+    many = error_curve(true_mm, [_medians(np.asarray(r, np.float64), n) for r in readings_mm])
+    kept = (one.n >= _LEAST_READINGS) & (many.n >= _LEAST_READINGS)
+    bias = np.sqrt(np.mean(many.bias_mm[kept] ** 2) / np.mean(one.bias_mm[kept] ** 2))
+    return {"bias_times": float(bias), "lost_times": float(many.dropout.sum() / one.dropout.sum())}
+
+
+def _medians(readings_mm: Float64, n: int) -> Float64:
+    """Medians of n by n readings, of those that are there; NaN where none is."""
+    groups = np.sort(readings_mm[: len(readings_mm) // n * n].reshape(-1, n), axis=1)  # NaN last
+    count = np.isfinite(groups).sum(axis=1)
+    rows = np.arange(len(groups))
+    return np.asarray((groups[rows, (count - 1) // 2] + groups[rows, count // 2]) / 2)
 
 
 def turns_gain(near_mm: ArrayLike, far_mm: ArrayLike, n: int = 5) -> dict[str, float]:

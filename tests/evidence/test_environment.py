@@ -19,7 +19,7 @@ TOLERANCE_CM = [evidence.half_beam_step_cm(700, 300)] * 2 + [4 * 0.116]
 def test_map_and_volumes():
     rng = np.random.default_rng(1)
     places, sizes = PLACES + rng.normal(0, 3, PLACES.shape), SIZES + rng.normal(0, 0.2, SIZES.shape)
-    astray = (places[:4] + 80, sizes[:4] + [0, 0, 30])
+    astray = (places[:4] + 80, sizes[:4] + np.array([0, 0, 30]))
     assert len(SEEN) == len(SIZES)
     assert_turns(
         "future.map_3d",

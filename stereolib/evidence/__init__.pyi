@@ -1,4 +1,5 @@
 from .height import (
+    ThresholdCurve,
     box_spread,
     edge_mask,
     first_row_off,
@@ -8,6 +9,7 @@ from .height import (
     maximum_marks_edge,
     reading_at_threshold_cm,
     recipe_over_setups,
+    threshold_curve,
     threshold_matters,
     whole_edge_reading_cm,
     whole_edge_tolerance_px,
@@ -17,6 +19,7 @@ from .scale import ENDS_PX, box_off_px, boxes_right, camera_heights_left, one_sc
 
 __all__ = [
     "ENDS_PX",
+    "ThresholdCurve",
     "box_off_px",
     "box_spread",
     "boxes_right",
@@ -32,6 +35,7 @@ __all__ = [
     "reading_at_threshold_cm",
     "recipe_over_setups",
     "relation_error",
+    "threshold_curve",
     "threshold_matters",
     "whole_edge_reading_cm",
     "whole_edge_tolerance_px",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -21,6 +22,38 @@ _MM_PER_CM = 10.0
 _EDGE_PX = 3  # columns to either side of the near edge that still are the edge: a matcher's block is as wide
 _TOP_ROWS = 3  # of the edge, in which the first row is looked for: an edge is found to a pixel or two
 _LEVELS = 255  # steps of a map that is shown as a picture of 8 bits
+_HALF_CM = 0.5  # half of the last digit of the cube's printed size: what counts as right
+_SAME_CM = 0.25  # two rows at the printed scale: what counts as the same reading
+
+
+@dataclass(frozen=True, eq=False)
+class ThresholdCurve:
+    """What the paper's recipe reads on one map over all thresholds.
+
+    Attributes
+    ----------
+    below_px : (N,) float64, px
+        Thresholds, as far as they are below the map's largest disparity above the constant; the first is 0.
+    reading_cm : (N,) float64, cm
+    whole_px : float, px
+        From here on the mask reaches the top of the near edge, to two rows; NaN if never.
+    whole_cm : float, cm
+        What the thresholds from there to `until_px` read: their median.
+    until_px : float, px
+        The last threshold that reads, to two rows, the same as that one.
+    right_px : (first, last), px
+        Thresholds that read the cube's printed size to half a centimetre; NaN if none does.
+    right_steps : int
+        How many do.
+    """
+
+    below_px: Float64
+    reading_cm: Float64
+    whole_px: float
+    whole_cm: float
+    until_px: float
+    right_px: tuple[float, float]
+    right_steps: int
 
 
 def edge_mask(view: CubeView, shape: tuple[int, int]) -> Bools:
@@ -90,9 +123,39 @@ def whole_edge_reading_cm(disparity_px: Floats, view: CubeView) -> float:
     return float(readings[np.abs(readings - paper_setup().side_mm / _MM_PER_CM).argmin()])
 
 
-def threshold_matters(
-    disparity_px: Floats, others: Mapping[float, Floats], *, within_cm: float = 0.5
-) -> dict[str, float]:
+def threshold_curve(disparity_px: Floats, view: CubeView, *, step_px: float = 1 / 16) -> ThresholdCurve:
+    """What the paper's recipe reads at every threshold, from the maximum of a map down to nothing.
+
+    Parameters
+    ----------
+    disparity_px : (H, W) float, px
+    view : CubeView
+        Where the edge is.
+    step_px : float, px
+        Between two thresholds: a step of SGBM's disparities.
+
+    Returns
+    -------
+    ThresholdCurve
+    """
+    largest = _strict(disparity_px).threshold_px
+    below = np.arange(0, largest, step_px)
+    readings, whole = _readings_cm(disparity_px, below), whole_edge_tolerance_px(disparity_px, view)
+    at_whole = readings[below >= whole][:1]
+    same = (below >= whole) & (np.abs(readings - at_whole) <= _SAME_CM) if at_whole.size else below < 0
+    right = below[np.abs(readings - paper_setup().side_mm / _MM_PER_CM) <= _HALF_CM]
+    return ThresholdCurve(
+        below_px=below,
+        reading_cm=readings,
+        whole_px=whole,
+        whole_cm=float(np.median(readings[same])) if same.any() else np.nan,
+        until_px=float(below[same].max()) if same.any() else np.nan,
+        right_px=(float(right.min()), float(right.max())) if right.size else (np.nan, np.nan),
+        right_steps=len(right),
+    )
+
+
+def threshold_matters(disparity_px: Floats, others: Mapping[float, Floats]) -> dict[str, float]:
     """How much of a height by the paper's recipe its threshold decides.
 
     Parameters
@@ -101,14 +164,13 @@ def threshold_matters(
         Of the printed cube.
     others : mapping of cm to (H, W) float, px
         Maps of cubes of other heights, at the same place.
-    within_cm : float, cm
-        What counts as right.
 
     Returns
     -------
     dict
-        ``share_pct``: of the 255 steps of an 8-bit picture of the map, from its maximum to 0, those at which the
-        recipe is right; ``other_cm``: how far the step that is best for the cube is off at most for the others.
+        ``share_pct``: of the 256 levels of an 8-bit picture of the map, from its maximum to 0, those at which the
+        recipe is right to half a centimetre; ``other_cm``: how far the level that is best for the cube is off at most
+        for the others.
     """
     side_cm = paper_setup().side_mm / _MM_PER_CM
     largest = _strict(disparity_px).threshold_px
@@ -116,7 +178,7 @@ def threshold_matters(
     errors = np.abs(_readings_cm(disparity_px, tolerances) - side_cm)
     threshold = largest - tolerances[errors.argmin()]
     off = [abs(reading_at_threshold_cm(d, threshold) - height) for height, d in others.items()]
-    return {"share_pct": 100 * float((errors <= within_cm).mean()), "other_cm": float(np.max(off))}
+    return {"share_pct": 100 * float((errors <= _HALF_CM).mean()), "other_cm": float(np.max(off))}
 
 
 def reading_at_threshold_cm(disparity_px: Floats, threshold_px: float) -> float:

@@ -76,12 +76,12 @@ def height_by_maximum(
     ``d >= max(d) - tolerance``. The paper speaks of a threshold and prints none. Where it breaks:
 
     - A camera pitched up sees the top of a vertical edge farther away: its disparity falls from
-      foot to top (6.2 px in the paper's set-up), and a strict maximum marks the foot alone.
+      foot to top (6.2 px where it stands at the printed height), and a strict maximum marks the foot alone.
     - The floor in front is nearer than the object. ``constant_rows`` removes it at one distance
       only; dilation brings it back by half a kernel.
     - One bright speckle above the object is the maximum of everything.
-    - The scale belongs to one depth. The paper's is that of the side corners; at the near edge it
-      reads a quarter too much (`height_from_depth` does not).
+    - The scale belongs to one depth. The paper's is that of the side corners; at the near edge, seen
+      from the printed height, it reads a quarter too much (`height_from_depth` does not).
 
     Examples
     --------

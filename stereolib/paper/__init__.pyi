@@ -1,6 +1,22 @@
-from .camera_place import CubeSetup, CubeView, cube_view, paper_setup, rig_pose, solve_camera_height, solve_pitch
+from .camera_place import (
+    CubeSetup,
+    CubeView,
+    cube_view,
+    paper_setup,
+    rig_pose,
+    setup_family,
+    setups_in_print,
+    solve_camera_height,
+    solve_pitch,
+)
 from .canny import PixelBox, canny_bounding_box, canny_edges
-from .height_recipe import HeightResult, height_by_maximum, height_from_depth, height_of_top
+from .height_recipe import (
+    HeightResult,
+    height_by_maximum,
+    height_from_depth,
+    height_of_top,
+    heights_over_tolerances,
+)
 from .ledger import compare_with_paper, record_rows, recorded_rows, show_rows
 from .pixel_cm import cm_per_px, cm_per_px_at, depth_of_scale_mm, fit_focal_length_px
 from .printed_rig import paper_rig, printed_essential, printed_form, printed_fundamental
@@ -24,6 +40,7 @@ __all__ = [
     "height_by_maximum",
     "height_from_depth",
     "height_of_top",
+    "heights_over_tolerances",
     "max_deviation",
     "paper_rig",
     "paper_setup",
@@ -35,6 +52,8 @@ __all__ = [
     "record_rows",
     "recorded_rows",
     "rig_pose",
+    "setup_family",
+    "setups_in_print",
     "show_rows",
     "solve_camera_height",
     "solve_pitch",

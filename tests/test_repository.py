@@ -71,7 +71,7 @@ def test_outputs_hold_no_error_no_stderr_no_address(path: Path) -> None:
 
 @each_notebook
 def test_no_machine_path(path: Path) -> None:
-    text = path.read_text(encoding="utf-8")
+    text = re.sub(r"\\[nrt]", " ", path.read_text(encoding="utf-8"))  # as JSON writes ends of lines
     assert str(ROOT) not in text
     assert not re.findall(r"(?<![\w.:/])/(?:home|root|Users|tmp|opt|mnt|usr|var|srv)/[\w.-]+", text)
     assert not re.findall(r"[A-Z]:\\\\+Users", text)

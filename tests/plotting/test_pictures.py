@@ -120,6 +120,10 @@ def test_map_hatches_what_was_not_seen_and_ends_its_colours_where_told(ax):
 def test_map_of_nothing_and_of_a_constant(ax, values):
     plotting.plot_quantity(plotting.ImageQuantity(values, np.arange(3), np.arange(3), (3, 3), "px"), ax, "map")
     plotting.save_figure(None, ax.figure)
+    assert ax.get_title() == "map" and ax.get_xlim() == (-0.5, 2.5) and not ax.texts
+    viridis = [33, 145, 140]  # its middle: the colours end where they begin
+    inside = rendered(ax)[10:-10, 10:-10].reshape(-1, 3)
+    assert np.unique(inside, axis=0).tolist() == [[0xD9] * 3 if np.isnan(values).all() else viridis]
 
 
 def test_arrows_are_drawn_where_they_are_and_their_means_stay(ax):

@@ -64,7 +64,7 @@ def test_covariance_of_the_floor_is_that_of_many_draws():
         found.append(fit_floor(np.where(flat > 20, flat + error, np.nan), RECT, rng=rng()))
     off = [floor.plane - true.plane for floor in found]
     squares = [e @ np.linalg.solve(floor.covariance, e) / 3 for e, floor in zip(off, found, strict=True)]
-    assert 0.7 < np.mean(squares) < 1.4  # 1, give or take 0.1
+    assert 0.8 < np.mean(squares) < 1.4  # 1, give or take 0.1
 
 
 def test_a_small_floor_is_found_whatever_pixels_are_drawn():

@@ -64,8 +64,9 @@ def test_exposure_has_its_limits():
     assert 0.06 <= linear(dark).mean() < 0.065
     less = Webcam(psf_sigma_px=0.01, vignetting=0.0, max_gain=2.0).expose(flat(0.1), np.random.default_rng(0))
     assert linear(less).mean() == pytest.approx(0.2, abs=0.01)
-    bright = CLEAN.expose(flat(30.0), np.random.default_rng(0))
-    assert (bright == 255).all()
+    bright, glaring = (CLEAN.expose(flat(level), np.random.default_rng(0)) for level in (3.0, 30.0))
+    assert linear(bright).mean() == pytest.approx(0.5, abs=0.01)  # six times darker
+    assert (glaring == 255).all()
 
 
 def test_poor_light_is_noisier_after_the_gain():

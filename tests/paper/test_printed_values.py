@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import re
 
+import cv2
 import numpy as np
 import pytest
 
+from stereolib.base.datasets import ROOT
 from stereolib.paper import published
 from stereolib.paper.printed_values import parse_published
 
@@ -36,6 +38,10 @@ def test_every_figure_is_published_and_has_a_picture():
     figures = {item.id: item.figure for item in published().values() if item.id.startswith("fig.")}
     assert figures == {f"fig.{n}": f"fig0{n}" for n in range(1, 10)}
     assert {item.figure for item in published().values()} <= {"", *figures.values()}
+    drawn = [cv2.imread(str(ROOT / "figures" / f"{name}.png")) for name in figures.values()]
+    for picture in drawn:
+        assert picture.shape[0] > 200 and picture.std() > 10  # grey levels; a blank page has none
+    assert len({picture.tobytes() for picture in drawn}) == 9
 
 
 def test_published_file_names_a_notebook_for_everything():

@@ -38,9 +38,17 @@ def test_truth_in_a_rectangular_room():
 
 
 def test_a_ray_along_the_axes_hits():
+    """Every beam, the four along the axes too: on the cube's near faces by their lines, else on the walls."""
     truth = virtual.VirtualLidar().truth_mm(virtual.cube_scene(700.0), (0.0, 0.0, 0.0))
-    assert np.isfinite(truth).all()
-    assert truth[0] == pytest.approx(700, abs=0.01)  # the cube's nearest edge
+    angle, half = np.radians(np.arange(360.0)), 150 * np.sqrt(2)  # half of the cube's diagonal
+    forward, aside = np.cos(angle), np.abs(np.sin(angle))
+    with np.errstate(divide="ignore"):
+        face = 700 / (forward - aside)  # |y| = x - 700, as far as the corners
+        to_x = np.where(forward > 0, 2400, 1800) / np.abs(forward)
+        walls = np.minimum(to_x, np.where(angle < np.pi, 1900, 1700) / aside)
+    on_cube = (face > 0) & (face * aside <= half)
+    assert on_cube.sum() == 27 and on_cube[0]
+    np.testing.assert_allclose(truth, np.where(on_cube, face, walls), rtol=1e-8)
 
 
 def test_averaged_sweep_is_true_to_3_mm_at_the_cube():

@@ -166,12 +166,12 @@ def _page(rows: pd.DataFrame, pictures: dict[str, bytes]) -> str:
     text = [id for id in rest if id not in table]
     for name, title, ids in (("table", "Table I and the matrices", table), ("text", "Text and equations", text)):
         sections.append({"id": name, "title": title, "rows": [by_id[id] for id in ids]})
-    template = _templates().get_template("report.html.jinja")
+    template = templates().get_template("report.html.jinja")
     counted = {"kinds": count_kinds(rows), "meanings": MEANINGS, "total": len(rows)} | sort_out(rows)
     return template.render(sections=sections, colours=VERDICTS, **counted)
 
 
-def _templates() -> jinja2.Environment:
+def templates() -> jinja2.Environment:
     """Templates of this room; quotes become the entities of `html.escape`, which the committed report has."""
     return jinja2.Environment(
         loader=jinja2.PackageLoader(__package__),

@@ -1,0 +1,78 @@
+"""The main finding in words, every number taken from the tables that the notebooks wrote."""
+
+from __future__ import annotations
+
+from io import StringIO
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from stereolib.base import read_text
+from stereolib.paper import recorded_rows
+from stereolib.reproduction.report import templates
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+_PRINTED = "camera 8.5 cm up"  # how notebook 06 names the set-ups with the printed camera height ...
+_WIDEST = "0.70 m to its nearest point"  # ... and those with any, in the wider reading of the distance
+_CAMERA = "8.5 cm up"
+
+
+def finding(figures: Path) -> str:
+    """What the paper's recipe reads, over every threshold and every camera that fits what is printed.
+
+    Parameters
+    ----------
+    figures : Path
+        With ``tables/recipe_*.csv``, ``tables/height_recordings.csv`` and the recorded ledger.
+
+    Returns
+    -------
+    str
+        One paragraph, plain text.
+
+    Raises
+    ------
+    ValueError
+        If a table is missing or lacks what is quoted: run notebook 06.
+    """
+    try:
+        return _templates_filled(figures)
+    except (KeyError, IndexError, OSError) as error:
+        raise ValueError(f"{figures / 'tables'} lacks what notebook 06 writes ({error}): run make reproduce") from error
+
+
+def _templates_filled(figures: Path) -> str:
+    family, thresholds, one, seen = (
+        _table(figures, name)
+        for name in ("recipe_family", "recipe_thresholds", "recipe_one_threshold", "height_recordings")
+    )
+    printed, widest = (family[family["set-ups"] == name] for name in (_PRINTED, _WIDEST))
+    at_camera = thresholds[thresholds["camera"] == _CAMERA].set_index("map")
+    other = one.set_index("seen").loc["cube of 20 cm"].iloc[0]
+    meant, known = seen[seen["distance mm"] == 700], seen["plane off mm"].notna()
+    ledger = recorded_rows(figures).set_index("id")["ours"]
+    return (
+        templates()
+        .get_template("finding.txt.jinja")
+        .render(
+            printed_cm=(printed["reads least cm"].min(), printed["reads most cm"].max()),
+            perfect=at_camera.loc["perfect"].to_dict(),
+            sgbm=at_camera.loc["SGBM"].to_dict(),
+            other_cm=other,
+            widest=widest.iloc[0].to_dict(),
+            ray_cm=ledger["height.cube"],
+            meant=len(meant),
+            meant_least_cm=meant["recipe off cm"].min(),
+            every=len(seen),
+            measured=int(known.sum()),
+            worst_mm=seen["plane off mm"].abs().max(),
+        )
+        .strip()
+    )
+
+
+def _table(figures: Path, name: str) -> pd.DataFrame:
+    import pandas as pd
+
+    return pd.read_csv(StringIO(read_text(figures / "tables" / f"{name}.csv")))

@@ -1,5 +1,43 @@
-from .matching import glare_times
+from .dilation import (
+    cost_and_replacement,
+    filled_out,
+    noise_kinds,
+    noise_left,
+    pixels_unlike,
+    plant_specks,
+    right_pct,
+)
+from .matching import (
+    block_choice,
+    captions_of_fig4,
+    disparities_fall,
+    distance_over_scale,
+    factors_of_fig4,
+    nearest_that_serves_cm,
+    points_lost,
+    recommended_distance,
+    relative_depth,
+    share_within_cm,
+    surfaces_ahead,
+)
 
 __all__ = [
-    "glare_times",
+    "block_choice",
+    "captions_of_fig4",
+    "cost_and_replacement",
+    "disparities_fall",
+    "distance_over_scale",
+    "factors_of_fig4",
+    "filled_out",
+    "nearest_that_serves_cm",
+    "noise_kinds",
+    "noise_left",
+    "pixels_unlike",
+    "plant_specks",
+    "points_lost",
+    "recommended_distance",
+    "relative_depth",
+    "right_pct",
+    "share_within_cm",
+    "surfaces_ahead",
 ]

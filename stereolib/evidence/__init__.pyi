@@ -8,6 +8,7 @@ from .dilation import (
     right_pct,
 )
 from .matching import (
+    SERVES_PCT,
     block_choice,
     captions_of_fig4,
     disparities_fall,
@@ -22,6 +23,7 @@ from .matching import (
 )
 
 __all__ = [
+    "SERVES_PCT",
     "block_choice",
     "captions_of_fig4",
     "cost_and_replacement",

@@ -6,7 +6,6 @@ import re
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 from stereolib.base import Bools, Floats
 from stereolib.matching import KnownView, Score, disparity_to_depth, score
@@ -185,7 +184,7 @@ def captions_of_fig4(printed: str) -> dict[str, int]:
 
 
 def share_within_cm(
-    disparity_px: Floats, truth_mm: npt.ArrayLike, on_object: Bools, rectified: RectifiedRig, tolerance_mm: float = 10.0
+    disparity_px: Floats, truth_mm: Floats, on_object: Bools, rectified: RectifiedRig, tolerance_mm: float = 10.0
 ) -> float:
     """How much of an object a map gives right to a centimetre, the unit in which the paper measures.
 

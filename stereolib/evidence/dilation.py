@@ -1,0 +1,196 @@
+"""What notebook 04 holds against the paper's claims on dilation."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from stereolib.base import Bools, Floats
+from stereolib.matching import Score, median_filter, score
+
+_WRONG_PX = 2.0  # as bad-2 has it; also by how much a pixel deviates from those around it
+
+
+def noise_left(
+    before_px: Mapping[str, Floats], after_px: Mapping[str, Sequence[Floats]], truth_px: Floats, where: Bools
+) -> dict[str, float]:
+    """What a filter leaves of the bad pixels of some maps, with the kernel that serves each best.
+
+    Parameters
+    ----------
+    before_px : mapping of condition to (H, W) float, px
+    after_px : mapping of condition to sequence of (H, W) float, px
+        The same maps filtered with several kernels.
+    truth_px : (H, W) float, px
+    where : (H, W) bool
+        Pixels to count over.
+
+    Returns
+    -------
+    dict
+        ``<condition>_pct``: the least bad-2 after, in % of that before.
+    """
+    left = {}
+    for name, before in before_px.items():
+        after = min(score(filtered, truth_px, where).bad2_pct for filtered in after_px[name])
+        left[f"{name}_pct"] = 100 * after / score(before, truth_px, where).bad2_pct
+    return left
+
+
+def plant_specks(
+    truth_px: Floats, on_object: Bools, step_px: float, *, size_px: int = 3, every_px: int = 25
+) -> tuple[Floats, Bools]:
+    """Plant square specks into a perfect map, in a grid, well inside an object.
+
+    Parameters
+    ----------
+    truth_px : (H, W) float, px
+    on_object : (H, W) bool
+    step_px : float, px
+        By how much they stand out; NaN makes holes.
+    size_px : int
+        Their edge.
+    every_px : int
+        From one to the next; they keep half of it from the object's border.
+
+    Returns
+    -------
+    map_px : (H, W) float
+    planted : (H, W) bool
+    """
+    planted, margin = np.zeros(on_object.shape, bool), every_px // 2
+    for row in range(margin, on_object.shape[0] - margin, every_px):
+        for column in range(margin, on_object.shape[1] - margin, every_px):
+            around = on_object[row - margin : row + margin + 1, column - margin : column + margin + 1]
+            planted[row : row + size_px, column : column + size_px] = around.all()
+    return np.where(planted, truth_px + step_px, truth_px), planted
+
+
+def noise_kinds(disparity_px: Floats, truth_px: Floats, where: Bools, size_px: int = 9) -> dict[str, Bools]:
+    """Sort the bad pixels of a map by how they stand to those around them.
+
+    Parameters
+    ----------
+    disparity_px, truth_px : (H, W) float, px
+    where : (H, W) bool
+        Pixels to look at.
+    size_px : int
+        Odd edge of the window whose valid pixels' median is "around".
+
+    Returns
+    -------
+    dict of (H, W) bool
+        ``"hole"``; of the wrong ones (by more than 2 px) ``"below"`` and ``"above"`` what is around by more than 2 px,
+        and ``"alike"``: wrong together with what is around.
+    """
+    around = median_filter(disparity_px, size_px)
+    with np.errstate(invalid="ignore"):
+        wrong = where & (np.abs(disparity_px - truth_px) > _WRONG_PX)
+        below, above = wrong & (disparity_px < around - _WRONG_PX), wrong & (disparity_px > around + _WRONG_PX)
+    hole = where & np.isnan(disparity_px) & np.isfinite(truth_px)
+    return {"hole": hole, "below": below, "above": above, "alike": wrong & ~below & ~above}
+
+
+def right_pct(disparity_px: Floats, truth_px: Floats, where: Bools) -> float:
+    """Share of some pixels that are right within 2 px.
+
+    Parameters
+    ----------
+    disparity_px, truth_px : (..., H, W) float, px
+        NaN is not right.
+    where : (..., H, W) bool
+
+    Returns
+    -------
+    float, %
+        NaN if there are none.
+
+    Examples
+    --------
+    >>> right_pct(np.array([[5.0, 9.0, np.nan, 5.0]]), np.full((1, 4), 5.0), np.ones((1, 4), bool))
+    50.0
+    """
+    with np.errstate(invalid="ignore"):
+        right = np.abs(disparity_px - truth_px)[where] <= _WRONG_PX
+    return 100 * float(right.mean()) if right.size else float("nan")
+
+
+def filled_out(
+    planted: Mapping[str, tuple[Floats, Bools]],
+    found: Sequence[Mapping[str, Bools]],
+    after_px: Sequence[Floats],
+    truth_px: Floats,
+) -> dict[str, float]:
+    """Whether a filter fills out the pixels that deviate from those around them.
+
+    Parameters
+    ----------
+    planted : mapping of ``"dark"``, ``"bright"``, ``"hole"`` to (map, where)
+        A perfect map with such specks, after the filter, and where they were planted.
+    found : sequence of `noise_kinds`
+        Of the matcher's maps before the filter.
+    after_px : sequence of (H, W) float, px
+        These maps after it.
+    truth_px : (H, W) float, px
+
+    Returns
+    -------
+    dict
+        ``dark_pct``, ``bright_pct``, ``hole_pct``: share of the planted pixels that are right afterwards.
+        ``deviating_pct``: share of the matcher's bad pixels that are holes, below or above what is around;
+        ``filled_pct``: share of those that are right afterwards.
+    """
+    shares = {f"{name}_pct": right_pct(after, truth_px, where) for name, (after, where) in planted.items()}
+    deviating = np.stack([kinds["hole"] | kinds["below"] | kinds["above"] for kinds in found])
+    alike = np.stack([kinds["alike"] for kinds in found])
+    shares["deviating_pct"] = 100 * float(deviating.sum() / (deviating.sum() + alike.sum()))
+    shares["filled_pct"] = right_pct(np.stack(after_px), np.broadcast_to(truth_px, deviating.shape), deviating)
+    return shares
+
+
+def cost_and_replacement(
+    seconds_filter: float, seconds_match: float, filtered: Score, averaged: Score
+) -> dict[str, float]:
+    """What a filter costs beside a match, and what it leaves beside the mean of several exposures.
+
+    Parameters
+    ----------
+    seconds_filter, seconds_match : float, s
+    filtered, averaged : Score
+        Of one filtered exposure, and of the mean of several.
+
+    Returns
+    -------
+    dict
+        ``share``: the filter's time over the match's, rounded up to a tenth, so that it reads the same on every
+        machine; ``points``: bad pixels that it leaves more than the mean does, points.
+
+    Examples
+    --------
+    >>> one = score([[5.0, 9.0]], [[5.0, 5.0]])
+    >>> cost_and_replacement(0.001, 0.06, one, one)
+    {'share': 0.1, 'points': 0.0}
+    """
+    share = np.ceil(10 * seconds_filter / seconds_match) / 10
+    return {"share": float(share), "points": filtered.bad2_pct - averaged.bad2_pct}
+
+
+def pixels_unlike(one: Floats, other: Floats) -> dict[str, float]:
+    """Count the pixels in which two maps differ.
+
+    Parameters
+    ----------
+    one, other : (H, W) float
+
+    Returns
+    -------
+    dict
+        ``unlike_px``.
+
+    Examples
+    --------
+    >>> pixels_unlike(np.array([1.0, 2.0]), np.array([1.0, 3.0]))
+    {'unlike_px': 1}
+    """
+    return {"unlike_px": int((one != other).sum())}

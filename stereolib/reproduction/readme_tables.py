@@ -26,6 +26,7 @@ SUMMARY = {
 }
 _POINTS = "points of bad-2"
 _OLDER = "measured with older code"
+_HOLE = re.compile(r"{([\w.]+)}")
 # What the README quotes of the benchmarks: label -> (file, key, unit, goal). A label's {key} is filled from the file.
 BENCHES = {
     "focal lengths, virtual boards calibrated": ("accuracy", "focal_error_pct", "% off", "at most 0.1"),
@@ -108,6 +109,7 @@ BENCHES = {
         for how, key, goal in zip(("median", "95th percentile"), ("median_pct", "p95_pct"), goals, strict=True)
     },
     "their {sizes} 95 % intervals that hold the truth": ("dimensions", "coverage95_pct", "%", "90 to 99"),
+    "virtual boxes that lack a size, each with its reason": ("dimensions", "refused_pct", "% of {scenes}", ""),
     "virtual boxes more than 10 % off, unsaid": ("dimensions", "silent_error_pct", "% of {scenes}", "at most 1"),
     "the paper's recipe on the {paper.near.boxes} virtual boxes {paper.near.from_mm} to {paper.near.to_mm} mm away, "
     "where the paper meant the cube to stand, median": ("dimensions", "paper.near.median_pct", "% off", ""),
@@ -199,8 +201,46 @@ def bench_table(results: Path) -> str:
         value = _look_up(found.get(name, {}), key)
         if value is not None:
             label, unit = (_fill_in(text, found[name]) for text in (label, unit))
-            lines.append(f"| {label} | {value:g} {unit}{older[name]} | {goal} |")
+            missed = ", **missed**" * (not meets(value, goal))
+            lines.append(f"| {label} | {value:g} {unit}{older[name]} | {goal}{missed} |")
     return "\n".join(lines)
+
+
+def meets(value: float, goal: str) -> bool:
+    """Whether a value reaches a goal as the README words it.
+
+    Parameters
+    ----------
+    value : float
+    goal : str
+        Such as "at most 3", "under 3", "at least 3", "3 or more", "3 to 5", "3"; "" is always reached.
+
+    Returns
+    -------
+    bool
+
+    Raises
+    ------
+    ValueError
+        If the goal is worded in another way.
+
+    Examples
+    --------
+    >>> [meets(3.0, goal) for goal in ("at most 3", "under 3", "-1 or more", "4 to 5", "")]
+    [True, False, True, False, True]
+    """
+    match = re.fullmatch(r"(at most |under |at least |)(-?[\d.]+)(?: (or more)| to ([\d.]+))?", goal)
+    if not goal:
+        return True
+    if match is None:
+        raise ValueError(f"a goal is worded as in the examples, got {goal!r}")
+    first, low, more, high = match.groups()
+    limit = float(low)
+    if high:
+        return limit <= value <= float(high)
+    if first == "under ":
+        return value < limit
+    return value >= limit if first == "at least " or more else value <= limit
 
 
 def _look_up(result: dict[str, Any], key: str) -> Any:
@@ -212,7 +252,7 @@ def _look_up(result: dict[str, Any], key: str) -> Any:
 
 def _fill_in(text: str, result: dict[str, Any]) -> str:
     """Put a result's values for the keys in braces, 400,000 as ``400 000``."""
-    return re.sub(r"{([\w.]+)}", lambda hole: f"{_look_up(result, hole[1]) or 0:,}".replace(",", " "), text)
+    return _HOLE.sub(lambda hole: f"{_look_up(result, hole[1]) or 0:,}".replace(",", " "), text)
 
 
 def _is_of_today(result: dict[str, Any]) -> bool:

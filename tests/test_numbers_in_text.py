@@ -4,9 +4,9 @@ Looked at is every numeral with a unit, above twelve or with a decimal point in 
 of every notebook; not code, formulas, links, headings, names ("OpenCV 4", "notebook 06") and years, and not the two
 generated tables of the README, which have a test of their own. A numeral agrees with a source that is the same when
 rounded to the text's digits, in the same unit (of a length mm, cm or m), and shares a word with the sentence or was
-printed by one of the cells next to it (`numbers_in_text.is_sourced` has the rule). On the README numerals without a unit
-are declared, in CONTRIBUTING all are. Of number words a list of patterns is looked at ("a third of a millimetre", "about
-twice"); these are always declared, in `numbers_in_text.toml`.
+printed by one of the cells next to it (`numbers_in_text.is_sourced` has the rule). On the README numerals without a
+unit are declared, in CONTRIBUTING all are. Of number words a list of patterns is looked at ("a third of a millimetre",
+"about twice"); these are always declared, in `numbers_in_text.toml`.
 
 What it cannot see: a wrong number that happens to be another one of its page's sources, unit and a word alike (the last
 test counts how often that would happen); signs; what a number is said to be of; counts up to twelve; words that no
@@ -54,7 +54,8 @@ def test_numbers_are_found_with_their_units() -> None:
 def test_what_is_no_sentence_is_not_looked_at() -> None:
     text = (
         "# 44 · A title\n\nSee `f(99)`, $x = 77$ and [notebook 06](06_height.ipynb), Fig. 14, OpenCV 14, bad-22, "
-        "3D, 640x480 and the year 2014.\n\n```\n55 mm\n```\n\n15. A step\n\n    x = 66 mm\n<!-- bench -->88 %<!-- /bench -->"
+        "3D, 640x480 and the year 2014.\n\n```\n55 mm\n```\n\n15. A step\n\n    x = 66 mm\n"
+        "<!-- bench -->88 %<!-- /bench -->"
     )
     assert said(text) == []
 

@@ -539,7 +539,7 @@ def proposals(page: str) -> Iterator[str]:
                 start = bare.rfind(" ", 0, max(0, said.start - 18)) + 1
                 text = bare[start : (bare + " ").find(" ", said.start + len(said.text) + 12)]
                 value = next(_pointers(said, page), "")
-                yield f'[[number]]\npage = "{page}"\ntext = """{text}"""\nvalue = """{value}"""\n'
+                yield f"[[number]]\npage = '{page}'\ntext = '''{text}'''\nvalue = '''{value}'''\n"
 
 
 def _pointers(said: Number, page: str) -> Iterator[str]:
@@ -547,8 +547,10 @@ def _pointers(said: Number, page: str) -> Iterator[str]:
     for line in [] if page.endswith(".md") or math.isnan(said.value) else outputs(page[:2]).splitlines():
         for source in numbers(line):
             if agree(said, replace(source, unit=source.unit or said.unit)):
-                before = re.escape(line[max(0, source.start - 25) : source.start].lstrip())
-                yield f'printed("{page[:2]}", r"{before}([\\d.]+)")[0]'
+                before = line[max(0, source.start - 25) : source.start].lstrip()
+                if re.search("[a-z]{2}", before):
+                    pattern = re.escape(before).replace("\\ ", " ")
+                    yield f'printed("{page[:2]}", r"{pattern}([\\d.]+)")[0]'
     for row in rows("ledger.csv"):
         for k, value in enumerate(NAMES["ours"](row["id"])):
             if close(said, value):

@@ -9,9 +9,10 @@ import time
 
 import cv2
 import numpy as np
-from common import ratio, save
+from common import asked, ratio, save
 
 from stereolib import paper
+from stereolib.base import ROOT
 from stereolib.calibration import calibrate_stereo, epipolar_errors_px, find_in_pairs
 from stereolib.matching import SGBMParams, compute_disparity
 from stereolib.virtual import recordings
@@ -74,6 +75,11 @@ def reproduce_s() -> float:
 
 
 if __name__ == "__main__":
-    save("accuracy", {name: round(float(value), 4) for name, value in accuracy().items()})
-    save("overhead", overhead())
-    save("time", {"import_s": round(import_s(), 3), "reproduce_s": round(reproduce_s(), 1)})
+    wanted = asked(__doc__)
+    if "accuracy" in wanted:
+        found = {name: round(float(value), 4) for name, value in accuracy().items()}
+        save("accuracy", found, ("base", "rig", "calibration", "paper", "virtual"))
+    if "time" in wanted:
+        save("overhead", overhead(), ("base", "rig", "matching"))
+        whole = sorted(path.name for path in (ROOT / "stereolib").iterdir() if any(path.glob("*.py")))
+        save("time", {"import_s": round(import_s(), 3), "reproduce_s": round(reproduce_s(), 1)}, whole)

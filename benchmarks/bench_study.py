@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import itertools
+import math
 import statistics
 import time
+from dataclasses import replace
+from typing import Any
 from unittest import mock
 
 import cv2
 import numpy as np
-from common import ratio, save
+from common import asked, ratio, save
 
 from stereolib.matching import (
     KnownView,
+    Score,
     SGBMParams,
     Workers,
     compute_disparity,
@@ -23,60 +28,82 @@ from stereolib.matching import (
 )
 from stereolib.virtual import recordings
 
+ROOMS = ("base", "rig", "laser", "matching", "paper", "virtual")
+MARGIN_PX = 8  # beyond the cube's true disparities, as the laser's window has it beyond what it expects
+QUICK = SGBMParams(mode="3way", disp12_max_diff=-1, speckle_window_size=0)  # what the laser's window is matched with
 
-def guided(threads: int) -> dict[str, float]:
-    """The recorded series: expectation and match from laser and pair, distance by distance.
 
-    Against 128 disparities, and against a window cut to the laser's two depths of what stands free. The rival is given
-    that window for nothing, is timed without its left columns and scored with them; ours has to work out its
-    expectation in its time.
+def cut(view: KnownView, like: SGBMParams | None = None) -> SGBMParams:
+    """The narrowest window that holds the cube's true disparities: a gift to the rival, who could not know them."""
+    seen = view.truth_px[view.regions["cube"]]
+    low = math.floor(np.nanmin(seen)) - MARGIN_PX
+    count = 16 * math.ceil((np.nanmax(seen) + MARGIN_PX - low + 1) / 16)
+    return replace(like or SGBMParams(), min_disparity=low, num_disparities=count)
+
+
+class Case:
+    """A recorded pair and its scan, matched in four ways: laser, 128 disparities, and two windows cut to the cube."""
+
+    def __init__(self, kind: str, mm: int) -> None:
+        name = f"series/{kind}_{mm}"
+        self.view, self.scan = recordings.view(name), recordings.scan(name)
+
+    def by_laser(self) -> np.ndarray:
+        """What is timed begins with the scan."""
+        expected = expected_disparity(self.scan, recordings.rectified(), recordings.setup())
+        return compute_disparity_guided(self.view.left, self.view.right, expected)
+
+    def by(self, params: SGBMParams) -> np.ndarray:
+        return compute_disparity(self.view.left, self.view.right, params)
+
+
+def quality() -> dict[str, Any]:
+    """On the cube of the recorded series: bad pixels, rms error and pull towards whole pixels of the matched ones.
+
+    Shares are means over the pairs, the two errors and their ratios medians: at 500 mm 128 disparities are too few.
     """
-    cv2.setNumThreads(threads)
-    rectified, pose = recordings.rectified(), recordings.setup()
-    fB = rectified.f_px * rectified.baseline_mm
-    faster, than_cut, better, bad, false = [], [], [], [], []
-    for kind in recordings.TEXTURES_MM:
-        for mm in recordings.DISTANCES_MM:
-            view, scan = recordings.view(f"series/{kind}_{mm}"), recordings.scan(f"series/{kind}_{mm}")
-            pair = view.left, view.right
-
-            def ours(pair: tuple = pair, scan: object = scan) -> np.ndarray:
-                return compute_disparity_guided(*pair, expected_disparity(scan, rectified, pose))
-
-            def plain(pair: tuple = pair) -> np.ndarray:
-                return compute_disparity(*pair, SGBMParams(128))
-
-            one = expected_disparity(scan, rectified, pose)
-            near = one.near_px[2::4, 2::4]
-            free = near[near > one.room_px + 1]
-            window = SGBMParams.for_range(rectified, fB / free.max(), fB / free.min())
-
-            def cut(pair: tuple = pair, window: SGBMParams = window) -> np.ndarray:
-                return compute_disparity(*pair, window)
-
-            maps = plain(), ours(), compute_disparity(*pair, window, whole=True)
-            on_cube = [score(d, view.truth_px, view.regions["cube"]).bad2_pct for d in maps]
-            bad.append(on_cube)
-            better.append(on_cube[0] - on_cube[1])
-            false.append([100 * (np.abs(d - view.truth_px)[view.visible] > 2).mean() for d in maps])
-            if kind == "medium":
-                faster.append(1 / ratio(ours, plain, rounds=9)["ratio"])
-                than_cut.append(1 / ratio(ours, cut, rounds=9)["ratio"])
-    plain_bad, guided_bad, cut_bad = np.mean(bad, axis=0)
-    return {
-        "times_faster_median": round(statistics.median(faster), 2),
-        "times_faster_least": round(min(faster), 2),
-        "times_faster_by_distance": [round(x, 2) for x in faster],
-        "times_faster_than_cut_median": round(statistics.median(than_cut), 2),
-        "times_faster_than_cut_by_distance": [round(x, 2) for x in than_cut],
-        "cube_bad2_plain_pct": round(plain_bad, 2),
-        "cube_bad2_guided_pct": round(guided_bad, 2),
-        "cube_bad2_cut_pct": round(cut_bad, 2),
-        "least_gain_bad2_points": round(min(better), 3),
-        "false_matches_plain_pct": round(np.mean(false, axis=0)[0], 2),
-        "false_matches_guided_pct": round(np.mean(false, axis=0)[1], 2),
-        "false_matches_cut_pct": round(np.mean(false, axis=0)[2], 2),
+    scores: dict[str, list[Score]] = {"plain": [], "cut": [], "guided": []}
+    false = []
+    for kind, mm in itertools.product(recordings.TEXTURES_MM, recordings.DISTANCES_MM):
+        case = Case(kind, mm)
+        view, maps = case.view, (case.by(SGBMParams(128)), case.by(cut(case.view)), case.by_laser())
+        for found, disparity in zip(scores.values(), maps, strict=True):
+            found.append(score(disparity, view.truth_px, view.regions["cube"]))
+        false.append([100 * (np.abs(d - view.truth_px)[view.visible] > 2).mean() for d in maps])
+    bad = {name: np.array([each.bad2_pct for each in found]) for name, found in scores.items()}
+    rms = {name: np.array([each.rms_px for each in found]) for name, found in scores.items()}
+    locking = {name: np.array([each.locking_px for each in found]) for name, found in scores.items()}
+    result = {f"cube_bad2_{name}_pct": values.mean() for name, values in bad.items()}
+    result |= {f"cube_rms_{name}_px": np.median(values) for name, values in rms.items()}
+    result |= {f"cube_locking_{name}_px": np.median(values) for name, values in locking.items()}
+    result |= {f"false_matches_{name}_pct": v for name, v in zip(scores, np.mean(false, axis=0), strict=True)}
+    result |= {
+        "least_gain_bad2_points": (bad["plain"] - bad["guided"]).min(),
+        "cut_least_gain_bad2_points": (bad["cut"] - bad["guided"]).min(),
+        "rms_times": np.median(rms["guided"] / rms["plain"]),
+        "locking_times": np.median(locking["guided"] / locking["plain"]),
     }
+    return {name: round(float(value), 3) for name, value in result.items()}
+
+
+def speed(threads: int) -> dict[str, Any]:
+    """How many times faster the laser's window is than its rivals, distance by distance, medium texture."""
+    cv2.setNumThreads(threads)
+    faster: dict[str, list[float]] = {"": [], "cut_": [], "cut_alike_": []}
+    for mm in recordings.DISTANCES_MM:
+        case = Case("medium", mm)
+        rivals = SGBMParams(128), cut(case.view), cut(case.view, QUICK)
+        for found, params in zip(faster.values(), rivals, strict=True):
+            found.append(round(1 / ratio(case.by_laser, lambda case=case, p=params: case.by(p), rounds=9)["ratio"], 2))
+    result: dict[str, Any] = {"distances": len(recordings.DISTANCES_MM)}
+    for name, values in faster.items():
+        result |= {
+            f"{name}times_faster_median": round(statistics.median(values), 2),
+            f"{name}times_faster_least": min(values),
+            f"{name}times_faster_most": max(values),
+            f"{name}times_faster_by_distance": values,
+        }
+    return result
 
 
 def sweeps(views: list[KnownView], rounds: int = 3) -> dict[str, float]:
@@ -119,7 +146,13 @@ def sweeps(views: list[KnownView], rounds: int = 3) -> dict[str, float]:
 
 
 if __name__ == "__main__":
-    alone, together = guided(1), guided(cv2.getNumberOfCPUs())
-    together = {f"{name}_all_threads": together[name] for name in ("times_faster_median", "times_faster_least")}
-    pairs = [recordings.view("conditions/texture"), recordings.view("series/coarse_800")]
-    save("study", {**alone, **together, **sweeps(pairs)})
+    wanted = asked(__doc__)
+    if "accuracy" in wanted:
+        save("study", quality(), ROOMS)
+    if "time" in wanted:
+        alone, together = speed(1), speed(cv2.getNumberOfCPUs())
+        together = {
+            f"{name}_all_threads": value for name, value in together.items() if name.endswith(("median", "least"))
+        }
+        pairs = [recordings.view("conditions/texture"), recordings.view("series/coarse_800")]
+        save("study_time", {**alone, **together, **sweeps(pairs)}, ROOMS)

@@ -1,20 +1,26 @@
-"""What every benchmark shares: timing two ways of doing the same in turn, and writing the result."""
+"""What every benchmark shares: timing two ways of doing the same in turn, and writing the result.
+
+A script measures accuracy, which any machine repeats, and times, which want a machine that does nothing else. They are
+written to files of their own (``dimensions.json``, ``dimensions_time.json``), so that either can be measured alone:
+``--only accuracy`` or ``--only time``.
+"""
 
 from __future__ import annotations
 
+import argparse
 import json
 import os
 import platform
 import statistics
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 from stereolib.base import ROOT, figures_dir, write_atomic
-from stereolib.reproduction import update_readme_tables
+from stereolib.reproduction import code_sha256, update_readme_tables
 
 RESULTS = Path(__file__).parent / "results"
 sys.path.append(str(ROOT / "tests"))  # after this module, a benchmark imports `support` as the tests do
@@ -42,12 +48,28 @@ def ratio(ours: Callable[[], object], bare: Callable[[], object], rounds: int = 
     }
 
 
-def save(name: str, result: dict[str, Any]) -> None:
-    """Write ``results/<name>.json`` with the machine and the versions, print it, quote it in the README."""
+def asked(what: str | None) -> set[str]:
+    """Read the command line: which of ``"accuracy"`` and ``"time"`` to measure.
+
+    `what` is the script's docstring.
+    """
+    parser = argparse.ArgumentParser(description=what)
+    parser.add_argument("--only", choices=("accuracy", "time"), help="default: both")
+    only = parser.parse_args().only
+    return {only} if only else {"accuracy", "time"}
+
+
+def save(name: str, result: dict[str, Any], rooms: Iterable[str]) -> None:
+    """Write ``results/<name>.json``, print it, quote it in the README.
+
+    With it go the machine, the versions, and the hash of the rooms of the library that were measured: the README says
+    at a row when they have changed since.
+    """
     packages = ("stereolib", "numpy", "opencv-python-headless", "scipy")
     machine = {"system": platform.system(), "processor": _processor(), "cores": os.cpu_count()}
     versions = {"python": platform.python_version()} | {p: version(p) for p in packages}
-    text = json.dumps({**result, "machine": machine, "versions": versions}, indent=1)
+    code = {"rooms": sorted(rooms), "sha256": code_sha256(rooms)}
+    text = json.dumps({**result, "code": code, "machine": machine, "versions": versions}, indent=1)
     write_atomic(RESULTS / f"{name}.json", text + "\n")
     print(f"{name}: {json.dumps(result)}")
     update_readme_tables(ROOT / "README.md", figures_dir(), RESULTS)

@@ -1,3 +1,4 @@
+from .code_hash import code_sha256
 from .execution import NotebookError, execute_notebooks
 from .readme_tables import update_readme_tables
 from .regenerate import reproduce
@@ -8,6 +9,7 @@ __all__ = [
     "REPEAT_RTOL",
     "NotebookError",
     "build_report",
+    "code_sha256",
     "compare_tables",
     "count_kinds",
     "count_verdicts",

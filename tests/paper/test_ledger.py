@@ -11,7 +11,7 @@ from stereolib import paper
 from stereolib.paper import compare_with_paper, ledger, published
 from stereolib.paper.printed_values import Condition
 
-GLARE = {"times": 82.4}
+GLARE = {"points": 82.4}
 DILATION = {name: 0.0 for name in published()["claim.dilation_removes_noise"].conditions}
 
 
@@ -23,10 +23,10 @@ def test_verdicts():
             "table1.left.fy": 729.4782 * 1.0009,
             "scale.cm_per_px": 42 / 362,
             "scale.width_cm": 43.0,
-            "height.plane": 30.05,
+            "height.cube": 30.05,
             "scale.width_faces": 42.6,
             "claim.glare_on_object": GLARE,
-            "claim.glare_on_ground": {"times": 1.0},
+            "claim.glare_on_ground": {"points": 1.0},
             "claim.low_computation": None,
             "fig.1": None,
         },
@@ -124,8 +124,8 @@ def test_the_tolerance_itself_counts(side):
 
 
 def test_nan_is_never_right():
-    assert compare_with_paper({"height.plane": np.nan}).loc[0, "verdict"] == "misses the truth"
-    assert compare_with_paper({"claim.glare_on_object": {"times": np.nan}}).loc[0, "verdict"] == "does not hold"
+    assert compare_with_paper({"height.cube": np.nan}).loc[0, "verdict"] == "misses the truth"
+    assert compare_with_paper({"claim.glare_on_object": {"points": np.nan}}).loc[0, "verdict"] == "does not hold"
 
 
 def test_numbers_are_rounded_and_minus_zero_is_not_shown():
@@ -144,11 +144,11 @@ def test_numbers_are_rounded_and_minus_zero_is_not_shown():
         ({"table1.left.fx": [729.9]}, "a single number"),
         ({"table1.left.fx": "729.9"}, "a single number"),
         ({"table1.left.fx": None}, "a single number"),
-        ({"claim.glare_on_object": 3.0}, r"is a claim: give \['times'\]"),
+        ({"claim.glare_on_object": 3.0}, r"is a claim: give \['points'\]"),
         ({"claim.glare_on_object": True}, "is a claim"),
         ({"claim.glare_on_object": "yes: certainly"}, "is a claim"),
         ({"claim.glare_on_object": {}}, "is a claim"),
-        ({"claim.glare_on_object": {"times": 3.0, "more": 1.0}}, "is a claim"),
+        ({"claim.glare_on_object": {"points": 3.0, "more": 1.0}}, "is a claim"),
     ],
 )
 def test_bad_answers_are_refused(values, message):
@@ -164,13 +164,13 @@ def test_reason_without_row_is_refused():
 def test_recorded_prefers_the_notebook_that_owns_the_id(tmp_path):
     id = "claim.glare_on_object"
     assert published()[id].notebook == "03_sgbm_parameters"
-    paper.record_rows(compare_with_paper({id: {"times": 1.0}}), "01_calibration", tmp_path)
+    paper.record_rows(compare_with_paper({id: {"points": 1.0}}), "01_calibration", tmp_path)
     paper.record_rows(compare_with_paper({id: GLARE, "fig.2": None}), "03_sgbm_parameters", tmp_path)
-    paper.record_rows(compare_with_paper({id: {"times": 2.0}, "fig.1": None}), "09_real_recordings", tmp_path)
+    paper.record_rows(compare_with_paper({id: {"points": 2.0}, "fig.1": None}), "09_real_recordings", tmp_path)
     rows = paper.recorded_rows(tmp_path)
     assert rows["id"].tolist() == ["fig.1", "fig.2", id]  # the paper's order
     assert rows["notebook"].tolist() == ["09_real_recordings", "03_sgbm_parameters", "03_sgbm_parameters"]
-    assert rows["ours"].tolist()[-1].startswith("82 times")
+    assert rows["ours"].tolist()[-1].startswith("82 points")
 
 
 def test_record_keeps_rows_as_they_are(tmp_path):

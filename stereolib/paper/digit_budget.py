@@ -108,7 +108,7 @@ def _inverse_with_half_widths(side: str) -> tuple[Float64, Float64]:
     K, wide = printed_camera_matrix(side), np.zeros((3, 3))
     for (row, column), name in {(0, 0): "fx", (0, 2): "cx", (1, 1): "fy", (1, 2): "cy"}.items():
         wide[row, column] = printed_half_width(f"table1.{side}.{name}")
-    inverse: Float64 = np.linalg.inv(K)
+    inverse = np.asarray(np.linalg.inv(K), np.float64)
     turned = wide * np.array([[-1, 0, 1], [0, -1, 1], [0, 0, 0]])
     ends = [np.linalg.inv(K + sign * turned) for sign in (-1, 1)]  # larger centres go with smaller focal lengths
     return inverse, np.abs(np.array(ends) - inverse).max(axis=0)

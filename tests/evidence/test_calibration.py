@@ -140,6 +140,9 @@ def test_readings_of_F_name_what_would_explain_it():
     explains = table[table <= 1].index.tolist()
     assert [name.split()[0] for name in explains] == ["pixels", "a", "E"] and "0.5 px" in explains[0]
     assert table["as printed"] == pytest.approx(1.23, abs=5e-3)
+    right, left = (np.linalg.inv(paper.printed_camera_matrix(side)) for side in ("right", "left"))
+    rounded = (right.T @ paper.printed_essential() @ left).round(4)  # all nine elements as printed
+    np.testing.assert_allclose(rounded, paper.printed_value("stereo.F"), atol=1e-9)
 
 
 def test_pose_by_words_and_by_equation(monkeypatch):

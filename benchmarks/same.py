@@ -24,7 +24,7 @@ import cv2
 import numpy as np
 
 from stereolib.base import ROOT
-from stereolib.paper import published
+from stereolib.paper import Published, published
 
 COMPARED = ("figures", "notebooks")
 #: Files that may differ, each with its reason.
@@ -105,17 +105,30 @@ def margins(one: Path, other: Path) -> list[tuple[float, str]]:
     found = []
     ledgers = [read_ledger(folder / "figures" / "ledger.csv") for folder in (one, other)]
     for row, again in zip(*ledgers, strict=True):
-        item, texts = published()[row["id"]], [_NUMBER.findall(each["ours"]) for each in (row, again)]
         if _NUMBER.split(row["ours"]) != _NUMBER.split(again["ours"]):
-            found.append((0.0, f"{item.id}: {row['ours']} against {again['ours']}"))
-        elif item.comparability in ("exact", "same-method"):  # the others answer in words
-            places = np.broadcast_to(item.places, np.shape(item.value)).ravel()
-            for a, b, digits in zip(*texts, places.tolist(), strict=True):
-                unit = 10.0**-digits
-                spread = max(abs(float(a) - float(b)), unit * 10.0**-EXTRA_DIGITS)
-                distance = unit * abs(abs(float(a)) / unit % 1 - 0.5)
-                found.append((distance / spread, f"{item.id}: {a} ± {spread:.0e}"))
+            found.append((0.0, f"{row['id']}: {row['ours']} against {again['ours']}"))
+            continue
+        for (a, digits), (b, _) in zip(
+            *(numbers(published()[row["id"]], r["ours"]) for r in (row, again)), strict=True
+        ):
+            unit = 10.0**-digits
+            spread = max(abs(float(a) - float(b)), unit * 10.0**-EXTRA_DIGITS)
+            distance = unit * abs(abs(float(a)) / unit % 1 - 0.5)
+            found.append((distance / spread, f"{row['id']}: {a} ± {spread:.0e}"))
     return sorted(found)
+
+
+def numbers(item: Published, ours: str) -> list[tuple[str, int]]:
+    """The computed numbers of a row's text, each with the decimals that the ledger shows of it."""
+    if item.numeric:
+        places = np.broadcast_to(item.places, np.shape(item.value)).ravel()
+        return list(zip(_NUMBER.findall(ours), places.tolist(), strict=True))
+    found = []
+    for condition in item.conditions.values():
+        before, after = map(re.escape, condition.says.split("{}"))
+        number = re.search(f"{before}({_NUMBER.pattern}){after}: (?:yes|no)", ours)
+        found += [(number[1], condition.digits)] if number else []  # NaN and infinity have no digits
+    return found
 
 
 def read_ledger(path: Path) -> list[dict[str, str]]:

@@ -74,6 +74,7 @@ def test_moved_folder_missing_python_and_other_python_make_it_stale(
     bootstrap.PYTHON.unlink()
     assert not bootstrap.is_fresh()
     bootstrap.PYTHON.touch()
+    assert bootstrap.is_fresh()  # that alone was missing
     monkeypatch.setattr(bootstrap, "ROOT", made / ".." / made.name)
     assert not bootstrap.is_fresh()
 

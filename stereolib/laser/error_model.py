@@ -1,8 +1,8 @@
 """Error model of the laser: bias, spread and percentage error; laws of the spread; averaging.
 
 A triangulating sensor sees its spot move by ``d = f b / r`` on its chip. A fixed error of the spot
-therefore becomes ``sigma = (sigma_d / f b) r^2`` in range, on top of a floor: ``a + b r^2``. A
-time-of-flight sensor would have the same error at every range: the constant law.
+therefore becomes ``sigma = (sigma_d / f b) r^2`` in range, on top of a floor: ``a + b r^2``. The law of
+the spread alone does not tell how a sensor works: a flight time scatters more where the echo is weak.
 """
 
 from __future__ import annotations

@@ -13,7 +13,7 @@ from stereolib.laser.error_model import QUANTISATION_MM, SigmaFit
 from stereolib.laser.points import points_mm
 from stereolib.laser.scans import TRUSTED_MM, AveragedScan, LaserScan
 
-#: Noise of a single reading of one XV-11, ``a + b r^2``; `fit_sigma` gives that of another.
+#: Noise of a single reading, ``a + b r^2``: the virtual laser's, above a real XV-11's (notebook 05).
 XV11_SIGMA = SigmaFit("quadratic", a_mm=1.3, b=1.2e-6, rms_mm=np.nan, rms_percent=np.nan, aic=np.nan)
 Sigma: TypeAlias = Callable[[Float64], Float64]
 LEAST_BEAMS = 4  # what fewer beams meet may be anything

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -47,6 +48,16 @@ class CubeView:
     disparity_foot_px: float
     disparity_top_px: float
     T_left_world: Float64
+
+    @property
+    def edge_rows(self) -> float:
+        """Rows that the near edge spans, px."""
+        return self.foot_row - self.top_row
+
+    @property
+    def box_px(self) -> float:
+        """Width of the bounding rectangle in pixels counted, first and last: one more than between the corners."""
+        return self.width_px + 1
 
 
 def paper_setup() -> CubeSetup:
@@ -204,6 +215,80 @@ def solve_camera_height(rectified: RectifiedRig, setup: CubeSetup) -> CubeView:
     190
     """
     return _solve(rectified, setup, "camera_height_mm", (_LEAST_HEIGHT_MM, _MOST_HEIGHT * setup.distance_mm))
+
+
+def setups_in_print(*, end_px: float = 1.0) -> list[CubeSetup]:
+    """The printed set-up at the ends of what its digits leave open: nine corners.
+
+    Parameters
+    ----------
+    end_px : float, px
+        How well the row of the foot is found.
+
+    Returns
+    -------
+    list of CubeSetup
+        The distance as printed and half of its last digit to either side; the rows as printed and `end_px` to either
+        side, each with each.
+
+    Examples
+    --------
+    >>> sorted({setup.distance_mm for setup in setups_in_print()})
+    [695.0, 700.0, 705.0]
+    """
+    setup, item = paper_setup(), printed_item("setup.distance")
+    half_mm = 0.5 * 10.0 ** -float(np.max(item.digits)) * _MM[item.unit]
+    return [
+        replace(setup, distance_mm=setup.distance_mm + a * half_mm, constant_rows=setup.constant_rows + b * end_px)
+        for a in (-1, 0, 1)
+        for b in (-1, 0, 1)
+    ]
+
+
+def setup_family(
+    rectified: RectifiedRig, setup: CubeSetup, camera_heights_mm: Iterable[float], *, to_point: bool = False
+) -> list[CubeView]:
+    """Every camera that sees the cube's foot where it was printed: to each height belongs one pitch.
+
+    Parameters
+    ----------
+    rectified : RectifiedRig
+    setup : CubeSetup
+    camera_heights_mm : iterable of float, mm
+    to_point : bool
+        The set-up's distance leads to the nearest *point* of the near edge, which for a camera above the cube is its
+        top, so that the cube stands nearer on the floor. By default it is the distance to the edge's line.
+
+    Returns
+    -------
+    list of CubeView
+
+    Raises
+    ------
+    ValueError
+        If a camera stands so high that part of the cube is behind it, or farther above the cube than the distance.
+
+    Notes
+    -----
+    ``pitch = arctan((H - c - cy) / f) - arctan(h / D)``, upwards.
+
+    Examples
+    --------
+    >>> from stereolib.paper import paper_rig
+    >>> low, high = setup_family(paper_rig().rectify(), paper_setup(), [85.0, 300.0])
+    >>> round(float(np.degrees(low.pitch_rad)), 2), round(float(np.degrees(high.pitch_rad)), 2)
+    (8.27, -8.01)
+    """
+    below_axis = (rectified.size[1] - setup.constant_rows - rectified.P1[1, 2]) / rectified.P1[1, 1]
+    views = []
+    for height in camera_heights_mm:
+        above = max(0.0, height - setup.side_mm) if to_point else 0.0
+        if above >= setup.distance_mm:
+            raise ValueError(f"a camera {height:g} mm up is farther from the cube than {setup.distance_mm:g} mm")
+        near = replace(setup, distance_mm=float(np.sqrt(setup.distance_mm**2 - above**2)))
+        pitch_rad = float(np.arctan(below_axis) - np.arctan2(height, near.distance_mm))
+        views.append(cube_view(rectified, near, pitch_rad=pitch_rad, camera_height_mm=height))
+    return views
 
 
 def _solve(rectified: RectifiedRig, setup: CubeSetup, name: str, span: tuple[float, float]) -> CubeView:

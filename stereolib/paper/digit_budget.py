@@ -128,7 +128,7 @@ def within_budget(miss: npt.ArrayLike, budget: npt.ArrayLike) -> float:
 
     Examples
     --------
-    >>> within_budget([0.1, -0.3], [0.2, 0.2])
+    >>> within_budget([0.25, -0.75], [0.5, 0.5])
     1.5
     """
     return float(np.max(np.abs(np.asarray(miss, float)) / np.asarray(budget, float)))

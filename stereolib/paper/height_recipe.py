@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from stereolib.base import Bools, Float64, Floats
 from stereolib.matching import dilate
@@ -39,6 +40,7 @@ def height_by_maximum(
     constant_rows: int,
     *,
     tolerance_px: float = 0.0,
+    threshold_px: float | None = None,
     dilate_px: int = 1,
 ) -> HeightResult:
     """Height from the topmost pixel of maximum disparity (sections II.F and III).
@@ -53,6 +55,8 @@ def height_by_maximum(
         Rows from the bottom of the image to the object's lower end; they are cut off.
     tolerance_px : float
         How far below the maximum a disparity still counts.
+    threshold_px : float, optional
+        The least disparity that counts, whatever the maximum is; `tolerance_px` is then not used.
     dilate_px : odd int
         Side of the square kernel of the dilation before (`stereolib.matching.dilate`); 1 is none.
 
@@ -64,20 +68,20 @@ def height_by_maximum(
     ------
     ValueError
         If the map is not (H, W) floats, has no valid pixel above the constant, has only negative
-        ones (left and right exchanged), or a parameter is out of range.
+        ones (left and right exchanged), none that reaches the threshold, or a parameter is out of range.
 
     Notes
     -----
     ``height = (H - constant_rows - top_row) cm_per_px``, with ``top_row`` the first row of
-    ``d >= max(d) - tolerance``. Where it breaks:
+    ``d >= max(d) - tolerance``. The paper speaks of a threshold and prints none. Where it breaks:
 
     - A camera pitched up sees the top of a vertical edge farther away: its disparity falls from
-      foot to top (6.2 px in the paper's set-up), and a strict maximum marks the foot alone.
+      foot to top (6.2 px where it stands at the printed height), and a strict maximum marks the foot alone.
     - The floor in front is nearer than the object. ``constant_rows`` removes it at one distance
       only; dilation brings it back by half a kernel.
     - One bright speckle above the object is the maximum of everything.
-    - The scale belongs to one depth. The paper's is that of the side corners; at the near edge it
-      reads a quarter too much (`height_from_depth` does not).
+    - The scale belongs to one depth. The paper's is that of the side corners; at the near edge, seen
+      from the printed height, it reads a quarter too much (`height_from_depth` does not).
 
     Examples
     --------
@@ -102,8 +106,11 @@ def height_by_maximum(
         raise ValueError(f"no valid disparity in the {foot_row} rows above the constant")
     if maximum <= 0:
         raise ValueError(f"all disparities are negative (at most {maximum:g} px): exchange the images")
+    least = maximum - tolerance_px if threshold_px is None else threshold_px
+    if maximum < least:
+        raise ValueError(f"no disparity above the constant reaches {least:g} px: the largest is {maximum:g} px")
     mask = np.zeros(disparity.shape, bool)
-    mask[:foot_row] = crop >= maximum - tolerance_px
+    mask[:foot_row] = crop >= least
     top_row, column = np.argwhere(mask)[0]
     height_px = foot_row - int(top_row)
     return HeightResult(
@@ -113,9 +120,45 @@ def height_by_maximum(
         foot_row=foot_row,
         height_px=height_px,
         height_mm=_MM_PER_CM * cm_per_px * height_px,
-        threshold_px=float(maximum - tolerance_px),
+        threshold_px=float(least),
         mask=mask,
     )
+
+
+def heights_over_tolerances(
+    disparity_px: Floats, cm_per_px: float, constant_rows: int, tolerances_px: ArrayLike
+) -> Float64:
+    """What `height_by_maximum` reads at many tolerances, in one go.
+
+    Parameters
+    ----------
+    disparity_px, cm_per_px, constant_rows
+        As for `height_by_maximum`.
+    tolerances_px : (N,) array_like, px
+
+    Returns
+    -------
+    (N,) float64, mm
+
+    Raises
+    ------
+    ValueError
+        As `height_by_maximum`.
+
+    Examples
+    --------
+    >>> disparity = np.array([[1.0], [8.0], [9.0], [10.0], [30.0]])
+    >>> heights_over_tolerances(disparity, 0.1, 1, [0, 1, 2, 5]).tolist()
+    [1.0, 2.0, 3.0, 3.0]
+    """
+    strict = height_by_maximum(disparity_px, cm_per_px, constant_rows)
+    tolerances = np.asarray(tolerances_px, float)
+    if not (tolerances >= 0).all():
+        raise ValueError(f"need tolerances >= 0, got {tolerances.min()}")
+    crop = np.where(np.isfinite(disparity_px), disparity_px, -np.inf)[: strict.foot_row].astype(np.float64)
+    largest_above = np.maximum.accumulate(crop.max(axis=1))  # in a row or above it: it only grows downwards
+    top_row = np.searchsorted(largest_above, strict.threshold_px - tolerances)
+    return np.asarray(_MM_PER_CM * cm_per_px * (strict.foot_row - top_row))
 
 
 def height_from_depth(

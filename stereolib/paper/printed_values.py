@@ -101,6 +101,7 @@ class Published:
     rtol: float | None = None
     conditions: Mapping[str, Condition] = field(default_factory=dict)
     figure: str = ""
+    taken_with: str = ""
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:

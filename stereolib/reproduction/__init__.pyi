@@ -1,7 +1,7 @@
 from .execution import NotebookError, execute_notebooks
 from .readme_tables import update_readme_tables
 from .regenerate import reproduce
-from .report import build_report, count_verdicts
+from .report import build_report, count_kinds, count_verdicts, sort_out
 from .same_numbers import REPEAT_RTOL, compare_tables
 
 __all__ = [
@@ -9,8 +9,10 @@ __all__ = [
     "NotebookError",
     "build_report",
     "compare_tables",
+    "count_kinds",
     "count_verdicts",
     "execute_notebooks",
     "reproduce",
+    "sort_out",
     "update_readme_tables",
 ]

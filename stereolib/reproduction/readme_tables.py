@@ -1,4 +1,4 @@
-"""The README's two tables: the ledger in short, and what the benchmarks measured."""
+"""What the README says of the ledger, in counts and in short, and of the benchmarks."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from stereolib.base import read_json, read_text, write_atomic
 from stereolib.paper import published, recorded_rows
-from stereolib.reproduction.report import count_verdicts
+from stereolib.reproduction.report import MEANINGS, count_kinds, sort_out
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -15,12 +15,16 @@ if TYPE_CHECKING:
 # What the README lists: the paper's item -> its id, or how the ids of a group begin.
 SUMMARY = {
     "Table I: both lenses": "table1.",
-    "R, T, E, F": "stereo.",
+    "R, T, E, F": ("stereo.", "twopart."),
     **{f"Fig. {n}": f"fig.{n}" for n in range(1, 10)},
     "height by maximum disparity": "height.",
+    "the title: length, width, height": "title.",
     "362 px, 42 cm, 0.116 cm/px": "scale.",
     "laser: 3 m, five turns, 1 mm": "lrf.",
+    "equations and misprints": ("eq.", "misprint.", "check."),
+    "set-up of the cube": "setup.",
     "claims of the text": "claim.",
+    "its future work": "future.",
 }
 _POINTS = "points of bad-2"
 # What the README quotes of the benchmarks: label -> (file, key, unit, goal)
@@ -70,12 +74,12 @@ BENCHES = {
 
 
 def update_readme_tables(readme: Path, figures: Path, results: Path) -> None:
-    """Write the README's two tables, of the ledger and of the benchmarks, between their marks.
+    """Write what the README says of the ledger and of the benchmarks, between its marks.
 
     Parameters
     ----------
     readme : Path
-        Holds ``<!-- ledger --> ... <!-- /ledger -->`` and the same for ``bench``.
+        Holds ``<!-- counts --> ... <!-- /counts -->`` and the same for ``ledger`` and ``bench``.
     figures : Path
         With the recorded tables.
     results : Path
@@ -87,7 +91,12 @@ def update_readme_tables(readme: Path, figures: Path, results: Path) -> None:
         If the README has no such marks; nothing is written then.
     """
     text = read_text(readme)
-    for mark, table in (("ledger", ledger_table(recorded_rows(figures))), ("bench", bench_table(results))):
+    rows = recorded_rows(figures)
+    for mark, table in (
+        ("counts", ledger_summary(rows)),
+        ("ledger", ledger_table(rows)),
+        ("bench", bench_table(results)),
+    ):
         before, opening, rest = text.partition(f"<!-- {mark} -->")
         _, closing, after = rest.partition(f"<!-- /{mark} -->")
         if not closing:
@@ -108,18 +117,50 @@ def ledger_table(rows: pd.DataFrame) -> str:
     -------
     str
     """
-    lines = ["| in the paper | notebook | figure | verdict |", "|---|---|---|---|"]
+    lines = ["| in the paper | notebook | figure | kind: verdict |", "|---|---|---|---|"]
     for label, prefix in SUMMARY.items():
-        some = rows[[id == prefix or (prefix.endswith(".") and id.startswith(prefix)) for id in rows["id"]]]
-        counts = count_verdicts(some)
-        verdict = ", ".join(f"{name} ({n})" if len(counts) > 1 else name for name, n in counts.items())
+        some = rows[rows["id"].str.startswith(prefix)]
+        verdict = "; ".join(f"*{kind}*: {_counted(counts, len(some))}" for kind, counts in count_kinds(some).items())
         notebooks, figures = sorted(set(some["notebook"])), sorted({published()[id].figure for id in some["id"]} - {""})
         links = " ".join(f"[{name[:2]}](notebooks/{name}.ipynb)" for name in notebooks)
         pictures = " ".join(f"[{name}](figures/{name}.png)" for name in figures) if len(notebooks) == 1 else ""
         lines.append(f"| {label} | {links} | {pictures} | {verdict} |")
-    total = ", ".join(f"{n} {name}" for name, n in count_verdicts(rows).items())
-    summary = f"All {len(rows)} rows of the ledger: {total}. [Each with its reason](figures/ledger.csv)."
-    return "\n".join([*lines, "", summary])
+    return "\n".join(lines)
+
+
+def ledger_summary(rows: pd.DataFrame) -> str:
+    """How many rows could have failed, how many did, and which, as Markdown.
+
+    Parameters
+    ----------
+    rows : DataFrame
+        Of `stereolib.paper.recorded_rows`.
+
+    Returns
+    -------
+    str
+    """
+    sorted_out, kinds = sort_out(rows), count_kinds(rows)
+    failed, part, against = (sorted_out[name] for name in ("failed", "in_part", "contradictions"))
+    lines = [
+        f"**Of {len(rows)} rows, {len(sorted_out['tests'])} could have failed**: data could have turned their verdict. "
+        f"**{len(failed)} of them did** ({_named(failed)}), {len(part)} hold in part ({_named(part)}). "
+        f"In {len(against)} others the paper contradicts itself ({_named(against)}).",
+        "",
+        "| kind of row | what it means | verdicts |",
+        "|---|---|---|",
+    ]
+    lines += [f"| {kind} | {MEANINGS[kind]} | {_counted(counts, 0)} |" for kind, counts in kinds.items()]
+    return "\n".join([*lines, "", "[Each row with its limits and its reason](figures/ledger.csv)."])
+
+
+def _named(rows: list[dict[str, str]]) -> str:
+    return ", ".join(f"`{row['id']}`" for row in rows)
+
+
+def _counted(counts: dict[str, int], alone: int) -> str:
+    """Verdicts with their counts; of `alone` rows with a single verdict the count goes without saying."""
+    return ", ".join(name if n == alone else f"{name} ({n})" for name, n in counts.items())
 
 
 def bench_table(results: Path) -> str:

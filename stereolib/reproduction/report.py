@@ -11,7 +11,7 @@ import jinja2
 from markupsafe import Markup
 
 from stereolib.base import read_bytes, write_atomic
-from stereolib.paper import Published, published, recorded_rows
+from stereolib.paper import KINDS, Published, published, recorded_rows
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -20,12 +20,26 @@ if TYPE_CHECKING:
 VERDICTS = {
     "reproduced": "#1b6e3c",
     "agrees": "#1b6e3c",
+    "meets the truth": "#1b6e3c",
     "holds in part": "#8a6100",
     "differs": "#a33a12",
     "does not hold": "#a33a12",
+    "misses the truth": "#a33a12",
+    "recovered": "#555555",
+    "not recovered": "#a33a12",
+    "consistent": "#555555",
     "paper contradicts itself": "#6a3d8f",
+    "redrawn": "#555555",
     "not comparable": "#555555",
+    "not attempted": "#555555",
 }
+MEANINGS = {
+    "test": "data could have turned the verdict; the virtual rig's data, or a real unit's where the row says so",
+    "built in": "the virtual rig was made from this number: it can only come back",
+    "argument": "the paper against itself, against geometry or a cited source; no data",
+    "redrawn": "a picture about which the paper states nothing that a number could be held against",
+}
+FAILED = ("differs", "does not hold", "misses the truth", "not recovered")
 _TABLE = ("table1.", "stereo.", "check.")  # what stands in the section of Table I
 
 
@@ -74,11 +88,59 @@ def count_verdicts(rows: pd.DataFrame) -> dict[str, int]:
     Examples
     --------
     >>> from stereolib.paper import compare_with_paper
-    >>> count_verdicts(compare_with_paper({"scale.cm_per_px": 42 / 362, "scale.width_px": 0}))
-    {'reproduced': 1, 'differs': 1}
+    >>> count_verdicts(compare_with_paper({"scale.cm_per_px": 42 / 362, "setup.max_distance": 2, "fig.1": None}))
+    {'not recovered': 1, 'consistent': 1, 'redrawn': 1}
     """
     counts = rows["verdict"].value_counts()
     return {verdict: int(counts[verdict]) for verdict in VERDICTS if verdict in counts}
+
+
+def count_kinds(rows: pd.DataFrame) -> dict[str, dict[str, int]]:
+    """Count the verdicts of each kind of row that occurs.
+
+    Parameters
+    ----------
+    rows : DataFrame
+        Of `stereolib.paper.recorded_rows` or `stereolib.paper.compare_with_paper`.
+
+    Returns
+    -------
+    dict of str to dict
+        Kind, as ``"test"``, to `count_verdicts` of its rows.
+
+    Examples
+    --------
+    >>> from stereolib.paper import compare_with_paper
+    >>> count_kinds(compare_with_paper({"scale.cm_per_px": 42 / 362, "setup.max_distance": 1, "fig.1": None}))
+    {'built in': {'recovered': 1}, 'argument': {'consistent': 1}, 'redrawn': {'redrawn': 1}}
+    """
+    kinds = set(rows["kind"])
+    return {kind: count_verdicts(rows[rows["kind"] == kind]) for kind in KINDS if kind in kinds}
+
+
+def sort_out(rows: pd.DataFrame) -> dict[str, list[dict[str, str]]]:
+    """Which rows could have failed, which of them did, and where the paper contradicts itself.
+
+    Parameters
+    ----------
+    rows : DataFrame
+        Of `stereolib.paper.recorded_rows`.
+
+    Returns
+    -------
+    dict of str to list of rows
+        ``tests`` are of kind *test*; ``failed`` and ``in_part`` are among them; ``contradictions`` among the
+        arguments; ``lost`` are built in and did not come back.
+    """
+    every = rows.to_dict("records")
+    tests = [row for row in every if row["kind"] == "test"]
+    return {
+        "tests": tests,
+        "failed": [row for row in tests if row["verdict"] in FAILED],
+        "in_part": [row for row in tests if row["verdict"] == "holds in part"],
+        "contradictions": [row for row in every if row["verdict"] == "paper contradicts itself"],
+        "lost": [row for row in every if row["kind"] == "built in" and row["verdict"] in FAILED],
+    }
 
 
 def _figures() -> list[Published]:
@@ -105,7 +167,8 @@ def _page(rows: pd.DataFrame, pictures: dict[str, bytes]) -> str:
     for name, title, ids in (("table", "Table I and the matrices", table), ("text", "Text and equations", text)):
         sections.append({"id": name, "title": title, "rows": [by_id[id] for id in ids]})
     template = _templates().get_template("report.html.jinja")
-    return template.render(sections=sections, counts=count_verdicts(rows), colours=VERDICTS)
+    counted = {"kinds": count_kinds(rows), "meanings": MEANINGS, "total": len(rows)} | sort_out(rows)
+    return template.render(sections=sections, colours=VERDICTS, **counted)
 
 
 def _templates() -> jinja2.Environment:

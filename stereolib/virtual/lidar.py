@@ -1,11 +1,12 @@
 """The virtual rig's laser: it casts rays into a scene and sends what an XV-11 would send.
 
-What is measured and what is chosen:
+What is taken from a real sensor and what is chosen:
 
-* Noise ``sigma = a + b r^2``: fitted with `stereolib.laser.fit_sigma` to the repeatability of one real
-  unit in a static scene: 1.5 mm below 1 m, 4.1 mm at 1-1.5 m, 7.4 mm at 2.5-3 m, 14.8 mm at 3-3.3 m
-  (taken at 0.6, 1.25, 2.75 and 3.15 m). The law misses those four by 22 % rms.
-* Strength ``s = k reflectance / r^2``, k from the same sensor's public recording of a cardboard box:
+* Noise ``sigma = a + b r^2``: fitted with `stereolib.laser.fit_sigma` to four figures, 1.5 mm below 1 m, 4.1 mm at
+  1-1.5 m, 7.4 mm at 2.5-3 m, 14.8 mm at 3-3.3 m (taken at 0.6, 1.25, 2.75 and 3.15 m; the law misses them by 22 % rms).
+  They are said to be the repeatability of one real unit, of a recording that cannot be traced any more: take the law as
+  chosen. The real unit of ``data/real/xv11_static_turns.csv`` is quieter at every distance (notebook 05).
+* Strength ``s = k reflectance / r^2``, k from a public recording of a real sensor in a cardboard box:
   median 837 counts at 0.3 m, 591 at 0.35-0.45 m, 419 at 0.45-0.55 m.
 * Bias and the two thresholds are chosen, as no public measurement of them is known: the bias stays
   within the 3 cm out to 6 m of Konolige et al., "A low-cost laser distance sensor", ICRA 2008.

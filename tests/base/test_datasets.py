@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import hashlib
+import re
 import socket
 import threading
-import time
 from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 
@@ -79,13 +79,13 @@ def test_own_folder_comes_first_and_is_checked(registry, tmp_path, monkeypatch):
 
 
 def test_no_network_is_told_at_once(registry, tmp_path, monkeypatch):
-    start = time.monotonic()
-    with pytest.raises(datasets.NotAvailable, match=r"xv11/turns\.txt is not available: STEREOLIB_DATA is not set"):
+    """The server refuses: that is passed on, not waited for."""
+    said = r"xv11/turns\.txt is not available: STEREOLIB_DATA is not set.*failed \(ConnectionError\)"
+    with pytest.raises(datasets.NotAvailable, match=said):
         datasets.real_recording(NAME)
     monkeypatch.setenv("STEREOLIB_DATA", str(tmp_path))
     with pytest.raises(datasets.NotAvailable, match=r"STEREOLIB_DATA has no such file.*Connect to the network"):
         datasets.real_recordings("xv11")
-    assert time.monotonic() - start < 5
 
 
 def test_default_patience_is_under_five_seconds():
@@ -97,25 +97,24 @@ def test_default_patience_is_under_five_seconds():
 def test_a_server_that_never_answers(registry, monkeypatch):
     with socket.create_server(("127.0.0.1", 0)) as silent:
         monkeypatch.setattr(datasets, "_XV11", f"http://127.0.0.1:{silent.getsockname()[1]}")
-        start = time.monotonic()
-        with pytest.raises(datasets.NotAvailable, match="Timeout"):
+        with pytest.raises(datasets.NotAvailable, match="Timeout") as caught:
             datasets.real_recording(NAME, timeout_s=0.3)
-        assert time.monotonic() - start < 1.3
+    assert re.search(r"within 0\.3 s|read timeout=0\.3\b", str(caught.value.__cause__))  # given up when it was asked to
 
 
 def test_a_name_that_takes_long_to_look_up(registry, monkeypatch):
     """A request's own timeout does not cover the look-up."""
-    done = threading.Event()
+    done, looked_up = threading.Event(), []
 
     def slow(*_, **__):
         done.wait(20)
+        looked_up.append(True)
         raise socket.gaierror("no such host")
 
     monkeypatch.setattr(socket, "getaddrinfo", slow)
-    start = time.monotonic()
     with pytest.raises(datasets.NotAvailable, match="TimeoutError"):
         datasets.real_recording(NAME, timeout_s=0.3)
-    assert time.monotonic() - start < 1.3
+    assert not looked_up  # it was left behind
     done.set()
 
 

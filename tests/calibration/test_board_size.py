@@ -33,10 +33,11 @@ def test_size_of_a_scaled_board_is_off_by_the_scale():
 
 def test_noise_is_not_taken_for_size():
     rng = np.random.default_rng(1)
-    noisy = [
-        board_size.board_size_error_pct(BOARD.points_mm + rng.normal(0, 0.5, (54, 3)), BOARD)[0] for _ in range(200)
-    ]
-    assert abs(np.mean(noisy)) < 0.06  # the mean of single edges would read 0.04 % for each 0.5 mm squared and more
+    for larger_pct in (0.0, 1.0):
+        points_mm = (1 + larger_pct / 100) * BOARD.points_mm
+        noisy = [board_size.board_size_error_pct(points_mm + rng.normal(0, 0.5, (54, 3)), BOARD) for _ in range(200)]
+        # the mean of single edges would read 0.04 % more for each 0.5 mm squared
+        np.testing.assert_allclose(np.mean(noisy, axis=0), larger_pct, atol=0.06)
 
 
 def test_missing_corners_are_no_error():

@@ -86,7 +86,7 @@ def test_pose_comes_back_with_honest_deviations():
         scores.append(off / np.concatenate([found.std_rad, found.std_mm]))
     scores = np.abs(scores)
     assert (scores < 1.96).mean() >= 0.85
-    assert 0.4 < np.sqrt(np.mean(scores**2)) < 1.6
+    assert 0.6 < np.sqrt(np.mean(scores**2)) < 1.2  # below 1: the stated bias is the most that the laser may have
 
 
 def test_points_of_the_scan_land_on_the_board():

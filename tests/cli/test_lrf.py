@@ -5,12 +5,13 @@ from __future__ import annotations
 import json
 import os
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 import pytest
 
-from stereolib import laser
+from stereolib import laser, plotting
 from stereolib.base import data_path
 from stereolib.cli import commands
 from stereolib.virtual import emulator, recordings
@@ -22,8 +23,10 @@ def test_info_tells_what_the_room_recording_holds(capsys: pytest.CaptureFixture[
     assert commands.main(["lrf", "info", ROOM, "--json"]) == 0
     facts = json.loads(capsys.readouterr().out)
     assert (facts["packets"], facts["bad_checksums"], facts["skipped_bytes"], facts["turns"]) == (450, 0, 0, 5)
-    assert 295 < facts["rpm_min"] <= facts["rpm_median"] <= facts["rpm_max"] < 305
     readings = laser.decode(recordings.load_laser("lrf/room"))
+    rpm = np.sort(readings.speed_rpm)
+    assert rpm[0] > 295 and rpm[-1] < 305
+    assert (facts["rpm_min"], facts["rpm_median"], facts["rpm_max"]) == (rpm[0], rpm[224:226].mean(), rpm[-1])
     assert facts["invalid_share"] == pytest.approx(np.isnan(readings.distance_mm).mean())
 
 
@@ -40,13 +43,32 @@ def test_record_writes_what_was_sent_and_never_overwrites(tmp_path: Path, capsys
     assert target.read_bytes() == sent
 
 
-def test_show_draws_a_picture_and_keeps_one_that_is_there(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_show_draws_the_readings_and_keeps_a_picture_that_is_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    figures: list[Any] = []
+    save = plotting.save_figure
+    monkeypatch.setattr(plotting, "save_figure", lambda name, figure: figures.append(figure) or save(name, figure))
     picture = tmp_path / "room.png"
-    assert commands.main(["lrf", "show", ROOM, "--output", str(picture)]) == 0
-    assert "of 360 beams" in capsys.readouterr().out
-    drawn = cv2.imread(str(picture))
-    assert drawn.shape[0] > 500
-    assert (drawn < 250).any(axis=2).mean() > 0.01
+    assert commands.main(["lrf", "show", ROOM, "--turns", "3", "--output", str(picture)]) == 0
+    turns = [turn.ranges_mm for turn in laser.turns(laser.decode(recordings.load_laser("lrf/room")))[:3]]
+    beams = np.ma.masked_invalid(turns)
+    met, median = np.flatnonzero(beams.count(axis=0)), np.ma.median(beams, axis=0).filled(np.nan)
+    assert f"{len(met)} of 360 beams" in capsys.readouterr().out
+    (ax,) = figures[0].axes
+    where = np.column_stack([np.radians(met), median[met]])
+    # where in the file each reading belongs, by the axes' own scale: there it is blue, and nowhere else
+    drawn = cv2.imread(str(picture)).astype(int)
+    across, up = figures[0].transFigure.inverted().transform(ax.transData.transform(where)).T
+    at = np.column_stack([(1 - up) * drawn.shape[0], across * drawn.shape[1]])
+    blue = np.argwhere(np.abs(drawn - [0xB2, 0x72, 0x00]).max(axis=2) < 60)
+    apart = np.hypot(*(at[:, None] - blue).transpose(2, 0, 1))
+    assert (apart.min(axis=1) < 2).mean() > 0.97 and apart.min(axis=0).max() < 5  # labels hide a few
+    # the axes' scale is a sensor's: beam 0 points up, angles run counter-clockwise, twice as far is twice as far out
+    places = ax.transData.transform([[0, 0], [0, 1000], [0, 2000], [np.pi / 2, 1000]])
+    forward, further, left = places[1:] - places[0]
+    assert forward[1] > 10 and forward[0] == pytest.approx(0, abs=1e-6)
+    np.testing.assert_allclose([further, left], [2 * forward, [-forward[1], 0]], atol=1e-6)
     before = picture.read_bytes()
     assert commands.main(["lrf", "show", ROOM, "--output", str(picture)]) == 2
     assert "would be overwritten" in capsys.readouterr().err

@@ -73,7 +73,13 @@ def test_ply_is_one_mesh_in_metres_with_z_up(found, tmp_path):
     assert mesh.bounds[:, 2] == pytest.approx([0, 0.7], abs=1e-6)
     (x0, x1), (y0, y1) = walk.ROOM_MM
     assert mesh.bounds[:, :2] * 1000 == pytest.approx(np.array([[x0, y0], [x1, y1]]), abs=30)
-    assert {tuple(c) for c in mesh.visual.vertex_colors[:, :3].tolist()} == {*COLORS[:5], shapes.WALL_RGB}
+    colors = mesh.visual.vertex_colors[:, :3].tolist()
+    assert {tuple(c) for c in colors} == {*COLORS[:5], shapes.WALL_RGB}
+    for solid in made[:5]:  # each object in its colour, where it stands
+        mine = mesh.vertices[[tuple(c) == solid.color_rgb for c in colors]] * 1000
+        low, high = solid.outline_mm.min(axis=0), solid.outline_mm.max(axis=0)
+        expected = [[*low, 0], [*high, solid.height_mm]]
+        np.testing.assert_allclose([mine.min(axis=0), mine.max(axis=0)], expected, atol=0.01)
 
 
 def test_what_is_not_known_is_drawn_thin(tmp_path):

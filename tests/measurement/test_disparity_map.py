@@ -15,6 +15,9 @@ def test_specks_are_counted_and_the_map_is_left_alone():
     changed = specked != clean
     assert 95 <= changed.sum() <= 100 and (clean == 50).all()
     assert specked[changed].min() >= 1 and specked[changed].max() <= 128
+    even = np.linspace(0, 1, changed.sum())  # values and places are spread evenly
+    for drawn, low, high in zip((specked[changed], *np.nonzero(changed)), (1, 0, 0), (128, 479, 639), strict=True):
+        assert np.abs(np.sort((drawn - low) / (high - low)) - even).max() < 0.16
 
 
 def test_a_map_of_the_rig_is_taken_as_it_is():

@@ -52,7 +52,10 @@ def test_combined_is_the_weighted_mean_that_least_squares_gives():
     inverse = [np.linalg.inv(one.covariance) for one in (scanned, pictured)]
     expected = np.linalg.solve(sum(inverse), inverse[0] @ scanned.x + inverse[1] @ pictured.x)
     np.testing.assert_allclose(lines.x, expected, rtol=1e-9)
-    assert text == "" and shares.startswith("scan ") and "image" in shares
+    np.testing.assert_allclose(lines.covariance, np.linalg.inv(sum(inverse)), rtol=1e-9)
+    scan_pct = 100 * np.trace(np.linalg.solve(sum(inverse), inverse[0])) / 3
+    assert text == "" and shares == f"scan {scan_pct:.0f} %, image {100 - scan_pct:.0f} %"
+    assert scan_pct < 10  # the picture is the better one here
 
 
 def test_one_face_finds_its_place_beside_two():

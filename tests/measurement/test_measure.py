@@ -12,6 +12,7 @@ from support.measured import measured, the_cube
 
 from stereolib import laser
 from stereolib.measurement import draw_objects, floor_from_pose, measure_objects
+from stereolib.rig import rigid
 from stereolib.virtual import cube_scene, recordings
 
 
@@ -81,6 +82,9 @@ def test_a_known_floor_is_taken():
     found = measured(floor=floor)
     assert found.floor is floor
     np.testing.assert_allclose(the_cube(found).size_mm, 300, atol=3)
+    lower = recordings.setup() @ rigid(np.eye(3), [0.0, 0.0, -12.0])  # it is believed: heights grow with it
+    found = measured(floor=floor_from_pose(RECT, lower))
+    np.testing.assert_allclose(the_cube(found).size_mm[2], 312, atol=3)
 
 
 def test_what_lies_beside_the_picture_is_told_from_the_scan():

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 import pytest
-from support.ground import RECT, nearest_height, rng
+from support.ground import GRID, RECT, nearest_height, rng
 
 from stereolib.measurement import CannotMeasure, find_objects, floor_from_pose
 from stereolib.virtual import Scene, box_on_floor, cube_scene, recordings, render_truth, room
@@ -16,12 +17,17 @@ def test_objects_are_separated_and_sorted():
         box_on_floor((200.0, 200.0, 150.0), 800.0, -150.0, 0.4),
     )
     pose = recordings.setup("level")
-    seen = render_truth(Scene((room(), *boxes)), RECT, pose)
-    found = find_objects(seen.disparity_px, floor_from_pose(RECT, pose))
+    seen, floor = render_truth(Scene((room(), *boxes)), RECT, pose), floor_from_pose(RECT, pose)
+    found = find_objects(seen.disparity_px, floor)
+    on_floor = floor.height_mm(*(axis.ravel() for axis in GRID), seen.disparity_px.ravel()).reshape(480, 640) < 22
     assert len(found) == 2  # not the walls, not the floor
     for region, box, height in zip(found, (2, 1), (150, 250), strict=True):
         assert (seen.box[region.v.astype(int), region.u.astype(int)] == box).all()
         assert region.height_mm.max() == pytest.approx(height, abs=3)
+        covered = np.zeros(seen.box.shape, np.uint8)
+        covered[region.v.astype(int), region.u.astype(int)] = 1
+        covered = cv2.dilate(covered, np.ones((3, 3), np.uint8)) > 0  # every third pixel is looked at
+        assert covered[(seen.box == box) & ~on_floor].mean() > 0.9
         mine = np.argwhere(seen.box == box)
         assert np.abs(np.array(region.bounds) - [*mine.min(0)[::-1], *mine.max(0)[::-1]])[[0, 1, 2]].max() <= 6
     assert [r.position_mm[1] > 0 for r in found] == [False, True]

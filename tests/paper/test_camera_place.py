@@ -125,3 +125,39 @@ def test_solvers_refuse_the_impossible(rectified, setup):
         paper.solve_camera_height(rectified, replace(setup, constant_rows=400))
     with pytest.raises(ValueError, match="behind"):
         paper.cube_view(rectified, setup, pitch_rad=radians(100))
+
+
+def test_family_is_the_solved_pitch_at_every_height(rectified, setup):
+    for view in paper.setup_family(rectified, setup, [20.0, 85.0, 300.0, 560.0]):
+        solved = paper.solve_pitch(rectified, replace(setup, camera_height_mm=view.camera_height_mm))
+        assert view.pitch_rad == pytest.approx(solved.pitch_rad, abs=1e-9)
+        assert view.constant_rows == pytest.approx(53, abs=1e-6)
+        assert view.box_px == view.width_px + 1
+        assert view.edge_rows == view.foot_row - view.top_row
+
+
+def test_cameras_that_read_thirty_centimetres(rectified, setup):
+    """The counterexample: 52.6 cm up, pitched down by 21.7 degrees, 53 rows, 348 px, 30.0 cm."""
+    view = paper.setup_family(rectified, setup, [526.0])[0]
+    assert degrees(view.pitch_rad) == pytest.approx(-21.73, abs=0.01)
+    assert view.width_px == pytest.approx(348.0, abs=0.1)
+    assert 0.116 * view.edge_rows == pytest.approx(30.0, abs=0.01)
+    both = paper.setup_family(rectified, setup, [112.0])[0]  # has both printed numbers
+    assert (view.constant_rows, both.width_px) == pytest.approx((53, 362), abs=0.1)
+
+
+def test_distance_to_the_edges_nearest_point(rectified, setup):
+    """From above the cube it is the top: the cube stands nearer on the floor; from below nothing changes."""
+    low, high = paper.setup_family(rectified, setup, [200.0, 500.0], to_point=True)
+    assert low.width_px == paper.setup_family(rectified, setup, [200.0])[0].width_px
+    near = replace(setup, distance_mm=sqrt(700**2 - 200**2))
+    assert high.width_px == pytest.approx(paper.setup_family(rectified, near, [500.0])[0].width_px)
+    with pytest.raises(ValueError, match="farther"):
+        paper.setup_family(rectified, setup, [1100.0], to_point=True)
+
+
+def test_room_of_the_printed_digits():
+    setups = paper.setups_in_print()
+    assert len({(s.distance_mm, s.constant_rows) for s in setups}) == 9
+    assert sorted({s.constant_rows for s in setups}) == [52, 53, 54]
+    assert setups[4] == paper.paper_setup()

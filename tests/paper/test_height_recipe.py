@@ -183,3 +183,28 @@ def test_holes_do_not_count():
 def test_bad_input_is_refused(disparity, options, message):
     with pytest.raises(ValueError, match=message):
         height_by_maximum(**{"disparity_px": disparity, "cm_per_px": 0.1, "constant_rows": 2} | options)
+
+
+def test_a_fixed_threshold():
+    fixed = height_by_maximum(small(), 0.1, 2, threshold_px=15.0)
+    assert (fixed.top_row, fixed.threshold_px) == (2, 15.0)
+    with pytest.raises(ValueError, match="reaches 25 px: the largest is 20"):
+        height_by_maximum(small(), 0.1, 2, threshold_px=25.0)
+
+
+def test_many_tolerances_are_the_recipe_many_times(case):
+    _, _, disparity = case
+    tolerances = np.r_[0, np.geomspace(0.06, 100, 25)]
+    many = paper.heights_over_tolerances(disparity, SCALE, CONSTANT, tolerances)
+    one = [height_by_maximum(disparity, SCALE, CONSTANT, tolerance_px=t).height_mm for t in tolerances]
+    np.testing.assert_allclose(many, one)
+    with pytest.raises(ValueError, match=">= 0"):
+        paper.heights_over_tolerances(disparity, SCALE, CONSTANT, [-1.0])
+
+
+def test_recipe_reads_the_same_over_a_wide_range_of_thresholds(case):
+    """From the fall of the edge on, until the mask takes in the wall: a quarter too much."""
+    _, view, disparity = case
+    fall = view.disparity_foot_px - view.disparity_top_px
+    readings = paper.heights_over_tolerances(disparity, SCALE, CONSTANT, np.arange(fall + 0.1, 60, 0.5)) / 300
+    assert readings == pytest.approx(1.26, abs=0.01)

@@ -2,37 +2,108 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from stereolib import paper
-from stereolib.paper import compare_with_paper, published
+from stereolib.paper import compare_with_paper, ledger, published
+from stereolib.paper.printed_values import Condition
+
+GLARE = {"times": 82.4}
+DILATION = {name: 0.0 for name in published()["claim.dilation_removes_noise"].conditions}
 
 
 def test_verdicts():
+    """Every verdict, from numbers alone."""
     rows = compare_with_paper(
         {
             "table1.left.fx": 729.9077 * 1.0007,
             "table1.left.fy": 729.4782 * 1.0009,
             "scale.cm_per_px": 42 / 362,
-            "claim.glare_on_object": True,
-            "claim.canny_box_varies": np.False_,
-            "lrf.max_range": "in part: 1.2 %",
-            "claim.time_of_flight": "no: it triangulates",
-            "setup.camera_height": 19.0,
-            "misprint.tangential": "2 x'^2",
+            "scale.width_cm": 43.0,
+            "height.plane": 30.05,
+            "scale.width_faces": 42.6,
+            "claim.glare_on_object": GLARE,
+            "claim.glare_on_ground": {"times": 1.0},
             "claim.low_computation": None,
+            "fig.1": None,
         },
         reasons={"scale.cm_per_px": "a quotient"},
     ).set_index("id")
     assert rows["verdict"].tolist() == [
-        *("reproduced", "differs", "reproduced", "agrees", "does not hold", "holds in part", "does not hold"),
-        *("paper contradicts itself", "paper contradicts itself", "not comparable"),
+        *(
+            "recovered",
+            "not recovered",
+            "consistent",
+            "paper contradicts itself",
+            "meets the truth",
+            "misses the truth",
+        ),
+        *("agrees", "does not hold", "not comparable", "redrawn"),
     ]
     row = rows.loc["scale.cm_per_px"]
-    assert row.tolist() == ["IV", "0.116", "0.1160", "+0.0000", "0.0005", "cm/px", "reproduced", "a quotient"]
+    assert row.tolist() == [
+        "IV",
+        "argument",
+        "0.116",
+        "0.1160",
+        "+0.0000",
+        "0.0005",
+        "cm/px",
+        "consistent",
+        "a quotient",
+    ]
     assert rows.loc["table1.left.fy", "reason"] == published()["table1.left.fy"].reason
     assert rows.loc["claim.low_computation", "ours"] == "-"
+
+
+@pytest.mark.parametrize("held", range(4))
+def test_a_claim_holds_by_its_conditions_alone(held, monkeypatch):
+    """All three hold, two, one, none: the verdict counts them, and the text says which."""
+    conditions = {f"c{k}": {"says": f"{k}: {{}} px", "because": "so", "least": 1.0} for k in range(3)}
+    item = replace(published()["fig.4"], conditions=conditions)
+    monkeypatch.setattr(ledger, "printed_item", lambda id: item)
+    (row,) = compare_with_paper({"fig.4": {f"c{k}": float(k < held) for k in range(3)}}).to_dict("records")
+    assert row["verdict"] == ("does not hold", "holds in part", "holds in part", "agrees")[held]
+    assert row["ours"] == "; ".join(f"{k}: {int(k < held)} px: {'yes' if k < held else 'no'}" for k in range(3))
+    assert row["difference"] == f"{held} of 3 hold"
+    assert row["tolerance"] == "at least 1; at least 1; at least 1"
+    assert row["reason"].endswith("At least 1: so. At least 1: so. At least 1: so.")
+
+
+@pytest.mark.parametrize(
+    ("limits", "value", "holds"),
+    [
+        ({"least": 2}, 2.0, True),
+        ({"least": 2}, 1.99, False),
+        ({"most": 2}, 2.0, True),
+        ({"most": 2}, 2.01, False),
+        ({"least": 1, "most": 2}, 1.5, True),
+        ({"least": 1, "most": 2}, 2.5, False),
+        ({"least": 1, "most": 2}, 0.5, False),
+        ({"most": 2}, np.nan, False),
+        ({"least": 2}, np.nan, False),
+        ({"least": 2}, np.inf, True),
+    ],
+)
+def test_a_condition_keeps_its_limits(limits, value, holds):
+    assert Condition("{}", "so", **limits).holds(value) is holds
+
+
+def test_a_computed_tolerance_decides():
+    printed = np.array(published()["check.F_from_E_K"].value)
+    off = printed + 2e-4
+    for tolerance, verdict in ((3e-4, "consistent"), (1e-4, "paper contradicts itself")):
+        rows = compare_with_paper(
+            {"check.F_from_E_K": off}, tolerances={"check.F_from_E_K": np.full((3, 3), tolerance)}
+        )
+        assert rows.loc[0, "verdict"] == verdict
+    with pytest.raises(ValueError, match="its tolerance is computed"):
+        compare_with_paper({"check.F_from_E_K": off})
+    with pytest.raises(ValueError, match="its tolerance is not computed"):
+        compare_with_paper({"scale.cm_per_px": 1.0}, tolerances={"scale.cm_per_px": 1.0})
 
 
 def test_matrix_tolerance_is_element_by_element():
@@ -42,18 +113,19 @@ def test_matrix_tolerance_is_element_by_element():
         compare_with_paper({"stereo.T": np.add(printed, [0, 0, 0.19])}),
         compare_with_paper({"stereo.T": np.add(printed, [0.1, 0, 0])}),
     )
-    assert along.loc[0, ["difference", "tolerance", "verdict"]].tolist() == ["max 0.19", "0.03 to 0.2", "reproduced"]
-    assert across.loc[0, "verdict"] == "differs"
+    assert along.loc[0, ["difference", "tolerance", "verdict"]].tolist() == ["max 0.19", "0.03 to 0.2", "recovered"]
+    assert across.loc[0, "verdict"] == "not recovered"
 
 
 @pytest.mark.parametrize("side", [-1, 1])
 def test_the_tolerance_itself_counts(side):
-    assert compare_with_paper({"scale.width_px": 362 + side * 4.0}).loc[0, "verdict"] == "reproduced"
-    assert compare_with_paper({"scale.width_px": 362 + side * 4.01}).loc[0, "verdict"] == "differs"
+    assert compare_with_paper({"scale.width_cm": 42 + side * 0.5}).loc[0, "verdict"] == "consistent"
+    assert compare_with_paper({"scale.width_cm": 42 + side * 0.501}).loc[0, "verdict"] == "paper contradicts itself"
 
 
-def test_nan_differs():
-    assert compare_with_paper({"scale.width_px": np.nan}).loc[0, "verdict"] == "differs"
+def test_nan_is_never_right():
+    assert compare_with_paper({"height.plane": np.nan}).loc[0, "verdict"] == "misses the truth"
+    assert compare_with_paper({"claim.glare_on_object": {"times": np.nan}}).loc[0, "verdict"] == "does not hold"
 
 
 def test_numbers_are_rounded_and_minus_zero_is_not_shown():
@@ -72,9 +144,11 @@ def test_numbers_are_rounded_and_minus_zero_is_not_shown():
         ({"table1.left.fx": [729.9]}, "a single number"),
         ({"table1.left.fx": "729.9"}, "a single number"),
         ({"table1.left.fx": None}, "a single number"),
-        ({"fig.4": 3.0}, "is a claim"),
-        ({"fig.4": "maybe"}, "is a claim"),
-        ({"fig.4": "nothing"}, "is a claim"),
+        ({"claim.glare_on_object": 3.0}, r"is a claim: give \['times'\]"),
+        ({"claim.glare_on_object": True}, "is a claim"),
+        ({"claim.glare_on_object": "yes: certainly"}, "is a claim"),
+        ({"claim.glare_on_object": {}}, "is a claim"),
+        ({"claim.glare_on_object": {"times": 3.0, "more": 1.0}}, "is a claim"),
     ],
 )
 def test_bad_answers_are_refused(values, message):
@@ -84,22 +158,23 @@ def test_bad_answers_are_refused(values, message):
 
 def test_reason_without_row_is_refused():
     with pytest.raises(ValueError, match="not compared"):
-        compare_with_paper({"fig.4": True}, reasons={"fig.5": "why"})
+        compare_with_paper({"fig.1": None}, reasons={"fig.5": "why"})
 
 
 def test_recorded_prefers_the_notebook_that_owns_the_id(tmp_path):
-    assert published()["fig.4"].notebook == "03_sgbm_parameters"
-    paper.record_rows(compare_with_paper({"fig.4": "no: a visitor"}), "01_calibration", tmp_path)
-    paper.record_rows(compare_with_paper({"fig.4": True, "eq.depth": True}), "03_sgbm_parameters", tmp_path)
-    paper.record_rows(compare_with_paper({"fig.4": "no: another", "fig.1": True}), "09_real_recordings", tmp_path)
+    id = "claim.glare_on_object"
+    assert published()[id].notebook == "03_sgbm_parameters"
+    paper.record_rows(compare_with_paper({id: {"times": 1.0}}), "01_calibration", tmp_path)
+    paper.record_rows(compare_with_paper({id: GLARE, "fig.2": None}), "03_sgbm_parameters", tmp_path)
+    paper.record_rows(compare_with_paper({id: {"times": 2.0}, "fig.1": None}), "09_real_recordings", tmp_path)
     rows = paper.recorded_rows(tmp_path)
-    assert rows["id"].tolist() == ["fig.1", "eq.depth", "fig.4"]  # the paper's order
+    assert rows["id"].tolist() == ["fig.1", "fig.2", id]  # the paper's order
     assert rows["notebook"].tolist() == ["09_real_recordings", "03_sgbm_parameters", "03_sgbm_parameters"]
-    assert rows["ours"].tolist() == ["yes", "yes", "yes"]
+    assert rows["ours"].tolist()[-1].startswith("82 times")
 
 
 def test_record_keeps_rows_as_they_are(tmp_path):
-    values = {"setup.camera_height": 'a, "b"\u00b0', "claim.low_computation": None, "stereo.R": np.eye(3)}
+    values = {"height.printed": 'a, "b"\u00b0', "claim.low_computation": None, "stereo.R": np.eye(3)}
     rows = compare_with_paper(values)
     paper.record_rows(rows, "07_pixel_cm", tmp_path)
     back = paper.recorded_rows(tmp_path).set_index("id").loc[rows["id"]].reset_index()
@@ -108,7 +183,7 @@ def test_record_keeps_rows_as_they_are(tmp_path):
 
 def test_record_goes_to_the_figures_folder(tmp_path, monkeypatch):
     monkeypatch.setenv("STEREOLIB_FIGURES", str(tmp_path))
-    paper.record_rows(compare_with_paper({"fig.1": True}), "01_calibration")
+    paper.record_rows(compare_with_paper({"fig.1": None}), "01_calibration")
     assert (tmp_path / "tables" / "ledger_01_calibration.csv").is_file()
     assert paper.recorded_rows()["id"].tolist() == ["fig.1"]
 
@@ -116,12 +191,12 @@ def test_record_goes_to_the_figures_folder(tmp_path, monkeypatch):
 @pytest.mark.parametrize("name", ["calibration", "../01_x", "01_calibration.ipynb"])
 def test_record_refuses_a_name_that_is_no_notebook(name, tmp_path):
     with pytest.raises(ValueError, match="01_calibration"):
-        paper.record_rows(compare_with_paper({"fig.1": True}), name, tmp_path)
+        paper.record_rows(compare_with_paper({"fig.1": None}), name, tmp_path)
 
 
 def test_record_refuses_other_rows(tmp_path):
     with pytest.raises(ValueError, match=r"compare_with_paper\(\)"):
-        paper.record_rows(compare_with_paper({"fig.1": True}).drop(columns="reason"), "01_calibration", tmp_path)
+        paper.record_rows(compare_with_paper({"fig.1": None}).drop(columns="reason"), "01_calibration", tmp_path)
 
 
 def test_recorded_refuses_nothing_and_strangers(tmp_path):
@@ -134,11 +209,11 @@ def test_recorded_refuses_nothing_and_strangers(tmp_path):
 
 
 def test_show_fits_and_loses_no_word():
-    rows = compare_with_paper({"claim.disparities_fall_with_distance": True, "stereo.E": paper.printed_essential()})
+    rows = compare_with_paper({"claim.dilation_removes_noise": DILATION, "stereo.E": paper.printed_essential()})
     table = repr(paper.show_rows(rows))
     assert max(map(len, table.splitlines())) <= 120
     head, *blocks = (block.splitlines() for block in table.split("\n\n"))
-    assert head[0].split() == ["id", "paper", "ours", "difference", "tolerance", "verdict", "reason"]
+    assert head[0].split() == ["id", "kind", "paper", "ours", "difference", "tolerance", "verdict", "reason"]
     starts = [head[0].index(name) for name in head[0].split()]
     for row, block in zip(rows.to_dict("records"), blocks, strict=True):
         for name, start, end in zip(head[0].split(), starts, [*starts[1:], None], strict=True):

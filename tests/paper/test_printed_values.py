@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import re
 
+import cv2
 import numpy as np
 import pytest
 
+from stereolib.base.datasets import ROOT
 from stereolib.paper import published
 from stereolib.paper.printed_values import parse_published
 
@@ -36,13 +38,26 @@ def test_every_figure_is_published_and_has_a_picture():
     figures = {item.id: item.figure for item in published().values() if item.id.startswith("fig.")}
     assert figures == {f"fig.{n}": f"fig0{n}" for n in range(1, 10)}
     assert {item.figure for item in published().values()} <= {"", *figures.values()}
+    drawn = [cv2.imread(str(ROOT / "figures" / f"{name}.png")) for name in figures.values()]
+    for picture in drawn:
+        assert picture.shape[0] > 200 and picture.std() > 10  # grey levels; a blank page has none
+    assert len({picture.tobytes() for picture in drawn}) == 9
 
 
 def test_published_file_names_a_notebook_for_everything():
     assert all(re.fullmatch(r"0[0-9]_\w+", item.notebook) for item in published().values())
 
 
-GOOD = '["a.b"]\nvalue = 1\nwhere = "I"\ncomparability = "exact"\natol = 1.0\nreason = "r"\nnotebook = "01_x"\n'
+GOOD = """["a.b"]
+value = 1
+where = "I"
+kind = "argument"
+against = "itself"
+atol = 1.0
+reason = "r"
+notebook = "01_x"
+"""
+CONDITION = '["a.b".conditions.c]\nsays = "{} px"\nleast = 1\nbecause = "so"\n'
 
 
 @pytest.mark.parametrize(
@@ -50,12 +65,36 @@ GOOD = '["a.b"]\nvalue = 1\nwhere = "I"\ncomparability = "exact"\natol = 1.0\nre
     [
         (("reason", "raison"), "a.b: unknown .'raison'"),
         (('where = "I"\n', ""), "a.b: .*where"),
-        (('"exact"', '"loose"'), "a.b: comparability 'loose'"),
+        (('"argument"', '"loose"'), "a.b: kind 'loose'"),
+        (('"itself"', '"fate"'), "a.b: against 'fate'"),
         (("atol = 1.0\n", ""), "a.b: .*either atol or rtol"),
+        (("atol = 1.0\n", "atol = 1.0\nrtol = 1.0\n"), "a.b: .*either atol or rtol"),
+        (("1.0", '"loose"'), "a.b: .*computed"),
         (('"r"', '""'), "a.b: .*reason"),
+        (('"argument"', '"redrawn"'), "a.b: .*redrawn"),
+        (('"itself"', '"nothing"'), "a.b: .*neither"),
+        (('"itself"', '"claim"'), "a.b: .*needs conditions"),
+        (('"01_x"\n', '"01_x"\n' + CONDITION), "a.b: .*1 tolerances, 1 conditions"),
     ],
 )
 def test_a_bad_published_file_names_its_entry(change, message):
     assert list(parse_published(GOOD)) == ["a.b"]
     with pytest.raises(ValueError, match=message):
         parse_published(GOOD.replace(*change))
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (("{} px", "px"), "needs one {}"),
+        (("{} px", "{} {} px"), "needs one {}"),
+        (("least = 1\n", ""), "needs least, most or both"),
+        (('"so"', '""'), "needs its reason"),
+        (("least", "lest"), "lest"),
+    ],
+)
+def test_a_bad_condition_names_its_entry(change, message):
+    claim = GOOD.replace("atol = 1.0\n", "") + CONDITION
+    assert parse_published(claim)["a.b"].conditions["c"].limit == "at least 1"
+    with pytest.raises(ValueError, match=f"a.b: .*{message}"):
+        parse_published(claim.replace(*change))

@@ -21,4 +21,9 @@ def test_scan_from_above_has_left_on_the_left(ax):
 def test_polar_scan_marks_dropouts():
     ax = plotting.panels(1, subplot_kw={"projection": "polar"})[1][0]
     plotting.plot_scan_polar(np.radians([0.0, 90, 180]), np.array([1000.0, np.nan, 500]), ax)
-    np.testing.assert_allclose(ax.collections[1].get_offsets(), [[np.pi / 2, 1050]])
+    readings, lost = (np.ma.getdata(points.get_offsets()) for points in ax.collections)
+    np.testing.assert_allclose(readings[[0, 2]], [[0, 1000], [np.pi, 500]])
+    np.testing.assert_allclose(lost, [[np.pi / 2, 1050]])
+    centre, forward, left = ax.transData.transform([[0, 0], [0, 1000], [np.pi / 2, 1000]])
+    assert forward[1] > centre[1] + 10 and left[0] < centre[0] - 10  # up, and counter-clockwise
+    np.testing.assert_allclose([forward[0], left[1]], centre, atol=1e-6)

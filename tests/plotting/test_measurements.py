@@ -7,6 +7,8 @@ import pytest
 from support.attempts import attempted
 
 from stereolib import plotting
+from stereolib.rig import to_grey
+from stereolib.virtual import recordings
 
 
 def test_found_is_drawn_where_it_was_measured():
@@ -18,14 +20,20 @@ def test_found_is_drawn_where_it_was_measured():
     at = (tried.measured.top_px[0] - x0) / (x1 - x0)
     assert y0 + at * (y1 - y0) == pytest.approx(tried.measured.top_px[1], abs=1.5)
     assert ax.texts[0].get_text() == f"{tried.height_mm / 10:.2f} ± {0.196 * tried.std_mm:.2f} cm"
-    shown = ax.images[0].get_array()
-    blue, red = shown[470, 500, 2] > shown[470, 500, 0], shown[250, 300, 0] > shown[250, 300, 2]
-    assert blue and red  # the floor, the object
+    red, _, blue = np.moveaxis(ax.images[0].get_array().astype(int), -1, 0)
+    cube, others = (recordings.load_truth("conditions/level").box == box for box in (1, 0))
+    assert (red > blue)[cube].mean() > 0.9 and (red > blue)[others].mean() < 0.02
+    floor = others & np.isfinite(tried.disparity_px)
+    floor[:400] = False  # the lowest rows show nothing else
+    assert (blue > red)[floor].mean() > 0.95 and (blue > red)[cube].mean() < 0.03
 
 
-def test_a_refused_attempt_is_drawn_without_lines():
-    ax = plotting.plot_height_attempt(attempted("conditions/poor_light"), plotting.panels(1)[1][0])
-    assert not ax.lines and not ax.texts
+def test_a_refused_attempt_is_its_picture_without_lines():
+    tried = attempted("conditions/poor_light")
+    ax = plotting.plot_height_attempt(tried, plotting.panels(1)[1][0], "poor light")
+    assert not ax.lines and not ax.texts and ax.get_title() == "poor light"
+    (shown,) = ax.images
+    np.testing.assert_array_equal(shown.get_array(), np.stack([to_grey(tried.left)] * 3, axis=-1))
 
 
 def test_intervals_and_notes_stand_in_their_rows():

@@ -67,11 +67,16 @@ def test_height_and_box_show_their_numbers(ax):
     plotting.plot_height(image, SimpleNamespace(mask=mask, top_row=10, foot_row=40, column=31), ax)
     texts = [text.get_text() for text in ax.texts]
     assert any(t.endswith(": 10") for t in texts) and any(t.endswith(": 40") for t in texts)
+    assert [line.get_ydata()[0] for line in ax.lines] == [10, 40]
+    marked = (ax.images[0].get_array() != 90).any(axis=2)
+    np.testing.assert_array_equal(marked, mask)
     other = plotting.panels(1)[1][0]
     edges = np.zeros((60, 80), np.uint8)
     edges[20, 20:40] = 255
     plotting.plot_box(image, SimpleNamespace(left=20, top=15, width=36, height=20), other, edges=edges)
     assert [t.get_text() for t in other.texts] == ["36 px"]
+    marked = (other.images[0].get_array() != 90).any(axis=2)
+    assert marked[20, 20:40].all() and 20 <= marked.sum() <= 2 * 21  # the edge, up to two pixels wide
     assert other.patches[0].get_bbox().bounds == (19.5, 14.5, 36, 20)
     np.testing.assert_array_equal(image, before)
 
@@ -115,6 +120,10 @@ def test_map_hatches_what_was_not_seen_and_ends_its_colours_where_told(ax):
 def test_map_of_nothing_and_of_a_constant(ax, values):
     plotting.plot_quantity(plotting.ImageQuantity(values, np.arange(3), np.arange(3), (3, 3), "px"), ax, "map")
     plotting.save_figure(None, ax.figure)
+    assert ax.get_title() == "map" and ax.get_xlim() == (-0.5, 2.5) and not ax.texts
+    viridis = [33, 145, 140]  # its middle: the colours end where they begin
+    inside = rendered(ax)[10:-10, 10:-10].reshape(-1, 3)
+    assert np.unique(inside, axis=0).tolist() == [[0xD9] * 3 if np.isnan(values).all() else viridis]
 
 
 def test_arrows_are_drawn_where_they_are_and_their_means_stay(ax):

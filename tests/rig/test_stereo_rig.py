@@ -77,6 +77,8 @@ def test_against_opencvs_triangulation(rig, rectified, points_mm):
     right = rectified.rectify_points(rig.right.project(in_right(rig, points_mm)), "right")
     xyzw = cv2.triangulatePoints(rectified.P1, rectified.P2, left.T, right.T)
     np.testing.assert_allclose((xyzw[:3] / xyzw[3]).T @ rectified.R1, points_mm, rtol=1e-7, atol=1e-5)
+    ours = rectified.triangulate(left, left[:, 0] - right[:, 0])
+    np.testing.assert_allclose(ours, (xyzw[:3] / xyzw[3]).T, rtol=1e-7, atol=1e-5)
 
 
 def test_rectification_keeps_the_baseline_and_magnifies(rig, rectified):
@@ -95,19 +97,25 @@ def test_every_pixel_is_valid_at_alpha_0(rig, rectified):
 
 @pytest.mark.parametrize("side", ["left", "right"])
 def test_images_are_moved_as_points_are(rig, rectified, side):
-    """Pictures whose grey level is their column (row): the rectified picture tells where each pixel came from."""
+    """Waves along the columns (rows): the rectified picture tells where each pixel came from, to a tenth of a pixel."""
     camera = getattr(rig, side)
     R, P = (rectified.R1, rectified.P1) if side == "left" else (rectified.R2, rectified.P2)
     u, v = np.meshgrid(np.arange(20, 620, 7), np.arange(20, 460, 7))
     rays = (homogeneous(np.column_stack([u.ravel(), v.ravel()])) @ np.linalg.inv(P[:, :3]).T) @ R
     origin = camera.project(rays)
     for axis, length in ((0, 640), (1, 480)):
-        ramp = np.rint(np.arange(length) * (250 / length)).astype(np.uint8)
-        picture = np.broadcast_to(ramp if axis == 0 else ramp[:, None], (480, 640)).copy()
-        moved = rectified.rectify(picture, picture)[side == "right"][v.ravel(), u.ravel()]
-        inside = ((origin > 1) & (origin < [638, 478])).all(1)
-        assert inside.mean() > 0.95
-        np.testing.assert_allclose(moved[inside], origin[inside, axis] * 250 / length, atol=1.1)
+        for period_px in (40, 57):  # no two places within 2000 px look alike in both
+
+            def wave(at, period_px=period_px):
+                return 127 + 120 * np.sin(2 * np.pi * at / period_px)
+
+            stripes = np.rint(wave(np.arange(length))).astype(np.uint8)
+            picture = np.broadcast_to(stripes if axis == 0 else stripes[:, None], (480, 640)).copy()
+            pair = (picture, 0 * picture) if side == "left" else (0 * picture, picture)
+            moved = rectified.rectify(*pair)[side == "right"][v.ravel(), u.ravel()]
+            inside = ((origin > 1) & (origin < [638, 478])).all(1)
+            assert inside.mean() > 0.95
+            np.testing.assert_allclose(moved[inside], wave(origin[inside, axis]), atol=2)  # 19 grey levels a pixel
 
 
 def test_points_go_through_and_back(rectified):
@@ -235,4 +243,8 @@ def test_a_picture_is_no_rig(tmp_path):
 def test_a_good_file_of_the_same_kind_is_read(tmp_path):
     path = tmp_path / "good.json"
     path.write_text(broken(lambda r: None))
-    assert StereoRig.load(path).baseline_mm == 90
+    rig = StereoRig.load(path)
+    for camera in (rig.left, rig.right):
+        assert (camera.K.tolist(), camera.size) == ([[700, 0, 320], [0, 700, 240], [0, 0, 1]], (640, 480))
+        assert not camera.dist.any()
+    assert (rig.R.tolist(), rig.T.tolist(), rig.baseline_mm) == (np.eye(3).tolist(), [-90, 0, 0], 90)

@@ -1,12 +1,12 @@
 from .board_size import board_size_error_pct, triangulate
 from .boards import Board, BoardViews, Charuco, Checkerboard, find_board, find_charuco, find_checkerboard, find_in_pairs
-from .bundle_adjustment import RigFit, board_pose, fit_rig, rig_difference
+from .bundle_adjustment import RigFit, board_pose, fit_rig, moved_rig, rig_difference
 from .coverage import Coverage, boards_per_cell
 from .detection import find_in_files
 from .diagnosis import Check, Diagnosis, diagnose
 from .laser_boards import LaserBoardView, find_board_in_scan, find_laser_boards_in_files
 from .laser_pose import LidarCamera, calibrate_lidar_to_camera
-from .lens_choice import HoldOut, choose_lens_model, hold_out_errors, hold_out_splits
+from .lens_choice import HoldOut, choose_lens_model, hold_out_errors, hold_out_rigs, hold_out_splits
 from .lens_models import LENS_MODELS, LensFold, fold_inside
 from .solve import (
     CameraCalibration,
@@ -84,9 +84,11 @@ __all__ = [
     "fit_rig",
     "fold_inside",
     "hold_out_errors",
+    "hold_out_rigs",
     "hold_out_splits",
     "interval_table",
     "meaning_rows",
+    "moved_rig",
     "parameter_rows",
     "rectified_std",
     "rig_covariance",

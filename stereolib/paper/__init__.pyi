@@ -10,16 +10,19 @@ from .camera_place import (
     solve_pitch,
 )
 from .canny import PixelBox, canny_bounding_box, canny_edges
-from .height_recipe import (
-    HeightResult,
-    height_by_maximum,
-    height_from_depth,
-    height_of_top,
-    heights_over_tolerances,
+from .digit_budget import (
+    essential_budget,
+    essential_miss,
+    fundamental_budget,
+    printed_half_width,
+    product_half_width,
+    within_budget,
 )
+from .height_recipe import HeightResult, height_by_maximum, height_from_depth, height_of_top, heights_over_tolerances
 from .ledger import compare_with_paper, record_rows, recorded_rows, show_rows
 from .pixel_cm import cm_per_px, cm_per_px_at, depth_of_scale_mm, fit_focal_length_px
-from .printed_rig import paper_rig, printed_essential, printed_form, printed_fundamental
+from .printed_lens import printed_counts, printed_projection
+from .printed_rig import paper_rig, printed_camera_matrix, printed_essential, printed_form, printed_fundamental
 from .printed_values import KINDS, Published, max_deviation, printed_value, published
 
 __all__ = [
@@ -36,7 +39,10 @@ __all__ = [
     "compare_with_paper",
     "cube_view",
     "depth_of_scale_mm",
+    "essential_budget",
+    "essential_miss",
     "fit_focal_length_px",
+    "fundamental_budget",
     "height_by_maximum",
     "height_from_depth",
     "height_of_top",
@@ -44,10 +50,15 @@ __all__ = [
     "max_deviation",
     "paper_rig",
     "paper_setup",
+    "printed_camera_matrix",
+    "printed_counts",
     "printed_essential",
     "printed_form",
     "printed_fundamental",
+    "printed_half_width",
+    "printed_projection",
     "printed_value",
+    "product_half_width",
     "published",
     "record_rows",
     "recorded_rows",
@@ -57,4 +68,5 @@ __all__ = [
     "show_rows",
     "solve_camera_height",
     "solve_pitch",
+    "within_budget",
 ]

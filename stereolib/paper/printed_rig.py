@@ -38,10 +38,8 @@ def paper_rig() -> StereoRig:
     """
     size, cameras = tuple(assumed()["image_size_px"]), []
     for side in ("left", "right"):
-        fx, fy, cx, cy = (printed_value(f"table1.{side}.{name}") for name in ("fx", "fy", "cx", "cy"))
         k1, k2, k3, p1, p2 = printed_value(f"table1.{side}.dist")
-        K = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
-        cameras.append(Camera(K, np.array([k1, k2, p1, p2, k3]), size))
+        cameras.append(Camera(printed_camera_matrix(side), np.array([k1, k2, p1, p2, k3]), size))
     u, _, vt = np.linalg.svd(np.array(printed_value("stereo.R")).T)
     R = u @ vt
     return StereoRig(cameras[0], cameras[1], R, R @ np.array(printed_value("stereo.T")))
@@ -74,13 +72,45 @@ def printed_form(rig: StereoRig) -> dict[str, Any]:
     return values | {f"stereo.{name}": entry for name, entry in pair.items()}
 
 
+#: E of the printed R and T by how these are read: a product from left to right.
+_ESSENTIALS = {"paper": ("R'", "skew(T)"), "opencv": ("skew(T)", "R"), "rows": ("skew(T)", "R'")}
+
+
+def essential_factors(convention: str) -> list[tuple[str, Float64]]:
+    """Factors of the essential matrix, from left to right, of the printed R and T as they stand.
+
+    Parameters
+    ----------
+    convention : "paper" | "opencv" | "rows"
+        As `printed_essential`.
+
+    Returns
+    -------
+    list of (name, (3, 3) float64)
+        Named ``"R"``, ``"R'"`` or ``"skew(T)"``; the last one in mm.
+
+    Raises
+    ------
+    ValueError
+        If `convention` is another word.
+    """
+    if convention not in _ESSENTIALS:
+        raise ValueError(f"convention must be one of {', '.join(_ESSENTIALS)}, got {convention!r}")
+    R, T = np.array(printed_value("stereo.R")), np.array(printed_value("stereo.T"))
+    factors = {"R": R, "R'": R.T, "skew(T)": skew(T)}
+    return [(name, factors[name]) for name in _ESSENTIALS[convention]]
+
+
 def printed_essential(convention: str = "paper") -> Float64:
     """Essential matrix from the printed R and T as they stand.
 
     Parameters
     ----------
-    convention : "paper" | "opencv"
-        ``R' skew(T)``, which gives the printed E, or ``skew(T) R``, which does not.
+    convention : "paper" | "opencv" | "rows"
+        - ``"paper"``: ``R' skew(T)``, which gives the printed E: R's columns are camera 2's axes seen from camera 1,
+          and camera 2 stands at -T: ``x_2 = R' (x_1 + T)``.
+        - ``"opencv"``: ``skew(T) R`` of ``x_2 = R x_1 + T``, the form of the paper's own equation (II.A).
+        - ``"rows"``: ``skew(T) R'`` of ``x_2' = x_1' R + T'``, row vectors as MATLAB has them.
 
     Returns
     -------
@@ -91,11 +121,29 @@ def printed_essential(convention: str = "paper") -> Float64:
     ValueError
         If `convention` is another word.
     """
-    if convention not in ("paper", "opencv"):
-        raise ValueError(f'convention must be "paper" or "opencv", got {convention!r}')
-    R, T = np.array(printed_value("stereo.R")), np.array(printed_value("stereo.T"))
-    E: Float64 = R.T @ skew(T) if convention == "paper" else skew(T) @ R
+    (_, first), (_, second) = essential_factors(convention)
+    E: Float64 = first @ second
     return E
+
+
+def printed_camera_matrix(side: str) -> Float64:
+    """Camera matrix K as Table I prints it.
+
+    Parameters
+    ----------
+    side : "left" | "right"
+
+    Returns
+    -------
+    (3, 3) float64, px
+
+    Examples
+    --------
+    >>> printed_camera_matrix("left")[0].tolist()
+    [729.9077, 0.0, 322.5457]
+    """
+    fx, fy, cx, cy = (printed_value(f"table1.{side}.{name}") for name in ("fx", "fy", "cx", "cy"))
+    return np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
 
 
 def printed_fundamental(order: str = "right-left") -> Float64:
@@ -122,7 +170,6 @@ def printed_fundamental(order: str = "right-left") -> Float64:
     """
     if order not in ("right-left", "left-right"):
         raise ValueError(f'order must be "right-left" or "left-right", got {order!r}')
-    rig = paper_rig()
-    first, second = (rig.right, rig.left) if order == "right-left" else (rig.left, rig.right)
-    F: Float64 = np.linalg.inv(first.K).T @ np.array(printed_value("stereo.E")) @ np.linalg.inv(second.K)
+    first, second = (np.linalg.inv(printed_camera_matrix(side)) for side in order.split("-"))
+    F: Float64 = first.T @ np.array(printed_value("stereo.E")) @ second
     return F

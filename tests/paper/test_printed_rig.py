@@ -72,4 +72,8 @@ def test_printed_form_undoes_paper_rig():
     assert len(exact) == 11
     for id in exact:
         np.testing.assert_allclose(form[id], published()[id].value, rtol=0, atol=1e-12)
-    assert set(compare_with_paper(form)["verdict"]) == {"reproduced"}
+    digits = {id: paper.printed_half_width(id) for id in form} | {
+        "stereo.E": paper.essential_budget(),
+        "stereo.F": np.full((3, 3), 3e-4),  # the printed F misses the printed E by that
+    }
+    assert set(compare_with_paper(form, tolerances=digits)["verdict"]) == {"recovered"}

@@ -1,0 +1,111 @@
+"""Verdicts of notebook 02 turn with the boards, the cube and the maps."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+from support.corners import draw_poses, draw_rig, project_boards
+from support.verdicts import assert_turns
+
+from stereolib import evidence
+from stereolib.calibration import BoardViews, calibrate_stereo, hold_out_rigs
+from stereolib.matching import Score, SGBMParams, compute_disparity, score
+from stereolib.measurement import HeightAttempt, attempt_height
+from stereolib.paper import paper_rig
+from stereolib.rig import Camera, StereoRig
+from stereolib.virtual import recordings
+
+SHAPE = (120, 320)
+
+
+def views_of(*rigs: StereoRig, noise_px: float = 0.034) -> BoardViews:
+    """Twenty boards, shared out among rigs: one and the same, or one that moves meanwhile."""
+    poses = draw_poses(rigs[0], 20, np.random.default_rng(1))
+    sides = [project_boards(rigs[k % len(rigs)], [pose]) for k, pose in enumerate(poses)]
+    left, right = (np.concatenate(side) for side in zip(*sides, strict=True))
+    noise = np.random.default_rng(2).normal(0, noise_px, (2, *left.shape))
+    pixels = [(a + b).astype(np.float32) for a, b in zip((left, right), noise, strict=True)]
+    names = tuple(f"pair {k}" for k in range(len(poses)))
+    return BoardViews(recordings.BOARD, rigs[0].left.size, pixels[0], pixels[1], names, ())
+
+
+def test_rows_are_aligned_unless_the_rig_moves_between_the_boards():
+    rig = paper_rig()
+    nod = cv2.Rodrigues(np.array([0.004, 0, 0]))[0]  # a quarter of a degree
+    moving = StereoRig(rig.left, rig.right, nod @ rig.R, nod @ rig.T)
+    still, moved = (evidence.rows_left_out(hold_out_rigs(views_of(*rigs))) for rigs in ((rig,), (rig, moving)))
+    assert_turns("claim.rows_aligned", still, moved)
+
+
+def cube_by(rig: StereoRig) -> HeightAttempt:
+    rectified = rig.rectify()
+    return attempt_height(*rectified.rectify(*recordings.load_pair("conditions/texture")), rectified)
+
+
+def test_depth_equation_is_refuted_by_squares_told_wrong():
+    """Told 31 mm for squares of 25 mm, every size comes out a quarter too large."""
+    views = views_of(paper_rig())
+    sizes = []
+    for told_mm in (25.0, 31.0):
+        told = replace(views, board=replace(views.board, square_mm=told_mm))
+        cube = cube_by(calibrate_stereo(told).rig)
+        sizes.append(evidence.sizes_by_depth_equation(hold_out_rigs(told), recordings.BOARD, cube, 300.0))
+    assert_turns("eq.depth", *sizes)
+    assert all(size == pytest.approx(24, abs=1) for size in sizes[1].values())
+
+
+def test_a_wrong_equation_is_refuted_too(monkeypatch):
+    """``Z = f B / (d + 2)``: a shift of the disparity, as from principal points that differ."""
+    held_out, cube = hold_out_rigs(views_of(paper_rig())), cube_by(paper_rig())
+    right = evidence.sizes_by_depth_equation(held_out, recordings.BOARD, cube, 300.0)
+    rectified = type(paper_rig().rectify())
+    plain = rectified.triangulate
+    monkeypatch.setattr(rectified, "triangulate", lambda self, pixels, d: plain(self, pixels, np.asarray(d) + 2))
+    wrong = evidence.sizes_by_depth_equation(held_out, recordings.BOARD, cube, 300.0)
+    assert right["squares_pct"] < 0.1 < 1 < wrong["squares_pct"]
+
+
+# --- matching without rectification
+
+
+def matched(rows_off: float) -> Score:
+    """Score of a random texture whose right picture is 12 px to the left, and some rows lower."""
+    rng = np.random.default_rng(7)
+    left = cv2.GaussianBlur(rng.integers(0, 256, SHAPE, dtype=np.uint8), (0, 0), 1.0)
+    left = cv2.normalize(left, None, 0, 255, cv2.NORM_MINMAX)
+    right = cv2.warpAffine(
+        left, np.array([[1.0, 0, -12], [0, 1, rows_off]]), SHAPE[::-1], borderMode=cv2.BORDER_REFLECT
+    )
+    seen = np.zeros(SHAPE, bool)
+    seen[10:-10, 20:-10] = True
+    disparity = compute_disparity(left, right, SGBMParams(32), whole=True)
+    return score(disparity, np.full(SHAPE, 12.0), seen)
+
+
+def test_rectification_is_needed_where_rows_differ_and_not_where_they_agree():
+    aligned, apart = matched(0.0), matched(5.0)
+    needed = evidence.rectification_gain(apart, apart, aligned)
+    assert_turns("claim.rectification_needed", needed, evidence.rectification_gain(aligned, aligned, aligned))
+
+
+def test_partners_are_where_the_cameras_see_them():
+    """A plane's disparity, carried back to the recorded images, against its points projected into both cameras."""
+    rig = draw_rig(np.random.default_rng(4))
+    rectified = rig.rectify()
+    disparity = np.full((480, 640), rectified.f_px * rectified.baseline_mm / 800)  # a plane 800 mm away
+    columns, rows = evidence.partner_offsets_px(disparity, rectified, rig.left, rig.right)
+    points = np.array([[-50.0, -30, 800], [0, 0, 800], [80, 60, 800]]) @ rectified.R1
+    seen_left, seen_right = rig.left.project(points), rig.right.project(points @ rig.R.T + rig.T)
+    for a, b in zip(seen_left, seen_right, strict=True):
+        at = np.rint(a[::-1]).astype(int)
+        np.testing.assert_allclose([columns[*at], rows[*at]], a - b, atol=0.05)
+    pinholes = [Camera(c.K, [], c.size) for c in (rectified.left, rectified.left)]
+    same = StereoRig(*pinholes, np.eye(3), [-rectified.baseline_mm, 0, 0]).rectify()
+    columns, rows = evidence.partner_offsets_px(disparity, same, *pinholes)
+    inside = np.isfinite(columns)
+    assert inside.mean() > 0.7
+    np.testing.assert_allclose(columns[inside], disparity[inside], atol=1e-6)  # rectified images: nothing changes
+    np.testing.assert_allclose(rows[inside], 0, atol=1e-6)

@@ -193,7 +193,7 @@ def show_rows(rows: pd.DataFrame) -> ShownRows:
     Examples
     --------
     >>> print(str(show_rows(compare_with_paper({"scale.cm_per_px": 42 / 362}))).splitlines()[0])
-    id                   paper               ours                difference tolerance verdict     reason
+    id                 kind     paper             ours                 difference tolerance verdict     reason
     """
     return ShownRows(rows)
 

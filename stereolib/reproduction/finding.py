@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from html import escape
 from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import jinja2
+from markupsafe import Markup
+
 from stereolib.base import read_text
 from stereolib.paper import recorded_rows
-from stereolib.reproduction.report import templates
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -76,3 +79,14 @@ def _table(figures: Path, name: str) -> pd.DataFrame:
     import pandas as pd
 
     return pd.read_csv(StringIO(read_text(figures / "tables" / f"{name}.csv")))
+
+
+def templates() -> jinja2.Environment:
+    """Templates of this room; quotes become the entities of `html.escape`, which the committed report has."""
+    return jinja2.Environment(
+        loader=jinja2.PackageLoader(__package__),
+        autoescape=True,
+        finalize=lambda value: value if isinstance(value, Markup) else Markup(escape(str(value))),
+        trim_blocks=True,
+        keep_trailing_newline=True,
+    )

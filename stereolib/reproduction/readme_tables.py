@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from stereolib.base import read_json, read_text, write_atomic
 from stereolib.paper import published, recorded_rows
 from stereolib.reproduction.code_hash import code_sha256
+from stereolib.reproduction.finding import finding
 from stereolib.reproduction.report import MEANINGS, count_kinds, sort_out
 
 if TYPE_CHECKING:
@@ -131,7 +132,7 @@ def update_readme_tables(readme: Path, figures: Path, results: Path) -> None:
     Parameters
     ----------
     readme : Path
-        Holds ``<!-- counts --> ... <!-- /counts -->`` and the same for ``ledger`` and ``bench``.
+        Holds ``<!-- counts --> ... <!-- /counts -->`` and the same for ``finding``, ``ledger`` and ``bench``.
     figures : Path
         With the recorded tables.
     results : Path
@@ -146,6 +147,7 @@ def update_readme_tables(readme: Path, figures: Path, results: Path) -> None:
     rows = recorded_rows(figures)
     for mark, table in (
         ("counts", ledger_summary(rows)),
+        ("finding", f"**The main finding.** {finding(figures)}"),
         ("ledger", ledger_table(rows)),
         ("bench", bench_table(results)),
     ):

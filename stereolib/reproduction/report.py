@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import base64
-from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import jinja2
-from markupsafe import Markup
-
 from stereolib.base import read_bytes, write_atomic
 from stereolib.paper import KINDS, Published, published, recorded_rows
+from stereolib.reproduction.finding import finding, templates
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -68,7 +65,7 @@ def build_report(figures: Path) -> Path:
     gaps = [f"no row for {', '.join(missing)}"] * bool(missing) + [f"no figure {', '.join(absent)}"] * bool(absent)
     if gaps:
         raise ValueError(f"the report would have gaps: {'; '.join(gaps)}. Run those notebooks (make reproduce)")
-    page = _page(rows, {name: read_bytes(path) for name, path in pictures.items()})
+    page = _page(rows, {name: read_bytes(path) for name, path in pictures.items()}, finding(figures))
     write_atomic(figures / "ledger.csv", rows.to_csv(index=False, lineterminator="\n"))
     return write_atomic(figures / "report.html", page)
 
@@ -147,7 +144,7 @@ def _figures() -> list[Published]:
     return [item for item in published().values() if item.id.startswith("fig.")]
 
 
-def _page(rows: pd.DataFrame, pictures: dict[str, bytes]) -> str:
+def _page(rows: pd.DataFrame, pictures: dict[str, bytes], found: str) -> str:
     by_id = {row["id"]: _cells(row) for row in rows.to_dict("records")}
     sections: list[dict[str, Any]] = []
     for item in _figures():
@@ -168,18 +165,7 @@ def _page(rows: pd.DataFrame, pictures: dict[str, bytes]) -> str:
         sections.append({"id": name, "title": title, "rows": [by_id[id] for id in ids]})
     template = templates().get_template("report.html.jinja")
     counted = {"kinds": count_kinds(rows), "meanings": MEANINGS, "total": len(rows)} | sort_out(rows)
-    return template.render(sections=sections, colours=VERDICTS, **counted)
-
-
-def templates() -> jinja2.Environment:
-    """Templates of this room; quotes become the entities of `html.escape`, which the committed report has."""
-    return jinja2.Environment(
-        loader=jinja2.PackageLoader(__package__),
-        autoescape=True,
-        finalize=lambda value: value if isinstance(value, Markup) else Markup(escape(str(value))),
-        trim_blocks=True,
-        keep_trailing_newline=True,
-    )
+    return template.render(sections=sections, colours=VERDICTS, finding=found, **counted)
 
 
 def _cells(row: dict[str, str]) -> dict[str, Any]:

@@ -54,7 +54,6 @@ def test_the_summary_counts_what_could_have_failed() -> None:
             "scale.width_cm": 50.0,
             "fig.1": None,
         },
-        tolerances={"height.plane": 0.1, "table1.left.fx": 0.55},
     )
     text = readme_tables.ledger_summary(rows)
     assert "**Of 6 rows, 3 could have failed**" in text

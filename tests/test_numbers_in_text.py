@@ -1,7 +1,7 @@
 """Numbers in sentences are what the notebooks print, what the tables hold, or what their declaration computes.
 
 Looked at is every numeral with a unit, above twelve or with a decimal point in the prose of README and CONTRIBUTING and
-of every notebook; not code, formulas, links, headings, questions, names ("OpenCV 4", "notebook 06") and years, and not
+of every notebook; not code, formulas, links, headings, questions, names ("OpenCV 4", "notebook 06"), years, nor
 the two generated tables of the README, which have a test of their own. A numeral agrees with a source that is the same when
 rounded to the text's digits, in the same unit (of a length mm, cm or m), and shares a word with the sentence or was
 printed by one of the cells next to it (`numbers_in_text.is_sourced` has the rule). On the README numerals without a

@@ -1,12 +1,12 @@
 """Numbers in sentences are what the notebooks print, what the tables hold, or what their declaration computes.
 
-Looked at is every numeral with a unit, above twelve or with a decimal point in the prose of README and CONTRIBUTING and
-of every notebook; not code, formulas, links, headings, names ("OpenCV 4", "notebook 06") and years, and not the two
-generated tables of the README, which have a test of their own. A numeral agrees with a source that is the same when
-rounded to the text's digits, in the same unit (of a length mm, cm or m), and shares a word with the sentence or was
-printed by one of the cells next to it (`numbers_in_text.is_sourced` has the rule). On the README numerals without a
-unit are declared, in CONTRIBUTING all are. Of number words a list of patterns is looked at ("a third of a millimetre",
-"about twice"); these are always declared, in `numbers_in_text.toml`.
+Looked at is every numeral with a unit, above twelve or with a decimal point in the prose of README and CONTRIBUTING
+and of every notebook; not code, formulas, links, headings, questions, names ("OpenCV 4", "notebook 06"), years, nor
+the two generated tables of the README, which have a test of their own. A numeral agrees with a source that is the
+same when rounded to the text's digits, in the same unit (of a length mm, cm or m), and shares a word with the
+sentence or was printed by one of the cells next to it (`numbers_in_text.is_sourced` has the rule). On the README
+numerals without a unit are declared, in CONTRIBUTING all are. Of number words a list of patterns is looked at ("a
+third of a millimetre", "about twice"); these are always declared, in `numbers_in_text.toml`.
 
 What it cannot see: a wrong number that happens to be another one of its page's sources, unit and a word alike (the last
 test counts how often that would happen); signs; what a number is said to be of; counts up to twelve; words that no
@@ -103,7 +103,13 @@ def test_a_declared_phrase_that_was_changed_is_missed() -> None:
 
 
 #: Share of changed numbers that is found. All of those that are declared, some of those that find a source themselves.
-FOUND = {"README.md": 0.85, "CONTRIBUTING.md": 1.0, "00_index.ipynb": 0.9, "09_real_recordings.ipynb": 0.9}
+FOUND = {
+    "05_lrf.ipynb": 0.35,
+    "README.md": 0.85,
+    "CONTRIBUTING.md": 1.0,
+    "00_index.ipynb": 0.9,
+    "09_real_recordings.ipynb": 0.9,
+}
 
 
 @pytest.mark.parametrize("page", PAGES)

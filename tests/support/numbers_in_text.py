@@ -56,6 +56,7 @@ _NO_PROSE: tuple[tuple[re.Pattern[str], Any], ...] = (
     (re.compile(r"<!-- (ledger|bench) -->.*?<!-- /\1 -->", re.DOTALL), " "),
     (re.compile(r"```.*?```|\$\$.*?\$\$|\$[^$\n]*\$", re.DOTALL), " § "),
     (re.compile(r"`[^`]*`"), lambda code: "§" + re.sub(r"[^A-Za-z_]+", " ", code[0]).strip() + "§"),  # its words stay
+    (re.compile(r"\*\*Exercise \d+\.\*\*.*?(?=<details>|\Z)", re.DOTALL), " "),  # a question sets its numbers
     (re.compile(r"^#+ .*$", re.MULTILINE), " "),
     (re.compile(r"^( {4,}\S.*\n?)+", re.MULTILINE), " "),
     (re.compile(r"\[\d\d(?: [^\]]*)?\](?=\([^)]*\.ipynb)"), "[]"),
@@ -78,7 +79,8 @@ _MANY = r"(?:two|three|four|five|six|seven|eight|nine|ten|twenty|a hundred)"
 WORDS = re.compile(
     rf"\b(?:(?:an?|one|two|three|some|a few)\ {_PART}\ of\ an?\ (?:millimetre|centimetre|metre|pixel|degree|per\ cent)"
     r"|half\ an?\ (?:millimetre|centimetre|metre|pixel|degree|per\ cent|second)"
-    rf"|(?:by|about|nearly|over|under|more\ than|less\ than|almost|only)\ (?:an?\ )?{_PART}\b(?!\ of\ an?\b)"
+    rf"|(?:by|about|nearly|over|under|more\ than|less\ than|almost|only)\ (?:an?\ )?{_PART}\b"
+    r"(?!\ of\ an?\b|\ (?:the|its|an?)\b)"
     rf"|an?\ {_PART}\ (?:too|more|less|larger|smaller|wider|taller|better|worse)"
     rf"|(?:about|more\ than|nearly|almost|over|less\ than|at\ least)\ (?:twice|{_MANY}(?:\ to\ {_MANY})?\ times|double)"
     rf"|{_MANY}(?:\ to\ {_MANY})?\ times\ (?:as|the|its|more|less|faster|slower|larger|smaller)"
@@ -370,7 +372,7 @@ def is_sourced(said: Number, paragraph: str, page: str, place: int) -> bool:
     """
     if page in DECLARED_ALONE or (page.endswith(".md") and said.unit is None):
         return False
-    words, digits = stems(sentence(paragraph, said.start)), len(said.text.strip("0."))
+    words, digits = stems(sentence(paragraph, said.start)), len(said.text.lstrip("0.").replace(".", ""))
     needed = 2 if digits == 1 or page.endswith(".md") else 1
     if digits > 1 and any(agree(said, source) for source in of_paper().get(said.kind, [])):
         return True

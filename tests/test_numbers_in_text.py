@@ -2,11 +2,11 @@
 
 Looked at is every numeral with a unit, above twelve or with a decimal point in the prose of README and CONTRIBUTING
 and of every notebook; not code, formulas, links, headings, questions, names ("OpenCV 4", "notebook 06"), years, nor
-the two generated tables of the README, which have a test of their own. A numeral agrees with a source that is the
-same when rounded to the text's digits, in the same unit (of a length mm, cm or m), and shares a word with the
-sentence or was printed by one of the cells next to it (`numbers_in_text.is_sourced` has the rule). On the README
+what the README has generated (`update_readme_tables`), which has a test of its own. A numeral agrees with a source
+that is the same when rounded to the text's digits, in the same unit (of a length mm, cm or m), and shares a word with
+the sentence or was printed by one of the cells next to it (`numbers_in_text.is_sourced` has the rule). On the README
 numerals without a unit are declared, in CONTRIBUTING all are. Of number words a list of patterns is looked at ("a
-third of a millimetre", "about twice"); these are always declared, in `numbers_in_text.toml`.
+third of a millimetre", "about twice"); these are always declared, in `numbers_in_text/`.
 
 What it cannot see: a wrong number that happens to be another one of its page's sources, unit and a word alike (the last
 test counts how often that would happen); signs; what a number is said to be of; counts up to twelve; words that no

@@ -5,7 +5,7 @@ from __future__ import annotations
 from html import escape
 from io import StringIO
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import jinja2
 from markupsafe import Markup
@@ -40,39 +40,32 @@ def finding(figures: Path) -> str:
         If a table is missing or lacks what is quoted: run notebook 06.
     """
     try:
-        return _templates_filled(figures)
-    except (KeyError, IndexError, OSError) as error:
+        text = templates().get_template("finding.txt.jinja").render(**_quoted(figures))
+    except (KeyError, IndexError) as error:
         raise ValueError(f"{figures / 'tables'} lacks what notebook 06 writes ({error}): run make reproduce") from error
+    return " ".join(text.split())
 
 
-def _templates_filled(figures: Path) -> str:
-    family, thresholds, one, seen = (
-        _table(figures, name)
-        for name in ("recipe_family", "recipe_thresholds", "recipe_one_threshold", "height_recordings")
-    )
+def _quoted(figures: Path) -> dict[str, Any]:
+    """What the template quotes."""
+    names = "recipe_family", "recipe_thresholds", "recipe_one_threshold", "height_recordings"
+    family, thresholds, one, seen = (_table(figures, name) for name in names)
     printed, widest = (family[family["set-ups"] == name] for name in (_PRINTED, _WIDEST))
     at_camera = thresholds[thresholds["camera"] == _CAMERA].set_index("map")
-    other = one.set_index("seen").loc["cube of 20 cm"].iloc[0]
     meant, known = seen[seen["distance mm"] == 700], seen["plane off mm"].notna()
-    ledger = recorded_rows(figures).set_index("id")["ours"]
-    return (
-        templates()
-        .get_template("finding.txt.jinja")
-        .render(
-            printed_cm=(printed["reads least cm"].min(), printed["reads most cm"].max()),
-            perfect=at_camera.loc["perfect"].to_dict(),
-            sgbm=at_camera.loc["SGBM"].to_dict(),
-            other_cm=other,
-            widest=widest.iloc[0].to_dict(),
-            ray_cm=ledger["height.cube"],
-            meant=len(meant),
-            meant_least_cm=meant["recipe off cm"].min(),
-            every=len(seen),
-            measured=int(known.sum()),
-            worst_mm=seen["plane off mm"].abs().max(),
-        )
-        .strip()
-    )
+    return {
+        "printed_cm": (printed["reads least cm"].min(), printed["reads most cm"].max()),
+        "perfect": at_camera.loc["perfect"].to_dict(),
+        "sgbm": at_camera.loc["SGBM"].to_dict(),
+        "other_cm": one.set_index("seen").loc["cube of 20 cm"].iloc[0],
+        "widest": widest.iloc[0].to_dict(),
+        "ray_cm": recorded_rows(figures).set_index("id")["ours"]["height.cube"],
+        "meant": len(meant),
+        "meant_least_cm": meant["recipe off cm"].min(),
+        "every": len(seen),
+        "measured": int(known.sum()),
+        "worst_mm": seen["plane off mm"].abs().max(),
+    }
 
 
 def _table(figures: Path, name: str) -> pd.DataFrame:

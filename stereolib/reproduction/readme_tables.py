@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import textwrap
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -144,19 +145,24 @@ def update_readme_tables(readme: Path, figures: Path, results: Path) -> None:
         If the README has no such marks; nothing is written then.
     """
     text = read_text(readme)
-    rows = recorded_rows(figures)
-    for mark, table in (
-        ("counts", ledger_summary(rows)),
-        ("finding", f"**The main finding.** {finding(figures)}"),
-        ("ledger", ledger_table(rows)),
-        ("bench", bench_table(results)),
-    ):
+    for mark, block in _blocks(figures, results).items():
         before, opening, rest = text.partition(f"<!-- {mark} -->")
         _, closing, after = rest.partition(f"<!-- /{mark} -->")
         if not closing:
-            raise ValueError(f"{readme} has no <!-- {mark} --> ... <!-- /{mark} --> to write the table between")
-        text = f"{before}{opening}\n{table}\n{closing}{after}"
+            raise ValueError(f"{readme} has no <!-- {mark} --> ... <!-- /{mark} --> to write between")
+        text = f"{before}{opening}\n{block}\n{closing}{after}"
     write_atomic(readme, text)
+
+
+def _blocks(figures: Path, results: Path) -> dict[str, str]:
+    """What stands between which marks."""
+    rows = recorded_rows(figures)
+    return {
+        "finding": textwrap.fill(f"**The main finding.** {finding(figures)}", 125),
+        "counts": ledger_summary(rows),
+        "ledger": ledger_table(rows),
+        "bench": bench_table(results),
+    }
 
 
 def ledger_table(rows: pd.DataFrame) -> str:
@@ -198,14 +204,15 @@ def ledger_summary(rows: pd.DataFrame) -> str:
     failed, part, against = (sorted_out[name] for name in ("failed", "in_part", "contradictions"))
     lines = [
         f"**Of {len(rows)} rows, {len(sorted_out['tests'])} could have failed**: data could have turned their verdict. "
-        f"**{len(failed)} of them did** ({_named(failed)}), {len(part)} hold in part ({_named(part)}). "
-        f"In {len(against)} others the paper contradicts itself ({_named(against)}).",
+        f"**{len(failed)} of them did** ({_named(failed)}), {len(part)} hold in part. In {len(against)} of the others "
+        "the paper contradicts itself. [The report](figures/report.html) begins with these, "
+        "[the ledger](figures/ledger.csv) has each row with its limits and its reasons.",
         "",
         "| kind of row | what it means | verdicts |",
         "|---|---|---|",
     ]
     lines += [f"| {kind} | {MEANINGS[kind]} | {_counted(counts, 0)} |" for kind, counts in kinds.items()]
-    return "\n".join([*lines, "", "[Each row with its limits and its reason](figures/ledger.csv)."])
+    return "\n".join(lines)
 
 
 def _named(rows: list[dict[str, str]]) -> str:

@@ -14,29 +14,24 @@ from stereolib.reproduction import code_sha256, readme_tables, update_readme_tab
 
 def test_the_readme_quotes_the_ledger_and_the_benchmarks_as_they_are() -> None:
     text = (ROOT / "README.md").read_text(encoding="utf-8")
-    rows = paper.recorded_rows(ROOT / "figures")
-    assert readme_tables.ledger_table(rows) in text
-    assert readme_tables.ledger_summary(rows) in text
-    assert readme_tables.bench_table(ROOT / "benchmarks" / "results") in text
+    for mark, block in readme_tables._blocks(ROOT / "figures", ROOT / "benchmarks" / "results").items():
+        assert f"<!-- {mark} -->\n{block}\n<!-- /{mark} -->" in text
 
 
-def test_tables_are_written_between_their_marks(tmp_path: Path) -> None:
-    readme = tmp_path / "README.md"
-    start = "<!-- counts -->\n<!-- /counts -->\na\n<!-- ledger -->\nold\n<!-- /ledger -->\n"
-    readme.write_text(f"{start}b\n<!-- bench -->\n<!-- /bench -->\nc\n")
-    rows = paper.recorded_rows(ROOT / "figures")
-    counts, ledger = readme_tables.ledger_summary(rows), readme_tables.ledger_table(rows)
+def test_blocks_are_written_between_their_marks(tmp_path: Path) -> None:
+    readme, blocks = tmp_path / "README.md", readme_tables._blocks(ROOT / "figures", tmp_path)
+    assert blocks["bench"].splitlines()[2:] == []
+    readme.write_text("".join(f"a {mark}\n<!-- {mark} -->old<!-- /{mark} -->\n" for mark in blocks))
     for _ in range(2):  # the second time nothing changes
         update_readme_tables(readme, ROOT / "figures", tmp_path)
-        assert readme.read_text() == (
-            f"<!-- counts -->\n{counts}\n<!-- /counts -->\na\n<!-- ledger -->\n{ledger}\n<!-- /ledger -->\n"
-            "b\n<!-- bench -->\n| measured | value | goal |\n|---|---|---|\n<!-- /bench -->\nc\n"
+        assert readme.read_text() == "".join(
+            f"a {mark}\n<!-- {mark} -->\n{block}\n<!-- /{mark} -->\n" for mark, block in blocks.items()
         )
 
 
 def test_a_readme_without_marks_is_left_alone(tmp_path: Path) -> None:
     readme = tmp_path / "README.md"
-    marks = "".join(f"<!-- {mark} -->\n<!-- /{mark} -->\n" for mark in ("counts", "ledger"))
+    marks = "".join(f"<!-- {mark} -->\n<!-- /{mark} -->\n" for mark in ("finding", "counts", "ledger"))
     readme.write_text(marks)
     with pytest.raises(ValueError, match="no <!-- bench -->"):
         update_readme_tables(readme, ROOT / "figures", tmp_path)
@@ -57,8 +52,7 @@ def test_the_summary_counts_what_could_have_failed() -> None:
     )
     text = readme_tables.ledger_summary(rows)
     assert "**Of 6 rows, 3 could have failed**" in text
-    assert "**1 of them did** (`claim.glare_on_object`), 1 hold in part (`claim.dilation_is_cheap`)" in text
-    assert "In 1 others the paper contradicts itself (`scale.width_cm`)" in text
+    assert "**1 of them did** (`claim.glare_on_object`), 1 hold in part. In 1 of the others" in text
     assert "| does not hold (1), " not in text
     assert "meets the truth (1), holds in part (1), does not hold (1) |" in text
 

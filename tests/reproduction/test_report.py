@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import csv
 import re
+import shutil
 
 import numpy as np
 import pandas as pd
@@ -38,6 +39,9 @@ def figures(tmp_path):
         paper.record_rows(paper.compare_with_paper(mine, tolerances=loose), notebook, tmp_path)
     for n in range(1, 10):
         (tmp_path / f"fig0{n}.png").write_bytes(PIXEL + bytes([n]))
+    committed = datasets.ROOT / "figures" / "tables"  # of which the finding is made
+    for path in [*committed.glob("recipe_*.csv"), committed / "height_recordings.csv"]:
+        shutil.copy(path, tmp_path / "tables")
     return tmp_path
 
 
@@ -73,7 +77,7 @@ def test_page_works_offline_and_escapes(figures):
 
 def spoil(figures, **verdicts):
     """Give rows of the recorded tables another verdict, by id with __ for the point."""
-    for path in figures.glob("tables/*.csv"):
+    for path in figures.glob("tables/ledger_*.csv"):
         rows = pd.read_csv(path, dtype=str, keep_default_na=False)
         for id, verdict in verdicts.items():
             rows.loc[rows["id"] == id.replace("__", "."), "verdict"] = verdict
@@ -126,7 +130,7 @@ def test_the_committed_report_is_what_the_committed_tables_make(tmp_path):
     """Byte by byte: also the entities and the line breaks."""
     committed = datasets.ROOT / "figures"
     (tmp_path / "tables").mkdir()
-    for path in [*committed.glob("fig0*.png"), *committed.glob("tables/ledger_*.csv")]:
+    for path in [*committed.glob("fig0*.png"), *committed.glob("tables/*.csv")]:
         (tmp_path / path.relative_to(committed)).write_bytes(path.read_bytes())
     report.build_report(tmp_path)
     for name in ("report.html", "ledger.csv"):

@@ -53,7 +53,7 @@ _LARGE = 1000  # from here on a text may leave its last zeros unmeasured: 71 100
 
 #: What carries a number that measures nothing: code, formulas, addresses, headings, numerals of lists, names, years.
 _NO_PROSE: tuple[tuple[re.Pattern[str], Any], ...] = (
-    (re.compile(r"<!-- (ledger|bench) -->.*?<!-- /\1 -->", re.DOTALL), " "),
+    (re.compile(r"<!-- (counts|finding|ledger|bench) -->.*?<!-- /\1 -->", re.DOTALL), " "),
     (re.compile(r"```.*?```|\$\$.*?\$\$|\$[^$\n]*\$", re.DOTALL), " § "),
     (re.compile(r"`[^`]*`"), lambda code: "§" + re.sub(r"[^A-Za-z_]+", " ", code[0]).strip() + "§"),  # its words stay
     (re.compile(r"\*\*Exercise \d+\.\*\*.*?(?=<details>|\Z)", re.DOTALL), " "),  # a question sets its numbers
@@ -408,9 +408,17 @@ def cells_of(page: str) -> list[tuple[int, str]]:
 
 
 def declarations() -> list[dict[str, Any]]:
-    """What `numbers_in_text.toml` declares."""
-    text = (ROOT / "tests" / "numbers_in_text.toml").read_text(encoding="utf-8")
-    return list(tomllib.loads(text).get("number", []))
+    """What the files of ``numbers_in_text/`` declare, one a page.
+
+    ``text`` is the phrase as it stands on the page, without Markdown's code and links; ``value`` computes its numbers
+    in their order, counting words in {braces}; ``between`` bounds what a phrase of words stands for. ``decided`` in
+    place of a value: nothing measures it, somebody set it, and says why.
+    """
+    found = []
+    for path in sorted((ROOT / "tests" / "numbers_in_text").glob("*.toml")):
+        page = path.stem + (".ipynb" if path.stem[0].isdigit() else ".md")
+        found += [entry | {"page": page} for entry in tomllib.loads(path.read_text(encoding="utf-8"))["number"]]
+    return found
 
 
 NAMES: dict[str, Any] = {
@@ -541,7 +549,7 @@ def proposals(page: str) -> Iterator[str]:
                 start = bare.rfind(" ", 0, max(0, said.start - 18)) + 1
                 text = bare[start : (bare + " ").find(" ", said.start + len(said.text) + 12)]
                 value = next(_pointers(said, page), "")
-                yield f"[[number]]\npage = '{page}'\ntext = '''{text}'''\nvalue = '''{value}'''\n"
+                yield f"[[number]]\ntext = '''{text}'''\nvalue = '''{value}'''\n"
 
 
 def _pointers(said: Number, page: str) -> Iterator[str]:

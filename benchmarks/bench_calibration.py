@@ -13,7 +13,7 @@ from typing import Any
 
 import cv2
 import numpy as np
-from common import asked, save
+from common import PAPER_RIG, asked, save
 from joblib import Parallel, delayed
 from support.corners import corner_set, draw_poses, draw_rig, project_boards
 from support.faults import bad_sets
@@ -37,7 +37,7 @@ from stereolib.rig import StereoRig, read_pair, rigid, to_grey
 from stereolib.virtual import Webcam, recordings, render
 
 Array = np.ndarray
-ROOMS = ("base", "rig", "calibration", "paper", "virtual")
+ROOMS = ("base", "rig", "calibration", *PAPER_RIG, "virtual")
 DRAWS, DIAGNOSED = 160, 40
 #: Board sets that are rendered and detected, and pairs in each: three minutes on two cores.
 RENDERED, RENDERED_PAIRS = 20, 20

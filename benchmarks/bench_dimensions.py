@@ -15,7 +15,7 @@ from unittest import mock
 
 import cv2
 import numpy as np
-from common import asked, save
+from common import PAPER_RIG, asked, save
 from tqdm.auto import tqdm
 
 from stereolib import laser, paper
@@ -35,7 +35,17 @@ from stereolib.virtual.scene import CUBE_SURFACE, FLOOR_SURFACE
 
 Array = np.ndarray
 SCENES = 200
-ROOMS = ("base", "rig", "laser", "calibration", "matching", "measurement", "paper", "virtual")
+ROOMS = (
+    "base",
+    "rig",
+    "laser",
+    "calibration",
+    "matching",
+    "measurement",
+    *PAPER_RIG,
+    "paper/height_recipe.py",
+    "virtual",
+)
 #: Scenes that should be refused: how box, floor and light differ from the good ones.
 HARD: tuple[dict[str, Any], ...] = (
     {"box": {"contrast": 0.0}},

@@ -10,7 +10,7 @@ from typing import Any
 
 import cv2
 import numpy as np
-from common import asked, ratio, save
+from common import PAPER_RIG, asked, ratio, save
 from scipy.optimize import isotonic_regression
 from tqdm import tqdm
 from virtual_pairs import CHECKED_ON, CHOSEN_ON, Pair, bad2_pct, cluttered, recorded
@@ -20,7 +20,7 @@ from stereolib.matching import FilterCase, compare_filters, compute_disparity, m
 from stereolib.virtual import recordings
 
 Array = np.ndarray
-ROOMS = ("base", "rig", "laser", "matching", "paper", "virtual")
+ROOMS = ("base", "rig", "laser", "matching", *PAPER_RIG, "virtual")
 
 
 def calibrate(pairs: list[Pair]) -> dict[str, list]:

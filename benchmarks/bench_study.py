@@ -12,7 +12,7 @@ from unittest import mock
 
 import cv2
 import numpy as np
-from common import asked, ratio, save
+from common import PAPER_RIG, asked, ratio, save
 
 from stereolib.matching import (
     KnownView,
@@ -28,7 +28,7 @@ from stereolib.matching import (
 )
 from stereolib.virtual import recordings
 
-ROOMS = ("base", "rig", "laser", "matching", "paper", "virtual")
+ROOMS = ("base", "rig", "laser", "matching", *PAPER_RIG, "virtual")
 MARGIN_PX = 8  # beyond the cube's true disparities, as the laser's window has it beyond what it expects
 QUICK = SGBMParams(mode="3way", disp12_max_diff=-1, speckle_window_size=0)  # what the laser's window is matched with
 

@@ -22,6 +22,7 @@ from typing import Any
 from stereolib.base import ROOT, figures_dir, write_atomic
 from stereolib.reproduction import code_sha256, update_readme_tables
 
+PAPER_RIG = ("paper/printed_rig.py", "paper/camera_place.py")  # what the virtual rig is made of
 RESULTS = Path(__file__).parent / "results"
 sys.path.append(str(ROOT / "tests"))  # after this module, a benchmark imports `support` as the tests do
 

@@ -203,7 +203,8 @@ def _row(item: Published, ours: Any, reason: str | None) -> tuple[str, ...]:
     why = reason or item.reason
     if item.conditions:
         mine, difference, tolerance, holding = _weigh(item, ours)
-        why = " ".join([why, *(f"{c.limit[0].upper()}{c.limit[1:]}: {c.because}." for c in item.conditions.values())])
+        limits = [c for c in item.conditions.values() if c.because not in ("as above", "the same")]
+        why = " ".join([why, *(f"{c.limit[0].upper()}{c.limit[1:]}: {c.because}." for c in limits)])
     else:
         mine = "-" if ours is None else _text(ours, np.add(item.places, _EXTRA_DIGITS))
         if item.numeric:

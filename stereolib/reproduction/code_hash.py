@@ -1,4 +1,4 @@
-"""A fingerprint of some rooms' code, which comments, docstrings and layout leave as it is."""
+"""A fingerprint of some code, which comments, docstrings and layout leave as it is."""
 
 from __future__ import annotations
 
@@ -13,25 +13,25 @@ _DOCUMENTED = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
 
 
 def code_sha256(rooms: Iterable[str], package: Path | None = None) -> str:
-    """Hash the code of some rooms.
+    """Hash the code of some rooms, or of single modules of theirs.
 
     Parameters
     ----------
     rooms : iterable of str
-        Names of folders in `package`, in any order; a room given twice counts once.
+        Names of folders in `package`, or of one file as ``"paper/printed_rig.py"``, in any order.
     package : Path, optional
         By default this one.
 
     Returns
     -------
     str
-        Sha256 over the names of the rooms' modules and their syntax trees without docstrings, the same for every
+        Sha256 over the names of the modules and their syntax trees without docstrings, the same for every
         version of Python.
 
     Raises
     ------
     ValueError
-        If there is no such room.
+        If there is no such room or module.
 
     Examples
     --------
@@ -41,13 +41,13 @@ def code_sha256(rooms: Iterable[str], package: Path | None = None) -> str:
     package = package or _PACKAGE
     digest = hashlib.sha256()
     for room in sorted(set(rooms)):
-        modules = sorted((package / room).glob("*.py"))
+        modules = sorted(package.glob(room if room.endswith(".py") else f"{room}/*.py"))
         if not modules:
             raise ValueError(f"there is no room {room!r} in {package.name}")
         for module in modules:
             changed = module.stat()
             text = _module_sha256(module, changed.st_mtime_ns, changed.st_size)
-            digest.update(f"{room}/{module.name} {text}\n".encode())
+            digest.update(f"{module.parent.name}/{module.name} {text}\n".encode())
     return digest.hexdigest()
 
 

@@ -56,3 +56,11 @@ def test_it_does_not_depend_on_the_version_of_python(tmp_path: Path) -> None:
 def test_a_room_that_is_not_there_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="no room 'attic'"):
         code_sha256(["attic"])
+
+
+def test_a_single_module_stands_for_itself(tmp_path: Path) -> None:
+    written(tmp_path, CODE)
+    alone = code_sha256(["room/a.py"], tmp_path)
+    assert alone == written(tmp_path, CODE)
+    written(tmp_path, CODE, "b.py")
+    assert alone == code_sha256(["room/a.py"], tmp_path) != code_sha256(["room"], tmp_path)

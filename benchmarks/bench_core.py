@@ -9,7 +9,7 @@ import time
 
 import cv2
 import numpy as np
-from common import asked, ratio, save
+from common import PAPER_RIG, asked, ratio, save
 
 from stereolib import paper
 from stereolib.base import ROOT
@@ -78,7 +78,7 @@ if __name__ == "__main__":
     wanted = asked(__doc__)
     if "accuracy" in wanted:
         found = {name: round(float(value), 4) for name, value in accuracy().items()}
-        save("accuracy", found, ("base", "rig", "calibration", "paper", "virtual"))
+        save("accuracy", found, ("base", "rig", "calibration", *PAPER_RIG, "virtual"))
     if "time" in wanted:
         save("overhead", overhead(), ("base", "rig", "matching"))
         whole = sorted(path.name for path in (ROOT / "stereolib").iterdir() if any(path.glob("*.py")))

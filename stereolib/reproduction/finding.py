@@ -17,7 +17,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
 _PRINTED = "camera 8.5 cm up"  # how notebook 06 names the set-ups with the printed camera height ...
-_WIDEST = "0.70 m to its nearest point"  # ... and those with any, in the wider reading of the distance
+_LINE = "0.70 m to the edge's line"  # ... those with any ...
+_WIDEST = "0.70 m to its nearest point"  # ... and with any, in the other reading of the distance
 _CAMERA = "8.5 cm up"
 
 
@@ -50,7 +51,7 @@ def _quoted(figures: Path) -> dict[str, Any]:
     """What the template quotes."""
     names = "recipe_family", "recipe_thresholds", "recipe_one_threshold", "height_recordings"
     family, thresholds, one, seen = (_table(figures, name) for name in names)
-    printed, widest = (family[family["set-ups"] == name] for name in (_PRINTED, _WIDEST))
+    printed, line, widest = (family[family["set-ups"] == name] for name in (_PRINTED, _LINE, _WIDEST))
     at_camera = thresholds[thresholds["camera"] == _CAMERA].set_index("map")
     meant, known = seen[seen["distance mm"] == 700], seen["plane off mm"].notna()
     return {
@@ -58,6 +59,7 @@ def _quoted(figures: Path) -> dict[str, Any]:
         "perfect": at_camera.loc["perfect"].to_dict(),
         "sgbm": at_camera.loc["SGBM"].to_dict(),
         "other_cm": one.set_index("seen").loc["cube of 20 cm"].iloc[0],
+        "line": line.iloc[0].to_dict(),
         "widest": widest.iloc[0].to_dict(),
         "ray_cm": recorded_rows(figures).set_index("id")["ours"]["height.cube"],
         "meant": len(meant),

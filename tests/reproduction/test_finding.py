@@ -23,7 +23,12 @@ def figures(tmp_path: Path) -> Path:
     ("table", "row", "column", "says"),
     [
         ("recipe_family", {"set-ups": "camera 8.5 cm up"}, "reads least cm", "alone gives 1.1 to "),
-        ("recipe_family", {"set-ups": "0.70 m to its nearest point"}, "reads most cm", " to 1.1 cm: what excludes"),
+        (
+            "recipe_family",
+            {"set-ups": "0.70 m to its nearest point"},
+            "reads most cm",
+            " to 1.1 cm. At the edge's own depth",
+        ),
         ("recipe_thresholds", {"map": "perfect", "camera": "8.5 cm up"}, "cm", "that is 1.1 cm from perfect"),
         ("recipe_thresholds", {"map": "perfect", "camera": "8.5 cm up"}, "until px", "to 1.1 px below"),
         ("recipe_thresholds", {"map": "SGBM", "camera": "8.5 cm up"}, "cm", "1.1 cm from matched"),

@@ -21,7 +21,7 @@ from stereolib.paper.printed_values import Published, printed_item, published
 if TYPE_CHECKING:
     import pandas as pd
 
-COLUMNS = ("id", "where", "kind", "paper", "ours", "difference", "tolerance", "unit", "verdict", "reason")
+COLUMNS = ("id", "where", "kind", "data", "paper", "ours", "difference", "tolerance", "unit", "verdict", "reason")
 _EXTRA_DIGITS = int(os.environ.get("STEREOLIB_EXTRA_DIGITS", "0"))  # `make same` looks behind the rounding
 # verdicts of what is held against ...: when all of it holds, a part, nothing
 _VERDICTS = {
@@ -29,7 +29,9 @@ _VERDICTS = {
     "truth": ("meets the truth", "misses the truth", "misses the truth"),
     "claim": ("agrees", "holds in part", "does not hold"),
     "itself": ("consistent", "paper contradicts itself", "paper contradicts itself"),
-    "built in": ("recovered", "not recovered", "not recovered"),  # a number that the virtual rig was made from
+    # what the construction of the virtual rig fixes: a number, a claim
+    "built in number": ("recovered", "not recovered", "not recovered"),
+    "built in claim": ("follows", "follows in part", "does not follow"),
 }
 _WIDTHS = {"id": 18, "kind": 8, "paper": 17, "ours": 20, "difference": 10, "tolerance": 9, "verdict": 11, "reason": 20}
 _ROUNDING = 1e-9  # of a difference that is as large as its tolerance, which still counts
@@ -212,9 +214,9 @@ def _row(item: Published, ours: Any, reason: str | None) -> tuple[str, ...]:
     if item.against in ("nothing", "not attempted"):
         verdict = {"redrawn": "redrawn"}.get(item.kind, item.against.replace("nothing", "not comparable"))
     else:
-        words = _VERDICTS["built in" if item.kind == "built in" and item.numeric else item.against]
+        words = _VERDICTS.get(f"{item.kind} {item.against}", _VERDICTS[item.against])
         verdict = words[0 if holding == 1 else 1 if holding else 2]
-    row = (item.id, item.where, item.kind, _text(item.value, item.digits), mine, difference, tolerance)
+    row = (item.id, item.where, item.kind, item.data, _text(item.value, item.digits), mine, difference, tolerance)
     return (*row, item.unit, verdict, why)
 
 
@@ -226,7 +228,8 @@ def _weigh(item: Published, ours: Any) -> tuple[str, str, str, float]:
     for name, condition in item.conditions.items():
         value = float(ours[name])
         held.append(condition.holds(value))
-        said.append(condition.says.replace("{}", _text(value, condition.digits + _EXTRA_DIGITS)))
+        number = "unknown" if np.isnan(value) else _text(value, condition.digits + _EXTRA_DIGITS)
+        said.append(condition.says.replace("{}", number))
     answers = [f"{text}: {'yes' if yes else 'no'}" for text, yes in zip(said, held, strict=True)]
     limits = "; ".join(condition.limit for condition in item.conditions.values())
     return "; ".join(answers), f"{sum(held)} of {len(held)} hold", limits, sum(held) / len(held)

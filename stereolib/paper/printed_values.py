@@ -15,10 +15,11 @@ import numpy as np
 from stereolib.base import data_path, read_text
 
 KINDS = ("test", "built in", "argument", "redrawn")
+DATA = ("virtual rig", "real unit", "print")
 # what an item is held against -> how many tolerances it has, and whether it has conditions
 AGAINST = {
     "number": {(1, False)},
-    "truth": {(1, False)},
+    "truth": {(1, False), (0, True)},
     "claim": {(0, True)},
     "itself": {(1, False), (0, True)},
     "nothing": {(0, False)},
@@ -102,8 +103,14 @@ class Published:
     conditions: Mapping[str, Condition] = field(default_factory=dict)
     figure: str = ""
     taken_with: str = ""
+    data: str = ""
+    cause: str = ""
 
     def __post_init__(self) -> None:
+        if not self.data:
+            object.__setattr__(self, "data", "print" if self.kind == "argument" else "virtual rig")
+        if self.data not in DATA:
+            raise ValueError(f"data {self.data!r} is none of {DATA}")
         if self.kind not in KINDS:
             raise ValueError(f"kind {self.kind!r} is none of {KINDS}")
         if self.against not in AGAINST:

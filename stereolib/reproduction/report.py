@@ -23,6 +23,9 @@ VERDICTS = {
     "does not hold": "#a33a12",
     "misses the truth": "#a33a12",
     "recovered": "#555555",
+    "follows": "#555555",
+    "follows in part": "#555555",
+    "does not follow": "#a33a12",
     "not recovered": "#a33a12",
     "consistent": "#555555",
     "paper contradicts itself": "#6a3d8f",
@@ -31,12 +34,12 @@ VERDICTS = {
     "not attempted": "#555555",
 }
 MEANINGS = {
-    "test": "data could have turned the verdict; the virtual rig's data, or a real unit's where the row says so",
-    "built in": "the virtual rig was made from this number: it can only come back",
+    "test": "measured in pictures or scans, and no construction fixes the outcome: data could have turned the verdict",
+    "built in": "the construction of the virtual rig fixes it: its numbers, its geometry or its noise law",
     "argument": "the paper against itself, against geometry or a cited source; no data",
     "redrawn": "a picture about which the paper states nothing that a number could be held against",
 }
-FAILED = ("differs", "does not hold", "misses the truth", "not recovered")
+FAILED = ("differs", "does not hold", "misses the truth", "not recovered", "does not follow")
 _TABLE = ("table1.", "stereo.", "check.")  # what stands in the section of Table I
 
 
@@ -140,6 +143,25 @@ def sort_out(rows: pd.DataFrame) -> dict[str, list[dict[str, str]]]:
     }
 
 
+def by_cause(rows: list[dict[str, Any]]) -> dict[str, list[dict[str, Any]]]:
+    """Put failed rows together that fail for one reason.
+
+    Parameters
+    ----------
+    rows : list of dict
+        As `sort_out` gives them.
+
+    Returns
+    -------
+    dict of str to list of rows
+        By the item's cause, a row without one by its own id; in the ledger's order.
+    """
+    causes: dict[str, list[dict[str, Any]]] = {}
+    for row in rows:
+        causes.setdefault(published()[row["id"]].cause or row["id"], []).append(row)
+    return causes
+
+
 def _figures() -> list[Published]:
     return [item for item in published().values() if item.id.startswith("fig.")]
 
@@ -164,8 +186,9 @@ def _page(rows: pd.DataFrame, pictures: dict[str, bytes], found: str) -> str:
     for name, title, ids in (("table", "Table I and the matrices", table), ("text", "Text and equations", text)):
         sections.append({"id": name, "title": title, "rows": [by_id[id] for id in ids]})
     template = templates().get_template("report.html.jinja")
-    counted = {"kinds": count_kinds(rows), "meanings": MEANINGS, "total": len(rows)} | sort_out(rows)
-    return template.render(sections=sections, colours=VERDICTS, finding=found, **counted)
+    first: dict[str, Any] = {name: [by_id[row["id"]] for row in some] for name, some in sort_out(rows).items()}
+    first |= {"causes": by_cause(first["failed"]), "kinds": count_kinds(rows), "total": len(rows)}
+    return template.render(sections=sections, colours=VERDICTS, meanings=MEANINGS, finding=found, **first)
 
 
 def _cells(row: dict[str, str]) -> dict[str, Any]:
@@ -176,6 +199,7 @@ def _cells(row: dict[str, str]) -> dict[str, Any]:
     is_matrix = not isinstance(item.value, str)  # one of its rows a line
     return row | {
         "about": "; ".join(part for part in (item.where, item.what, item.convention) if part),
+        "says": item.what or item.value,
         "paper_lines": paper.split("; ") if is_matrix else [paper],
         "our_lines": ours.split("; ") if is_matrix else [ours],
     }

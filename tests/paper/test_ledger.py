@@ -48,6 +48,7 @@ def test_verdicts():
     assert row.tolist() == [
         "IV",
         "argument",
+        "print",
         "0.116",
         "0.1160",
         "+0.0000",
@@ -225,3 +226,31 @@ def test_show_fits_and_loses_no_word():
             parts = [line[start:end].strip() for line in block]
             joined = ("" if name == "id" else " ").join(part for part in parts if part)
             assert joined == row[name]
+
+
+def test_what_is_not_known_does_not_hold_and_says_so():
+    (row,) = compare_with_paper({"claim.glare_on_object": {"points": np.nan}}).to_dict("records")
+    assert row["ours"].startswith("unknown points") and row["ours"].endswith(": no")
+
+
+@pytest.mark.parametrize(
+    ("kind", "against", "verdicts"),
+    [
+        ("test", "truth", ["misses the truth", "misses the truth", "meets the truth"]),
+        ("built in", "claim", ["does not follow", "follows in part", "follows"]),
+        ("argument", "itself", ["paper contradicts itself", "paper contradicts itself", "consistent"]),
+    ],
+)
+def test_conditions_have_the_words_of_what_they_are_held_against(kind, against, verdicts, monkeypatch):
+    conditions = {name: {"says": "{} px", "because": "so", "least": 1.0} for name in "ab"}
+    item = replace(published()["fig.4"], kind=kind, against=against, conditions=conditions)
+    monkeypatch.setattr(ledger, "printed_item", lambda id: item)
+    values = ({"a": 0, "b": 0}, {"a": 1, "b": 0}, {"a": 1, "b": 1})
+    assert [compare_with_paper({"fig.4": ours}).loc[0, "verdict"] for ours in values] == verdicts
+
+
+def test_data_are_named():
+    rows = compare_with_paper({"scale.cm_per_px": 42 / 362, "setup.distance": 0.7, "fig.1": None})
+    assert rows["data"].tolist() == ["print", "virtual rig", "virtual rig"]
+    with pytest.raises(ValueError, match="data 'guess' is none of"):
+        replace(published()["fig.4"], data="guess")

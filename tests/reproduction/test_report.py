@@ -6,6 +6,7 @@ import base64
 import csv
 import re
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -92,11 +93,19 @@ def test_the_page_begins_with_what_could_have_failed_and_did(figures):
     assert page.index(first) < page.index("<nav>")
     tests = sum(item.kind == "test" for item in published().values())
     assert f"Of {len(published())} rows, {tests} could have failed" in first
-    assert "<b>2 of them did</b>, 1 hold in part" in first
-    listed, rest = first.split("The other ")
+    assert "<b>2 of them did</b>, of 2 causes;\n1 hold in part; " in first
+    listed, rest = first.split("<p>The other ")
     assert re.findall(r'href="#([^"]+)"', listed) == ["claim.glare_on_object", "height.plane", "eq.depth"]
     assert re.findall(r'href="#([^"]+)"', rest) == ["scale.width_cm", "table1.left.fx"]
     assert rest.startswith(f"{len(published()) - tests} rows")
+
+
+def test_failures_of_one_cause_are_counted_as_one(monkeypatch):
+    every = {id: replace(item, cause="") for id, item in published().items()}
+    every |= {id: replace(every[id], cause="one cause") for id in ("height.recipe", "fig.7")}
+    monkeypatch.setattr(report, "published", lambda: every)
+    rows = [{"id": id} for id in ("height.recipe", "fig.4", "fig.7")]
+    assert report.by_cause(rows) == {"one cause": [rows[0], rows[2]], "fig.4": [rows[1]]}
 
 
 def test_counts_add_up(figures):

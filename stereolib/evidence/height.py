@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stereolib.base import Bools, Float64, Floats
+from stereolib.matching import SGBMParams
 from stereolib.paper import (
     CubeView,
     HeightResult,
@@ -19,9 +20,11 @@ from stereolib.paper import (
 )
 
 _MM_PER_CM = 10.0
-_EDGE_PX = 3  # columns to either side of the near edge that still are the edge: a matcher's block is as wide
+_EDGE_PX = SGBMParams().block_size // 2 + 1  # columns beside the near edge that still are it: half a block, and one
 _TOP_ROWS = 3  # of the edge, in which the first row is looked for: an edge is found to a pixel or two
 _LEVELS = 255  # steps of a map that is shown as a picture of 8 bits
+_STEP_PX = 1 / 16  # of SGBM's disparities
+_ROWS = 2.0  # an edge is found to a pixel or two
 _HALF_CM = 0.5  # half of the last digit of the cube's printed size: what counts as right
 _SAME_CM = 0.25  # two rows at the printed scale: what counts as the same reading
 
@@ -67,7 +70,7 @@ def edge_mask(view: CubeView, shape: tuple[int, int]) -> Bools:
     Returns
     -------
     (H, W) bool
-        Three columns to either side, from the edge's top to its foot.
+        Half a block of the matcher and one column to either side, from the edge's top to its foot.
 
     Examples
     --------
@@ -102,28 +105,32 @@ def whole_edge_tolerance_px(disparity_px: Floats, view: CubeView) -> float:
     return float(max(largest - at_top, 0.0)) if np.isfinite(at_top) else np.nan
 
 
-def whole_edge_reading_cm(disparity_px: Floats, view: CubeView) -> float:
-    """What the paper's recipe reads with the best of all thresholds that mark the near edge up to its top.
+def steady_reading_cm(disparity_px: Floats) -> float:
+    """What most thresholds make of the paper's recipe, so that no truth has to choose one.
 
     Parameters
     ----------
     disparity_px : (H, W) float, px
-    view : CubeView
 
     Returns
     -------
     float, cm
-        Of all readings the one nearest to the cube's printed size; NaN if no threshold marks the top.
+        Of the 256 thresholds of an 8-bit picture of the map, from its maximum to 0, the largest group that reads the
+        same to two rows: its median.
+
+    Examples
+    --------
+    >>> disparity = np.full((480, 640), 20.0)
+    >>> disparity[147:427, 300] = 100.0
+    >>> round(steady_reading_cm(disparity), 2)
+    32.48
     """
-    least = whole_edge_tolerance_px(disparity_px, view)
-    if not np.isfinite(least):
-        return np.nan
-    tolerances = np.linspace(least, _strict(disparity_px).threshold_px, _LEVELS)
-    readings = _readings_cm(disparity_px, tolerances)
-    return float(readings[np.abs(readings - paper_setup().side_mm / _MM_PER_CM).argmin()])
+    readings = _readings_cm(disparity_px, _tolerances_of_8_bits(disparity_px))
+    alike = np.abs(readings[:, None] - readings) <= _SAME_CM
+    return float(np.median(readings[alike[alike.sum(axis=1).argmax()]]))
 
 
-def threshold_curve(disparity_px: Floats, view: CubeView, *, step_px: float = 1 / 16) -> ThresholdCurve:
+def threshold_curve(disparity_px: Floats, view: CubeView, *, step_px: float = _STEP_PX) -> ThresholdCurve:
     """What the paper's recipe reads at every threshold, from the maximum of a map down to nothing.
 
     Parameters
@@ -143,7 +150,7 @@ def threshold_curve(disparity_px: Floats, view: CubeView, *, step_px: float = 1 
     readings, whole = _readings_cm(disparity_px, below), whole_edge_tolerance_px(disparity_px, view)
     at_whole = readings[below >= whole][:1]
     same = (below >= whole) & (np.abs(readings - at_whole) <= _SAME_CM) if at_whole.size else below < 0
-    right = below[np.abs(readings - paper_setup().side_mm / _MM_PER_CM) <= _HALF_CM]
+    right = below[np.abs(readings - _side_cm()) <= _HALF_CM]
     return ThresholdCurve(
         below_px=below,
         reading_cm=readings,
@@ -155,30 +162,47 @@ def threshold_curve(disparity_px: Floats, view: CubeView, *, step_px: float = 1 
     )
 
 
-def threshold_matters(disparity_px: Floats, others: Mapping[float, Floats]) -> dict[str, float]:
-    """How much of a height by the paper's recipe its threshold decides.
+def tuned_threshold_px(disparity_px: Floats) -> float:
+    """The threshold with which the paper's recipe comes nearest to the known size of the cube.
 
     Parameters
     ----------
     disparity_px : (H, W) float, px
         Of the printed cube.
+
+    Returns
+    -------
+    float, px
+        As a disparity, of all in steps of 1/16 px.
+    """
+    largest = _strict(disparity_px).threshold_px
+    below = np.arange(0, largest, _STEP_PX)
+    return float(largest - below[np.abs(_readings_cm(disparity_px, below) - _side_cm()).argmin()])
+
+
+def threshold_elsewhere(
+    threshold_px: float, same_cube: Iterable[Floats], others: Mapping[float, Floats]
+) -> dict[str, float]:
+    """What a threshold is worth where it was not found.
+
+    Parameters
+    ----------
+    threshold_px : float, px
+        As a disparity (`tuned_threshold_px`).
+    same_cube : iterable of (H, W) float, px
+        Maps of other recordings of the printed cube, at the same place, by the same camera.
     others : mapping of cm to (H, W) float, px
-        Maps of cubes of other heights, at the same place.
+        Maps of cubes of other heights there.
 
     Returns
     -------
     dict
-        ``share_pct``: of the 256 levels of an 8-bit picture of the map, from its maximum to 0, those at which the
-        recipe is right to half a centimetre; ``other_cm``: how far the level that is best for the cube is off at most
-        for the others.
+        ``share_pct``: of `same_cube`, what is read right to half a centimetre; ``other_cm``: how far the recipe is off
+        at most for the others.
     """
-    side_cm = paper_setup().side_mm / _MM_PER_CM
-    largest = _strict(disparity_px).threshold_px
-    tolerances = largest * np.arange(_LEVELS + 1) / _LEVELS
-    errors = np.abs(_readings_cm(disparity_px, tolerances) - side_cm)
-    threshold = largest - tolerances[errors.argmin()]
-    off = [abs(reading_at_threshold_cm(d, threshold) - height) for height, d in others.items()]
-    return {"share_pct": 100 * float((errors <= _HALF_CM).mean()), "other_cm": float(np.max(off))}
+    off = [abs(reading_at_threshold_cm(d, threshold_px) - _side_cm()) for d in same_cube]
+    others_off = [abs(reading_at_threshold_cm(d, threshold_px) - height) for height, d in others.items()]
+    return {"share_pct": 100 * float(np.mean(np.array(off) <= _HALF_CM)), "other_cm": float(np.max(others_off))}
 
 
 def reading_at_threshold_cm(disparity_px: Floats, threshold_px: float) -> float:
@@ -216,7 +240,7 @@ def recipe_over_setups(
     span_cm : dict
         By family, least and largest reading.
     """
-    scale, side_cm = printed_value("scale.cm_per_px"), paper_setup().side_mm / _MM_PER_CM
+    scale, side_cm = printed_value("scale.cm_per_px"), _side_cm()
     off, span = {}, {}
     for name, views in families.items():
         fitting = fitting_setups(views, within_px)
@@ -280,22 +304,25 @@ def mask_on_edge(disparity_px: Floats, view: CubeView) -> dict[str, float]:
     return {f"{name}_pct": 100 * float(edge[mask].mean()) if mask.any() else np.nan for name, mask in masks.items()}
 
 
-def first_row_off(disparity_px: Floats, view: CubeView) -> dict[str, float]:
-    """How far the recipe's first row is from the top of the near edge (Fig. 8).
+def top_found(maps: Mapping[str, tuple[Floats, CubeView]]) -> dict[str, float]:
+    """How often the recipe's first row is the top of the near edge (Fig. 8): rows alone, no scale.
 
     Parameters
     ----------
-    disparity_px : (H, W) float, px
-    view : CubeView
+    maps : mapping of str to (disparity_px, view)
 
     Returns
     -------
     dict
-        ``strict_px`` of the strict maximum; ``whole_px`` of the least mask that reaches the edge's top.
+        By name with ``_pct`` behind it: of the 256 thresholds of an 8-bit picture of the map, from its maximum to 0,
+        those at which the first marked row is the edge's top to two pixels.
     """
-    tolerances = {"strict": 0.0, "whole": whole_edge_tolerance_px(disparity_px, view)}
-    rows = {name: np.flatnonzero(_marked(disparity_px, t).any(axis=1)) for name, t in tolerances.items()}
-    return {f"{name}_px": abs(float(row[0]) - view.top_row) if row.size else np.nan for name, row in rows.items()}
+    found = {}
+    for name, (disparity_px, view) in maps.items():
+        readings = _readings_cm(disparity_px, _tolerances_of_8_bits(disparity_px))
+        top_row = _strict(disparity_px).foot_row - readings / printed_value("scale.cm_per_px")
+        found[f"{name}_pct"] = 100 * float((np.abs(top_row - view.top_row) <= _ROWS).mean())
+    return found
 
 
 def floor_disturbs(here: Floats, on_floor: Bools, view: CubeView, farther: Floats) -> dict[str, float]:
@@ -352,6 +379,14 @@ def _strict(disparity_px: Floats, tolerance_px: float = 0.0) -> HeightResult:
         printed_value("height.constant_rows"),
         tolerance_px=tolerance_px,
     )
+
+
+def _side_cm() -> float:
+    return paper_setup().side_mm / _MM_PER_CM
+
+
+def _tolerances_of_8_bits(disparity_px: Floats) -> Float64:
+    return _strict(disparity_px).threshold_px * np.arange(_LEVELS + 1) / _LEVELS
 
 
 def _marked(disparity_px: Floats, tolerance_px: float) -> Bools:

@@ -7,9 +7,9 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stereolib.base import Bools
+from stereolib.base import Bools, UInt8
 from stereolib.evidence.height import fitting_setups
-from stereolib.paper import CubeView, PixelBox, cm_per_px_at, fit_focal_length_px
+from stereolib.paper import CubeView, PixelBox, canny_bounding_box, cm_per_px_at, fit_focal_length_px
 
 _MM_PER_CM = 10.0
 #: How well a rectangle's width is found: each of its two ends to a pixel.
@@ -45,10 +45,36 @@ def camera_heights_left(views: Iterable[CubeView], within_px: float = ENDS_PX) -
     Returns
     -------
     dict
-        ``lowest_cm`` and ``highest_cm`` of those whose rectangle has the printed width; NaN if none has.
+        ``lowest_cm`` and ``highest_cm`` of those whose rectangle has the printed width; ``gap_from_cm`` and
+        ``gap_to_cm``, the lowest and the highest in between that has not. NaN where there is none.
     """
-    heights = [view.camera_height_mm / _MM_PER_CM for view in fitting_setups(views, within_px)] or [np.nan]
-    return {"lowest_cm": min(heights), "highest_cm": max(heights)}
+    views = list(views)
+    fit = {view.camera_height_mm for view in fitting_setups(views, within_px)}
+    lowest, highest = (min(fit), max(fit)) if fit else (np.nan, np.nan)
+    out = {view.camera_height_mm for view in views if lowest < view.camera_height_mm < highest} - fit
+    heights_mm = {"lowest": lowest, "highest": highest, "gap_from": min(out, default=np.nan)}
+    heights_mm["gap_to"] = max(out, default=np.nan)
+    return {f"{name}_cm": mm / _MM_PER_CM for name, mm in heights_mm.items()}
+
+
+def height_off_cm(views: Iterable[CubeView], height_mm: float, within_px: float = ENDS_PX) -> dict[str, float]:
+    """How far a camera height is from the nearest one that has the printed rows, distance and width.
+
+    Parameters
+    ----------
+    views : iterable of CubeView
+        Set-ups that have the printed rows, some of them at this height.
+    height_mm : float, mm
+    within_px : float, px
+        How far a rectangle may be from the printed width.
+
+    Returns
+    -------
+    dict
+        ``off_cm``: 0 if it fits itself; NaN if none does.
+    """
+    off = [abs(view.camera_height_mm - height_mm) / _MM_PER_CM for view in fitting_setups(views, within_px)]
+    return {"off_cm": min(off, default=np.nan)}
 
 
 def boxes_right(boxes: Mapping[str, Sequence[PixelBox]], width_px: float) -> dict[str, float]:
@@ -70,6 +96,43 @@ def boxes_right(boxes: Mapping[str, Sequence[PixelBox]], width_px: float) -> dic
         f"{name}_pct": 100 * float(np.mean([abs(box_off_px(box, width_px)) <= ENDS_PX for box in same]))
         for name, same in boxes.items()
     }
+
+
+def boxes_at_best_setting(
+    pictures: Mapping[str, Sequence[UInt8]], width_px: float, settings: Iterable[tuple[int, float]]
+) -> tuple[dict[str, float], dict[str, tuple[int, float]]]:
+    """How often the rectangle around the brightness's edges has the right width, Canny's filter set as well as can be.
+
+    Parameters
+    ----------
+    pictures : mapping of str to sequence of (H, W, 3) uint8
+        Exposures of one scene.
+    width_px : float, px
+        Between the cube's corners.
+    settings : iterable of (blur_px, high)
+        Side of the Gaussian, and the filter's upper threshold; the lower one is a third of it.
+
+    Returns
+    -------
+    share : dict
+        By name with ``_pct`` behind it: the share within a pixel at each end, at the setting that has the most.
+    chosen : dict
+        By name, that setting.
+    """
+    share, chosen, every = {}, {}, list(settings)
+    for name, same in pictures.items():
+        tried = {one: [_is_right(picture, width_px, *one) for picture in same] for one in every}
+        chosen[name] = max(tried, key=lambda one: sum(tried[one]))
+        share[f"{name}_pct"] = 100 * float(np.mean(tried[chosen[name]]))
+    return share, chosen
+
+
+def _is_right(picture: UInt8, width_px: float, blur_px: int, high: float) -> bool:
+    try:
+        box = canny_bounding_box(picture, blur_px=blur_px, thresholds=(high / 3, high))
+    except ValueError:  # no edge at all
+        return False
+    return abs(box_off_px(box, width_px)) <= ENDS_PX
 
 
 def box_off_px(box: PixelBox, width_px: float) -> float:

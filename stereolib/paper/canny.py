@@ -10,7 +10,7 @@ import numpy as np
 from stereolib.base import Float32, UInt8
 from stereolib.rig import check_pair, to_grey
 
-_LOW, _HIGH = 50.0, 150.0  # Canny's thresholds on the gradient, grey levels; the paper prints none
+_THRESHOLDS = 50.0, 150.0  # Canny's, on the gradient, grey levels; the paper prints none
 _CLOSING_PX = 5  # side of the closing that joins broken edges
 _SATURATION_GAIN = 4  # paints and wood are far from pure colours: a quarter of full saturation becomes 255
 
@@ -25,7 +25,9 @@ class PixelBox:
     height: int
 
 
-def canny_edges(image: UInt8, *, blur_px: int = 5, channel: str = "grey") -> UInt8:
+def canny_edges(
+    image: UInt8, *, blur_px: int = 5, channel: str = "grey", thresholds: tuple[float, float] = _THRESHOLDS
+) -> UInt8:
     """Canny's edges of a picture.
 
     Parameters
@@ -37,6 +39,8 @@ def canny_edges(image: UInt8, *, blur_px: int = 5, channel: str = "grey") -> UIn
         Brightness, or saturation ``(max - min) / max`` of blue, green and red (times 4, where 255 is full). A pattern
         of light and dark fills the first with edges; the second does not see it, nor shading, and shows the outline
         of a coloured object. In poor light it is noise.
+    thresholds : (low, high), grey levels
+        On the gradient: an edge begins above the high one and is followed down to the low one.
 
     Returns
     -------
@@ -57,15 +61,17 @@ def canny_edges(image: UInt8, *, blur_px: int = 5, channel: str = "grey") -> UIn
     check_pair(image, image, names=("image", "image"))
     if blur_px < 1 or blur_px % 2 == 0:
         raise ValueError(f"blur_px must be odd and at least 1, got {blur_px}")
-    return np.asarray(cv2.Canny(cv2.GaussianBlur(_channel(image, channel), (blur_px, blur_px), 0), _LOW, _HIGH))
+    return np.asarray(cv2.Canny(cv2.GaussianBlur(_channel(image, channel), (blur_px, blur_px), 0), *thresholds))
 
 
-def canny_bounding_box(image: UInt8, *, blur_px: int = 5, channel: str = "grey") -> PixelBox:
+def canny_bounding_box(
+    image: UInt8, *, blur_px: int = 5, channel: str = "grey", thresholds: tuple[float, float] = _THRESHOLDS
+) -> PixelBox:
     """Bounding rectangle of the largest contour of Canny's edges (the paper's Fig. 9).
 
     Parameters
     ----------
-    image, blur_px, channel
+    image, blur_px, channel, thresholds
         As for `canny_edges`.
 
     Returns
@@ -86,11 +92,12 @@ def canny_bounding_box(image: UInt8, *, blur_px: int = 5, channel: str = "grey")
     >>> canny_bounding_box(image)
     PixelBox(left=29, top=19, width=41, height=41)
     """
-    edges = canny_edges(image, blur_px=blur_px, channel=channel)
+    edges = canny_edges(image, blur_px=blur_px, channel=channel, thresholds=thresholds)
     edges = cv2.morphologyEx(edges, cv2.MORPH_CLOSE, np.ones((_CLOSING_PX, _CLOSING_PX), np.uint8))
     contours, _ = cv2.findContours(edges, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
     if not contours:
-        raise ValueError(f"no edge above {_LOW:g} and {_HIGH:g} grey levels: blur less, or take another channel")
+        low, high = thresholds
+        raise ValueError(f"no edge above {low:g} and {high:g} grey levels: blur less, or take another channel")
     boxes = [cv2.boundingRect(contour) for contour in contours]
     return PixelBox(*max(boxes, key=lambda box: box[2] * box[3]))
 

@@ -120,6 +120,24 @@ BENCHES = {
     "the paper's recipe on the {paper.near.boxes} virtual boxes {paper.near.from_mm} to {paper.near.to_mm} mm away, "
     "where the paper meant the cube to stand, median": ("dimensions", "paper.near.median_pct", "% off", ""),
     "the same on the other {paper.others.boxes}": ("dimensions", "paper.others.median_pct", "% off", ""),
+    "the recipe on those {paper.near_told.boxes} near virtual boxes whose height is told above, median": (
+        "dimensions",
+        "paper.near_told.median_pct",
+        "% off",
+        "",
+    ),
+    "the heights told above, of the same {paper.near_told.boxes} virtual boxes, median": (
+        "dimensions",
+        "paper.near_told.ours_median_pct",
+        "% off",
+        "",
+    ),
+    "the recipe on all {paper.told.boxes} virtual boxes whose height is told above, median": (
+        "dimensions",
+        "paper.told.median_pct",
+        "% off",
+        "",
+    ),
     "measurements on one core": ("dimensions_time", "per_second", "a second", "at least 20"),
     "one of them against the cv2 calls inside": ("dimensions_time", "times_cv2_inside", "x their time", "at most 1.25"),
     "`import stereolib`": ("time", "import_s", "s", "under 0.5"),

@@ -47,7 +47,7 @@ def with_stray():
 
 
 def test_the_maximum_is_the_near_edge():
-    names = ("perfect_level", "perfect_pitched", "level", "pitched")
+    names = ("level", "pitched")
     good, bad = (
         evidence.maximum_marks_edge(dict.fromkeys(names, (d, PITCHED))) for d in (only_edge(PITCHED), faces_that_fall())
     )
@@ -58,30 +58,40 @@ def test_the_maximum_is_the_near_edge():
 def test_figures_7_and_8():
     good, bad = only_edge(PITCHED), with_stray()
     assert_turns("fig.7", evidence.mask_on_edge(good, PITCHED), evidence.mask_on_edge(bad, PITCHED))
-    assert_turns("fig.8", evidence.first_row_off(good, PITCHED), evidence.first_row_off(bad, PITCHED))
+    rows = [evidence.top_found(dict.fromkeys(("pitched", "level"), (d, PITCHED))) for d in (good, bad)]
+    assert rows[0]["pitched_pct"] == pytest.approx(80, abs=1)  # the wall has a fifth of the edge's disparity
+    assert_turns("fig.8", *rows)
+
+
+def test_the_rows_of_a_nearer_wall_are_found_at_fewer_thresholds():
+    near_wall = np.maximum(only_edge(PITCHED), 70.0)
+    assert evidence.top_found({"one": (near_wall, PITCHED)})["one_pct"] == pytest.approx(30, abs=1)
 
 
 def test_an_edge_without_disparity_supports_nothing():
     lost = only_edge(PITCHED)
     lost[:200] = np.nan
-    assert np.isnan(evidence.whole_edge_reading_cm(lost, PITCHED))
-    assert evidence.first_row_off(lost, PITCHED)["whole_px"] != 0
+    assert np.isnan(evidence.whole_edge_tolerance_px(lost, PITCHED))
+    assert evidence.top_found({"one": (lost, PITCHED)})["one_pct"] == 0
 
 
-def test_recipe_at_the_best_threshold():
+def test_recipe_at_the_reading_of_most_thresholds():
     """A camera that sees as many rows as the printed scale wants, and the paper's."""
-    holds, broken = (evidence.whole_edge_reading_cm(only_edge(view), view) for view in (HIGH, PITCHED))
+    holds, broken = (evidence.steady_reading_cm(only_edge(view)) for view in (HIGH, PITCHED))
     assert (holds, broken) == pytest.approx((30.0, 37.7), abs=0.1)
-    assert_turns("height.recipe", holds, broken)
-    assert evidence.whole_edge_reading_cm(faces_that_fall(), PITCHED) == pytest.approx(37.6, abs=0.15)
+    assert_turns("height.recipe", [holds, holds], [broken, broken])
+    assert evidence.steady_reading_cm(faces_that_fall()) == pytest.approx(37.7, abs=0.05)
+    assert evidence.steady_reading_cm(with_stray()) == pytest.approx(0.116 * (FOOT - 10))  # nothing else is as steady
 
 
-def test_thresholds():
-    others = {side: only_edge(HIGH, round(side / SCALE)) for side in (20, 35)}
-    good = evidence.threshold_matters(only_edge(HIGH), others)
-    taller = np.roll(faces_that_fall(), -20, axis=0)
-    bad = evidence.threshold_matters(faces_that_fall(), {35: taller})
-    assert good["share_pct"] > 75
+def test_a_tuned_threshold():
+    right, taller = only_edge(HIGH), {side: only_edge(HIGH, round(side / SCALE)) for side in (20, 35)}
+    good = evidence.threshold_elsewhere(evidence.tuned_threshold_px(right), [right, 1.1 * right], taller)
+    tuned = evidence.tuned_threshold_px(faces_that_fall())
+    assert evidence.reading_at_threshold_cm(faces_that_fall(), tuned) == pytest.approx(30, abs=0.5)
+    other = [1.01 * faces_that_fall(), 0.99 * faces_that_fall()]  # one pixel of disparity moves where the mask stops
+    bad = evidence.threshold_elsewhere(tuned, other, {35: np.roll(faces_that_fall(), -20, axis=0)})
+    assert good == {"share_pct": 100.0, "other_cm": pytest.approx(0.0, abs=0.1)}
     assert_turns("height.recipe_threshold", good, bad)
 
 
@@ -105,11 +115,10 @@ def test_floor():
     near_floor = np.where(on_floor, 100 + (rows - FOOT) / 2 + 1, only_edge(PITCHED))
     floor_in_crop = np.where(rows >= FOOT - 30, 110.0, 0.8 * only_edge(PITCHED))  # the cube stands farther away
     far_floor = np.where(on_floor, 50.0, only_edge(PITCHED))
-    assert_turns(
-        "claim.floor_shares_disparity",
-        evidence.floor_disturbs(near_floor, on_floor, PITCHED, floor_in_crop),
-        evidence.floor_disturbs(far_floor, on_floor, PITCHED, far_floor),
-    )
+    disturbed = evidence.floor_disturbs(near_floor, on_floor, PITCHED, floor_in_crop)
+    calm = evidence.floor_disturbs(far_floor, on_floor, PITCHED, far_floor)
+    assert verdict_of("claim.floor_shares_disparity", disturbed) == "follows"
+    assert verdict_of("claim.floor_shares_disparity", calm) == "does not follow"
 
 
 def drawn(gap: bool):
@@ -137,7 +146,7 @@ def test_ray_at_the_edges_own_depth():
         height_of_top(RECTIFIED, PITCHED.T_left_world, height_by_maximum(d, SCALE, 53, tolerance_px=7.5)) / 10
         for d in (faces_that_fall(), wrong)
     ]
-    assert_turns("height.cube", *heights)
+    assert_turns("height.cube", *([height, heights[0]] for height in heights))  # one wrong map is enough
 
 
 @pytest.mark.slow

@@ -23,7 +23,7 @@ def test_verdicts():
             "table1.left.fy": 729.4782 * 1.0009,
             "scale.cm_per_px": 42 / 362,
             "scale.width_cm": 43.0,
-            "height.cube": 30.05,
+            "height.cube": [30.05, 30.0],
             "scale.width_faces": 42.6,
             "claim.glare_on_object": GLARE,
             "claim.glare_on_ground": {"points": 1.0},

@@ -11,7 +11,7 @@ from .calibration import (
     redrawn_corners,
     tangential_misprint,
 )
-from .dilation import cost_and_replacement, filled_out, noise_kinds, noise_left, pixels_unlike, plant_specks, right_pct
+from .dilation import behind_exposures, filled_out, noise_kinds, noise_left, pixels_unlike, plant_specks, right_pct
 from .environment import map_of_boxes, rms_of_scores, sizes_by_the_paper, sizes_of_nearest, volume_and_surface
 from .height import (
     ThresholdCurve,
@@ -52,15 +52,17 @@ from .matching import (
     SERVES_PCT,
     block_choice,
     captions_of_fig4,
+    cut_window,
     disparities_fall,
     distance_over_scale,
     factors_of_fig4,
     nearest_that_serves_cm,
+    one_colour,
     points_lost,
     recommended_distance,
     relative_depth,
     share_within_cm,
-    surfaces_ahead,
+    surfaces_serve,
 )
 from .rectification import (
     board_points_mm,
@@ -79,6 +81,7 @@ __all__ = [
     "ThresholdCurve",
     "averaging_gain",
     "averaging_of_reflectivity",
+    "behind_exposures",
     "block_choice",
     "board_points_mm",
     "box_off_px",
@@ -86,7 +89,7 @@ __all__ = [
     "boxes_right",
     "camera_heights_left",
     "captions_of_fig4",
-    "cost_and_replacement",
+    "cut_window",
     "denominator_gain",
     "disparities_fall",
     "distance_over_scale",
@@ -112,6 +115,7 @@ __all__ = [
     "noise_kinds",
     "noise_left",
     "noise_of_median",
+    "one_colour",
     "one_scale",
     "partner_offsets_px",
     "pixels_unlike",
@@ -140,7 +144,7 @@ __all__ = [
     "sizes_by_the_paper",
     "sizes_of_nearest",
     "steps_of_a_clock",
-    "surfaces_ahead",
+    "surfaces_serve",
     "sweep_error",
     "tangential_misprint",
     "threshold_curve",

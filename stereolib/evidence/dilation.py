@@ -118,9 +118,7 @@ def right_pct(disparity_px: Floats, truth_px: Floats, where: Bools) -> float:
     return 100 * float(right.mean()) if right.size else float("nan")
 
 
-def filled_out(
-    found: Sequence[Mapping[str, Bools]], after_px: Sequence[Floats], truth_px: Floats
-) -> dict[str, float]:
+def filled_out(found: Sequence[Mapping[str, Bools]], after_px: Sequence[Floats], truth_px: Floats) -> dict[str, float]:
     """Whether a filter fills out the pixels that deviate from those around them.
 
     Parameters

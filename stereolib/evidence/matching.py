@@ -70,9 +70,7 @@ def relative_depth(view: KnownView, relative_px: Floats, expected_px: Floats) ->
     return {"lengths_pct": 100 * float(np.nanmedian(off))}
 
 
-def cut_window(
-    views: Sequence[KnownView], wide_px: Sequence[Floats], narrow_px: Sequence[Floats]
-) -> dict[str, float]:
+def cut_window(views: Sequence[KnownView], wide_px: Sequence[Floats], narrow_px: Sequence[Floats]) -> dict[str, float]:
     """What it costs on the object to search only between the laser's two depths.
 
     Parameters

@@ -27,7 +27,7 @@ def without_a_half() -> np.ndarray:
 
 def test_dilation_removes_noise():
     scattered = {name: [with_holes(0.3)] for name in NAMES}
-    whole_faces = dict.fromkeys(NAMES, [without_a_half()])
+    whole_faces = {name: [without_a_half()] for name in NAMES}
 
     def left(before):
         after = {name: [dilate(d, 9) for d in some] for name, some in before.items()}
@@ -73,9 +73,7 @@ def test_bad_pixels_are_sorted_by_what_is_around_them():
 def test_dilation_is_cheap():
     levels = ("darkest", "middle", "brightest")
     good, bad = (dict.fromkeys(levels, score(with_holes(share), TRUTH, OBJECT)) for share in (0.02, 0.4))
-    assert_turns(
-        "claim.dilation_is_cheap", evidence.behind_exposures(good, good), evidence.behind_exposures(bad, good)
-    )
+    assert_turns("claim.dilation_is_cheap", evidence.behind_exposures(good, good), evidence.behind_exposures(bad, good))
     mixed = evidence.behind_exposures(good | {"darkest": bad["darkest"]}, good)
     assert verdict_of("claim.dilation_is_cheap", mixed) == "holds in part"
 

@@ -14,7 +14,7 @@ from .calibration import (
     redrawn_corners,
     translation_between_principal_points,
 )
-from .dilation import cost_and_replacement, filled_out, noise_kinds, noise_left, pixels_unlike, plant_specks, right_pct
+from .dilation import behind_exposures, filled_out, noise_kinds, noise_left, pixels_unlike, plant_specks, right_pct
 from .environment import (
     distance_errors,
     distances_to_boxes,
@@ -61,15 +61,17 @@ from .matching import (
     SERVES_PCT,
     block_choice,
     captions_of_fig4,
+    cut_window,
     disparities_fall,
     distance_over_scale,
     factors_of_fig4,
     nearest_that_serves_cm,
+    one_colour,
     points_lost,
     recommended_distance,
     relative_depth,
     share_within_cm,
-    surfaces_ahead,
+    surfaces_serve,
 )
 from .rectification import (
     board_points_mm,
@@ -88,6 +90,7 @@ __all__ = [
     "ThresholdCurve",
     "averaging_gain",
     "averaging_of_reflectivity",
+    "behind_exposures",
     "block_choice",
     "board_points_mm",
     "box_off_px",
@@ -95,7 +98,7 @@ __all__ = [
     "boxes_right",
     "camera_heights_left",
     "captions_of_fig4",
-    "cost_and_replacement",
+    "cut_window",
     "denominator_gain",
     "disparities_fall",
     "distance_errors",
@@ -124,6 +127,7 @@ __all__ = [
     "noise_kinds",
     "noise_left",
     "noise_of_median",
+    "one_colour",
     "one_scale",
     "partner_offsets_px",
     "pinhole_misses",
@@ -152,7 +156,7 @@ __all__ = [
     "sizes_by_depth_equation",
     "sizes_of_nearest",
     "steps_of_a_clock",
-    "surfaces_ahead",
+    "surfaces_serve",
     "sweep_error",
     "threshold_curve",
     "threshold_matters",

@@ -90,19 +90,13 @@ def projection_restored() -> dict[str, float]:
     >>> projection_restored()["restored_px"] < 1e-9
     True
     """
-    rig, worst = paper.paper_rig(), 0.0
+    rig = paper.paper_rig()
     divided = Camera(rig.left.K, np.append(rig.left.dist, _DENOMINATOR), rig.left.size)
-    for camera in (rig.left, rig.right, divided):
-        xy = _image_directions(camera)
-        points = np.column_stack([xy, np.ones(len(xy))])
-        known, _ = cv2.projectPoints(points[:, None], np.zeros(3), np.zeros(3), camera.K, camera.dist)
-        off = paper.printed_projection(camera, xy, squares=True) - known[:, 0]
-        worst = max(worst, float(np.abs(off).max()))
-    return {"restored_px": worst}
+    return {"restored_px": max(_beside_opencv_px(c, squares=True) for c in (rig.left, rig.right, divided))}
 
 
-def tangential_misprint(rig: StereoRig) -> dict[str, float]:
-    """Tell how far the printed tangential terms put pixels from where the terms with squares do.
+def projection_as_printed(rig: StereoRig) -> dict[str, float]:
+    """Hold the projection equation, letter by letter, against OpenCV's.
 
     Parameters
     ----------
@@ -113,12 +107,70 @@ def tangential_misprint(rig: StereoRig) -> dict[str, float]:
     dict
         ``left_px``, ``right_px``: largest distance over the image of each camera, px.
     """
-    found = {}
-    for side, camera in (("left_px", rig.left), ("right_px", rig.right)):
-        xy = _image_directions(camera)
-        off = paper.printed_projection(camera, xy) - paper.printed_projection(camera, xy, squares=True)
-        found[side] = float(np.hypot(*off.T).max())
-    return found
+    return {"left_px": _beside_opencv_px(rig.left), "right_px": _beside_opencv_px(rig.right)}
+
+
+def _beside_opencv_px(camera: Camera, *, squares: bool = False) -> float:
+    """Largest distance over the image between the paper's equation and `cv2.projectPoints`, px."""
+    xy = _image_directions(camera)
+    points = np.column_stack([xy, np.ones(len(xy))])
+    known, _ = cv2.projectPoints(points[:, None], np.zeros(3), np.zeros(3), camera.K, camera.dist)
+    off = paper.printed_projection(camera, xy, squares=squares) - known[:, 0]
+    return float(np.hypot(*off.T).max())
+
+
+def pinhole_misses(rig: StereoRig) -> dict[str, float]:
+    """Tell how far lenses bend away from the pinholes that come nearest to them.
+
+    Parameters
+    ----------
+    rig : StereoRig
+
+    Returns
+    -------
+    dict
+        ``edge_px``, ``corner_px``: distance between lens and pinhole in the middles of the rims and in the corners,
+        the largest of both cameras, px.
+
+    Notes
+    -----
+    Least squares of ``u = fx x + cx`` and ``v = fy y + cy`` over the image, with ``(x, y)`` the directions of its
+    pixels. A corner has no direction where the lens folds over, so the directions at the rims are the pinhole's.
+    """
+    misses: list[list[float]] = []
+    for camera in (rig.left, rig.right):
+        xy, last = _image_directions(camera), np.array(camera.size) - 1
+        uv = camera.project(np.column_stack([xy, np.ones(len(xy))]))
+        (fx, cx), (fy, cy) = (np.polyfit(xy[:, k], uv[:, k], 1) for k in (0, 1))
+        rims = np.array([[0, 0.5], [1, 0.5], [0.5, 0], [0.5, 1], [0, 0], [1, 0], [0, 1], [1, 1]]) * last
+        seen = camera.project(np.column_stack([(rims - [cx, cy]) / [fx, fy], np.ones(len(rims))]))
+        off = np.hypot(*(seen - rims).T)
+        misses.append([off[:4].max(), off[4:].max()])
+    edge, corner = np.max(misses, axis=0)
+    return {"edge_px": float(edge), "corner_px": float(corner)}
+
+
+def principal_points_beside(rig: StereoRig) -> dict[str, float]:
+    """Tell how far principal points stand from the middle column of their images.
+
+    Parameters
+    ----------
+    rig : StereoRig
+
+    Returns
+    -------
+    dict
+        ``left_px``, ``right_px``: ``|cx - (width - 1) / 2|``, px.
+
+    Examples
+    --------
+    >>> {side: round(off, 1) for side, off in principal_points_beside(paper.paper_rig()).items()}
+    {'left_px': 3.0, 'right_px': 16.2}
+    """
+    return {
+        name: abs(float(camera.K[0, 2]) - (camera.size[0] - 1) / 2)
+        for name, camera in (("left_px", rig.left), ("right_px", rig.right))
+    }
 
 
 def _image_directions(camera: Camera) -> Float64:
@@ -163,15 +215,27 @@ def pose_by_words() -> dict[str, float]:
     return {"axes": paper.essential_miss("paper"), "place_mm": float(paper.printed_value("stereo.T")[0])}
 
 
-def pose_by_equation() -> dict[str, float]:
-    """Take the printed R and T as the paper's equation has them, ``x_2 = R x_1 + T``.
+def translation_between_principal_points() -> dict[str, float]:
+    """Tell how large pixels may be if the printed T leads from principal point to principal point.
 
     Returns
     -------
     dict
-        ``times``: miss of the printed E over what the digits allow.
+        ``pixel_um``: the largest size at which the printed digits still allow ``E t = 0``, micrometres.
+
+    Notes
+    -----
+    With pixels of size s the principal points stand ``s f_L e_z`` and ``s f_R R e_z`` before the centres (R's columns
+    are camera 2's axes), so that the centres are ``t = T +- s v`` apart, ``v = f_R R e_z - f_L e_z``; the sign is that
+    of T's direction, and the one that allows more is taken. ``|E T +- s E v|`` must keep within the digits of E and T.
     """
-    return {"times": paper.essential_miss("opencv")}
+    E, T, R = (np.array(paper.printed_value(f"stereo.{name}")) for name in "ETR")
+    wide_E, wide_T = (paper.printed_half_width(f"stereo.{name}") for name in "ET")
+    budget = paper.product_half_width((E, wide_E), (T[:, None], wide_T[:, None]))[:, 0]
+    f_left, f_right = (paper.printed_value(f"table1.{side}.fx") for side in ("left", "right"))
+    at_zero, slope = E @ T, E @ (f_right * R[:, 2] - f_left * np.array([0, 0, 1]))
+    most_mm = max(((budget - np.sign(way * slope) * at_zero) / np.abs(slope)).min() for way in (1, -1))
+    return {"pixel_um": 1e3 * float(most_mm)}
 
 
 def pose_readings() -> pd.DataFrame:
@@ -189,7 +253,7 @@ def pose_readings() -> pd.DataFrame:
     wide_E, wide_T = (paper.printed_half_width(f"stereo.{name}") for name in "ET")
     rows = []
     for name, reading, formula in (
-        ("opencv", "x2 = R x1 + T (OpenCV; the paper's equation)", "skew(T) R = E"),
+        ("opencv", "x2 = R x1 + T (OpenCV)", "skew(T) R = E"),
         ("rows", "x2' = x1' R + T' (row vectors, as MATLAB)", "skew(T) R' = E"),
         ("paper", "x2 = R' (x1 + T): R holds camera 2's axes", "R' skew(T) = E"),
     ):
@@ -204,6 +268,23 @@ def pose_readings() -> pd.DataFrame:
             (reading, formula, float(miss.max()), paper.within_budget(miss, paper.product_half_width(*factors)))
         )
     return pd.DataFrame(rows, columns=["reading", "should hold", "misses by", "times the digits"])
+
+
+def fundamental_from_pose() -> Float64:
+    """Make F of the printed R, T and Table I as they stand, without the printed E.
+
+    Returns
+    -------
+    (3, 3) float64
+        ``inv(K_R)' R' skew(T) inv(K_L)``, not normalised.
+
+    Examples
+    --------
+    >>> float(fundamental_from_pose()[2, 2].round(4))
+    0.625
+    """
+    right, left = (np.linalg.inv(paper.printed_camera_matrix(side)) for side in ("right", "left"))
+    return np.asarray(right.T @ paper.printed_essential() @ left)
 
 
 def fundamental_readings() -> pd.DataFrame:
@@ -231,8 +312,7 @@ def fundamental_readings() -> pd.DataFrame:
         readings[f"pixels of F and Table I {shift:g} px apart"] = S.T @ plain @ S
     skewed = right + _SKEW_PX * np.outer([1, 0, 0], [0, 1, 0])
     readings[f"a skew of {_SKEW_PX:g} px in the right camera"] = np.linalg.inv(skewed).T @ E @ np.linalg.inv(left)
-    from_R_T = np.linalg.inv(right).T @ paper.printed_essential() @ np.linalg.inv(left)
-    readings["E made of the printed, rounded R and T"] = from_R_T
+    readings["E made of the printed, rounded R and T"] = fundamental_from_pose()
     readings["cameras exchanged"] = paper.printed_fundamental("left-right")
     swapped = [K + (K[1, 1] - K[0, 0]) * np.diag([1, -1, 0]) for K in (right, left)]
     readings["fx and fy exchanged"] = np.linalg.inv(swapped[0]).T @ E @ np.linalg.inv(swapped[1])

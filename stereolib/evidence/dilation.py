@@ -13,15 +13,17 @@ _WRONG_PX = 2.0  # as bad-2 has it; also by how much a pixel deviates from those
 
 
 def noise_left(
-    before_px: Mapping[str, Floats], after_px: Mapping[str, Sequence[Floats]], truth_px: Floats, where: Bools
+    before_px: Mapping[str, Sequence[Floats]],
+    after_px: Mapping[str, Sequence[Floats]],
+    truth_px: Floats,
+    where: Bools,
 ) -> dict[str, float]:
-    """What a filter leaves of the bad pixels of some maps, with the kernel that serves each best.
+    """What a filter leaves of the bad pixels of some maps.
 
     Parameters
     ----------
-    before_px : mapping of condition to (H, W) float, px
-    after_px : mapping of condition to sequence of (H, W) float, px
-        The same maps filtered with several kernels.
+    before_px, after_px : mapping of condition to sequence of (H, W) float, px
+        Maps before and after the filter, in one order.
     truth_px : (H, W) float, px
     where : (H, W) bool
         Pixels to count over.
@@ -29,12 +31,12 @@ def noise_left(
     Returns
     -------
     dict
-        ``<condition>_pct``: the least bad-2 after, in % of that before.
+        ``<condition>_pct``: the bad-2 of its maps after, in % of that before.
     """
     left = {}
     for name, before in before_px.items():
-        after = min(score(filtered, truth_px, where).bad2_pct for filtered in after_px[name])
-        left[f"{name}_pct"] = 100 * after / score(before, truth_px, where).bad2_pct
+        bad = [sum(score(d, truth_px, where).bad2_pct for d in some) for some in (before, after_px[name])]
+        left[f"{name}_pct"] = 100 * bad[1] / bad[0]
     return left
 
 
@@ -116,18 +118,11 @@ def right_pct(disparity_px: Floats, truth_px: Floats, where: Bools) -> float:
     return 100 * float(right.mean()) if right.size else float("nan")
 
 
-def filled_out(
-    planted: Mapping[str, tuple[Floats, Bools]],
-    found: Sequence[Mapping[str, Bools]],
-    after_px: Sequence[Floats],
-    truth_px: Floats,
-) -> dict[str, float]:
+def filled_out(found: Sequence[Mapping[str, Bools]], after_px: Sequence[Floats], truth_px: Floats) -> dict[str, float]:
     """Whether a filter fills out the pixels that deviate from those around them.
 
     Parameters
     ----------
-    planted : mapping of ``"dark"``, ``"bright"``, ``"hole"`` to (map, where)
-        A perfect map with such specks, after the filter, and where they were planted.
     found : sequence of `noise_kinds`
         Of the matcher's maps before the filter.
     after_px : sequence of (H, W) float, px
@@ -137,43 +132,35 @@ def filled_out(
     Returns
     -------
     dict
-        ``dark_pct``, ``bright_pct``, ``hole_pct``: share of the planted pixels that are right afterwards.
         ``deviating_pct``: share of the matcher's bad pixels that are holes, below or above what is around;
         ``filled_pct``: share of those that are right afterwards.
     """
-    shares = {f"{name}_pct": right_pct(after, truth_px, where) for name, (after, where) in planted.items()}
     deviating = np.stack([kinds["hole"] | kinds["below"] | kinds["above"] for kinds in found])
     alike = np.stack([kinds["alike"] for kinds in found])
-    shares["deviating_pct"] = 100 * float(deviating.sum() / (deviating.sum() + alike.sum()))
-    shares["filled_pct"] = right_pct(np.stack(after_px), np.broadcast_to(truth_px, deviating.shape), deviating)
-    return shares
+    right = right_pct(np.stack(after_px), np.broadcast_to(truth_px, deviating.shape), deviating)
+    return {"deviating_pct": 100 * float(deviating.sum() / (deviating.sum() + alike.sum())), "filled_pct": right}
 
 
-def cost_and_replacement(
-    seconds_filter: float, seconds_match: float, filtered: Score, averaged: Score
-) -> dict[str, float]:
-    """What a filter costs beside a match, and what it leaves beside the mean of several exposures.
+def behind_exposures(filtered: Mapping[str, Score], averaged: Mapping[str, Score]) -> dict[str, float]:
+    """What a filter leaves beside the mean of several exposures.
 
     Parameters
     ----------
-    seconds_filter, seconds_match : float, s
-    filtered, averaged : Score
+    filtered, averaged : mapping of light to Score
         Of one filtered exposure, and of the mean of several.
 
     Returns
     -------
     dict
-        ``share``: the filter's time over the match's, rounded up to a tenth, so that it reads the same on every
-        machine; ``points``: bad pixels that it leaves more than the mean does, points.
+        ``<light>_points``: bad pixels that the filter leaves more than the mean does, points.
 
     Examples
     --------
-    >>> one = score([[5.0, 9.0]], [[5.0, 5.0]])
-    >>> cost_and_replacement(0.001, 0.06, one, one)
-    {'share': 0.1, 'points': 0.0}
+    >>> one, mean = score([[5.0, 9.0]], [[5.0, 5.0]]), score([[5.0, 5.0]], [[5.0, 5.0]])
+    >>> behind_exposures({"dim": one}, {"dim": mean})
+    {'dim_points': 50.0}
     """
-    share = np.ceil(10 * seconds_filter / seconds_match) / 10
-    return {"share": float(share), "points": filtered.bad2_pct - averaged.bad2_pct}
+    return {f"{light}_points": one.bad2_pct - averaged[light].bad2_pct for light, one in filtered.items()}
 
 
 def pixels_unlike(one: Floats, other: Floats) -> dict[str, float]:

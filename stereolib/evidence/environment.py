@@ -9,7 +9,6 @@ from numpy.typing import ArrayLike
 
 from stereolib.base import Float64
 from stereolib.measurement import MeasuredObject
-from stereolib.paper import HeightResult
 
 _MM_PER_CM = 10.0
 
@@ -102,20 +101,75 @@ def rms_of_scores(errors: ArrayLike, deviations: ArrayLike) -> float:
     return float(np.sqrt(np.mean((np.asarray(errors, np.float64) / np.asarray(deviations, np.float64)) ** 2)))
 
 
-def sizes_by_the_paper(footprint_cm: ArrayLike, recipe: HeightResult) -> Float64:
-    """Length, width and height as the paper meant them: the first two by the laser, the third by its recipe.
+def distances_to_boxes(places_mm: ArrayLike, outlines_mm: ArrayLike) -> Float64:
+    """Tell how far boxes are from places on the floor: from each place to the nearest point of each outline.
 
     Parameters
     ----------
-    footprint_cm : (2,) array_like, cm
-        See `footprint_cm`.
-    recipe : HeightResult
+    places_mm : (n, 2) array_like, mm
+        Outside the boxes.
+    outlines_mm : (m, c, 2) array_like, mm
+        Corners, one after the other.
 
     Returns
     -------
-    (3,) float64, cm
+    (n, m) float64, mm
+
+    Examples
+    --------
+    >>> distances_to_boxes([[0, 0], [15, 25]], [[[10, -5], [20, -5], [20, 5], [10, 5]]]).tolist()
+    [[10.0], [20.0]]
     """
-    return np.array([*np.asarray(footprint_cm, np.float64), recipe.height_mm / _MM_PER_CM])
+    starts = np.asarray(outlines_mm, np.float64)
+    sides = np.roll(starts, -1, axis=1) - starts
+    to_place = np.asarray(places_mm, np.float64)[:, None, None, :] - starts
+    share = np.clip((to_place * sides).sum(axis=-1) / (sides**2).sum(axis=-1), 0.0, 1.0)
+    return np.asarray(np.linalg.norm(to_place - share[..., None] * sides, axis=-1).min(axis=-1))
+
+
+def distance_errors(
+    cube_mm: ArrayLike, true_cube_mm: ArrayLike, boxes_mm: ArrayLike, true_boxes_mm: ArrayLike
+) -> dict[str, float]:
+    """Hold distances to the paper's cube and to the boxes of a map against the truth.
+
+    Parameters
+    ----------
+    cube_mm, true_cube_mm, boxes_mm, true_boxes_mm : array_like, mm
+        As `distances_to_boxes` gives them; NaN is unknown.
+
+    Returns
+    -------
+    dict
+        ``cube_mm, boxes_mm``: the largest errors.
+
+    Examples
+    --------
+    >>> distance_errors([701], [700], [[500, 802]], [[500, 800]])
+    {'cube_mm': 1.0, 'boxes_mm': 2.0}
+    """
+    off = [np.subtract(ours, true) for ours, true in ((cube_mm, true_cube_mm), (boxes_mm, true_boxes_mm))]
+    return {name: float(np.abs(each).max()) for name, each in zip(("cube_mm", "boxes_mm"), off, strict=True)}
+
+
+def nearest_object(objects: Sequence[MeasuredObject]) -> MeasuredObject:
+    """Find the measured object that is nearest.
+
+    Parameters
+    ----------
+    objects : sequence of MeasuredObject
+
+    Returns
+    -------
+    MeasuredObject
+
+    Raises
+    ------
+    ValueError
+        If there is none.
+    """
+    if not objects:
+        raise ValueError("no object was measured")
+    return min(objects, key=lambda thing: float(np.hypot(*thing.position_mm)))
 
 
 def sizes_of_nearest(objects: Sequence[MeasuredObject]) -> Float64:
@@ -132,5 +186,4 @@ def sizes_of_nearest(objects: Sequence[MeasuredObject]) -> Float64:
     """
     if not objects:
         return np.full(3, np.nan)
-    nearest = min(objects, key=lambda thing: float(np.hypot(*thing.position_mm)))
-    return np.asarray(nearest.size_mm, np.float64) / _MM_PER_CM
+    return np.asarray(nearest_object(objects).size_mm, np.float64) / _MM_PER_CM

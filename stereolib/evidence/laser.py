@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike
 
 from stereolib.base import Bools, Float64
 from stereolib.laser import ErrorCurve, LaserScan, error_curve, find_segments, fit_footprint
-from stereolib.paper import Published, printed_value, published
 
 #: Powers of the distance with which the steps of a reading may grow: 0 is a clock's, 2 a spot's on a chip.
 STEP_POWERS = tuple(np.arange(0, 4.01, 0.25).tolist())
@@ -19,6 +18,7 @@ _STEPS_MM = (1.2, 4.0)  # looked for, at the nearest reading: nearer to one mill
 _OVERSAMPLING = 4  # steps tried, for one that could be told apart from the next
 _CHANCE = 1e-3  # of as good a pattern among readings without one
 _LEAST_READINGS = 30  # of which a mean error is told
+_LEAST_VARIANCE_MM2 = 1e-9  # what rounding may leave of nothing
 _LIGHT_MM_PER_PS = 0.299792458
 _MM_PER_CM = 10.0
 
@@ -171,7 +171,7 @@ def noise_of_median(turns_mm: ArrayLike, n: int) -> float:
     Returns
     -------
     float, mm
-        Root mean square over the beams.
+        Root mean square over the beams; NaN where it is too small to be told, the estimate of its square not positive.
 
     Raises
     ------
@@ -199,7 +199,7 @@ def noise_of_median(turns_mm: ArrayLike, n: int) -> float:
         others = np.delete(turns, chosen, axis=0)
         squares.append((np.median(turns[list(chosen)], axis=0) - others.mean(axis=0)) ** 2)
     variance = np.mean(squares) - turns.var(axis=0, ddof=1).mean() / (total - n)
-    return float(np.sqrt(max(variance, 0.0)))
+    return float(np.sqrt(variance)) if variance > _LEAST_VARIANCE_MM2 else np.nan
 
 
 def repeatability(near_mm: ArrayLike, far_mm: ArrayLike, pattern: StepPattern) -> dict[str, float]:
@@ -221,19 +221,29 @@ def repeatability(near_mm: ArrayLike, far_mm: ArrayLike, pattern: StepPattern) -
     return {"near_mm": near, "far_mm": far, "step_mm": pattern.step_mm(3000.0)}
 
 
-def relative_spread(far_mm: ArrayLike) -> dict[str, float]:
-    """Scatter of a single reading in per cent of the distance.
+def relative_error(far_mm: ArrayLike, true_mm: ArrayLike | None = None) -> dict[str, float]:
+    """Scatter of a single reading, and what all turns are off together, in per cent of the distance.
 
     Parameters
     ----------
     far_mm : (turns, beams) array_like, mm
+    true_mm : float or (beams,) array_like, mm, optional
+        True distances, where they are known.
 
     Returns
     -------
     dict
-        ``spread_pct``
+        ``spread_pct``; ``bias_pct``, the mean over turns and beams without its sign, NaN if the truth is not known.
+
+    Examples
+    --------
+    >>> relative_error([[1001, 1003], [1003, 1001]], 1000.0)["bias_pct"]
+    0.2
     """
-    return {"spread_pct": 100 * noise_of_median(far_mm, 1) / float(np.median(np.asarray(far_mm, np.float64)))}
+    turns = np.asarray(far_mm, np.float64)
+    bias = np.nan if true_mm is None else float(np.mean(turns / np.asarray(true_mm, np.float64)) - 1)
+    spread = noise_of_median(turns, 1) / float(np.median(turns))
+    return {"spread_pct": 100 * spread, "bias_pct": round(100 * abs(bias), 9)}
 
 
 def averaging_gain(far_mm: ArrayLike, n: int = 5) -> dict[str, float]:
@@ -285,7 +295,7 @@ def _medians(readings_mm: Float64, n: int) -> Float64:
 
 
 def turns_gain(near_mm: ArrayLike, far_mm: ArrayLike, n: int = 5) -> dict[str, float]:
-    """What n turns take off the noise of one.
+    """What n turns take off the noise that fewer leave, and what more would.
 
     Parameters
     ----------
@@ -296,55 +306,20 @@ def turns_gain(near_mm: ArrayLike, far_mm: ArrayLike, n: int = 5) -> dict[str, f
     Returns
     -------
     dict
-        ``near_gain_mm, far_gain_mm``
+        ``gained_mm``, far away, from two turns fewer to n; ``beyond_mm``, from n to two more; ``near_mm``, what one
+        turn scatters near by: more could not be taken off.
+
+    Notes
+    -----
+    Two turns more than n may not have been recorded: their noise is taken to be ``sqrt(n / (n + 2))`` of n's, as that
+    of independent turns is.
     """
-    gains = [noise_of_median(turns, 1) - noise_of_median(turns, n) for turns in (near_mm, far_mm)]
-    return dict(zip(("near_gain_mm", "far_gain_mm"), gains, strict=True))
-
-
-def realizations_used(turns: float | None = None) -> dict[str, float]:
-    """How many looks the laser takes for the pair's one.
-
-    Parameters
-    ----------
-    turns : float, optional
-        Default: as printed.
-
-    Returns
-    -------
-    dict
-        ``laser_turns``
-
-    Examples
-    --------
-    >>> realizations_used()
-    {'laser_turns': 5.0}
-    """
-    return {"laser_turns": float(printed_value("lrf.realizations") if turns is None else turns)}
-
-
-def lengths_taken_with(instrument: str, items: Iterable[Published] | None = None) -> dict[str, float]:
-    """How many of the lengths that the paper measured on objects were taken with an instrument.
-
-    Parameters
-    ----------
-    instrument : str
-        ``"laser"`` or ``"camera"``.
-    items : iterable of Published, optional
-        Default: all.
-
-    Returns
-    -------
-    dict
-        ``from_laser`` or ``from_camera``
-
-    Examples
-    --------
-    >>> lengths_taken_with("laser")
-    {'from_laser': 0.0}
-    """
-    known = published().values() if items is None else items
-    return {f"from_{instrument}": float(sum(item.taken_with == instrument for item in known))}
+    fewer, some = noise_of_median(far_mm, n - 2), noise_of_median(far_mm, n)
+    return {
+        "gained_mm": fewer - some,
+        "beyond_mm": some * (1 - float(np.sqrt(n / (n + 2)))),
+        "near_mm": noise_of_median(near_mm, 1),
+    }
 
 
 def error_below(limit_mm: float, **curves: ErrorCurve) -> dict[str, float]:

@@ -46,17 +46,13 @@ def disparities_fall(distances_mm: Sequence[float], windows_px: Sequence[float])
     return {"falls_px": float(windows[0] - windows[-1]), "rank": float(rank)}
 
 
-def relative_depth(
-    view: KnownView, wide_px: Floats, narrow_px: Floats, relative_px: Floats, expected_px: Floats
-) -> dict[str, float]:
+def relative_depth(view: KnownView, relative_px: Floats, expected_px: Floats) -> dict[str, float]:
     """What is lost when the laser's distance stands in for the matcher's absolute one.
 
     Parameters
     ----------
     view : KnownView
         With the regions ``"cube"`` and ``"edge"``.
-    wide_px, narrow_px : (H, W) float, px
-        Its disparity by the full window, and by the one cut to the laser's depths.
     relative_px : (H, W) float, px
         A map that is right but for an offset that nobody knows.
     expected_px : (H, W) float, px
@@ -65,15 +61,33 @@ def relative_depth(
     Returns
     -------
     dict
-        ``window_points``: bad pixels of the cube by the narrow window less those by the wide one, points.
         ``lengths_pct``: the offset is taken from the laser at the edge; by how many per cent lengths on the cube then
         are off in the median, ``100 |Z / Z_true - 1|`` (lengths are pixels times Z / f).
     """
     cube, edge = view.regions["cube"], view.regions["edge"]
-    points = score(narrow_px, view.truth_px, cube).bad2_pct - score(wide_px, view.truth_px, cube).bad2_pct
     anchored = relative_px - np.nanmedian((relative_px - expected_px)[edge])
     off = np.abs(np.asarray(view.truth_px)[cube] / anchored[cube] - 1)
-    return {"window_points": points, "lengths_pct": 100 * float(np.nanmedian(off))}
+    return {"lengths_pct": 100 * float(np.nanmedian(off))}
+
+
+def cut_window(views: Sequence[KnownView], wide_px: Sequence[Floats], narrow_px: Sequence[Floats]) -> dict[str, float]:
+    """What it costs on the object to search only between the laser's two depths.
+
+    Parameters
+    ----------
+    views : sequence of KnownView
+        With the region ``"cube"``.
+    wide_px, narrow_px : sequence of (H, W) float, px
+        Their disparity by a window that holds the cube in all of them, and by the one cut to the laser's depths.
+
+    Returns
+    -------
+    dict
+        ``points``: bad pixels of the cube by the narrow window less those by the wide one, in the worst view, points.
+    """
+    cubes = [(view.truth_px, view.regions["cube"]) for view in views]
+    wide, narrow = ([score(d, *at) for d, at in zip(some, cubes, strict=True)] for some in (wide_px, narrow_px))
+    return {"points": max(points_lost(*both)["points"] for both in zip(wide, narrow, strict=True))}
 
 
 def block_choice(
@@ -124,23 +138,40 @@ def points_lost(better: Score, worse: Score) -> dict[str, float]:
     return {"points": worse.bad2_pct - better.bad2_pct}
 
 
-def surfaces_ahead(
-    on_object: tuple[Score, Sequence[Score]], on_floor: tuple[Score, Sequence[Score]]
-) -> dict[str, float]:
-    """By how much the recommended surface is ahead of the next best one.
+def one_colour(by_contrast: Mapping[float, Score], faint: float = 0.05) -> dict[str, float]:
+    """How many points more bad pixels an object of one colour has than the one of the strongest texture.
 
     Parameters
     ----------
-    on_object, on_floor : (Score, sequence of Score)
-        The matt, textured surface, and the others in its place.
+    by_contrast : mapping of the texture's contrast to Score
+        With no contrast at all (0) and with a faint one.
+    faint : float
+        Its contrast.
 
     Returns
     -------
     dict
-        ``object_points``, ``floor_points``: bad pixels of the best of the others less those of the recommended one.
+        ``none_points``, ``faint_points``: difference of the `bad2_pct`.
     """
-    ahead = [min(s.bad2_pct for s in others) - chosen.bad2_pct for chosen, others in (on_object, on_floor)]
-    return {"object_points": ahead[0], "floor_points": ahead[1]}
+    textured = by_contrast[max(by_contrast)]
+    lost = {"none_points": by_contrast[0.0], "faint_points": by_contrast[faint]}
+    return {name: points_lost(textured, worse)["points"] for name, worse in lost.items()}
+
+
+def surfaces_serve(on_object: Score, on_floor: Score) -> dict[str, float]:
+    """How bad the maps of the recommended surfaces are.
+
+    Parameters
+    ----------
+    on_object, on_floor : Score
+        Of the matt, textured object and floor.
+
+    Returns
+    -------
+    dict
+        ``object_pct``, ``floor_pct``: their `bad2_pct`.
+    """
+    return {"object_pct": on_object.bad2_pct, "floor_pct": on_floor.bad2_pct}
 
 
 def factors_of_fig4(on_cube: Mapping[str, Score]) -> dict[str, float]:
@@ -210,7 +241,7 @@ def share_within_cm(
 
 
 def recommended_distance(shares_pct: Mapping[float, float], recommended_cm: float = 75) -> dict[str, float]:
-    """How the recommended distance compares with the best one, the nearest and the farthest.
+    """How the recommended distance compares with the best one and with the farthest.
 
     Parameters
     ----------
@@ -222,19 +253,18 @@ def recommended_distance(shares_pct: Mapping[float, float], recommended_cm: floa
     Returns
     -------
     dict
-        ``behind_points``: the best distance's share less the recommended one's; ``nearer_points``,
-        ``farther_points``: the recommended one's less that of the nearest and of the farthest distance.
+        ``behind_points``: the best distance's share less the recommended one's; ``farther_points``: the recommended
+        one's less that of the farthest distance.
 
     Examples
     --------
     >>> recommended_distance({50: 80.0, 75: 99.0, 100: 90.0})
-    {'behind_points': 0.0, 'nearer_points': 19.0, 'farther_points': 9.0}
+    {'behind_points': 0.0, 'farther_points': 9.0}
     """
     shares = {cm: np.nan_to_num(share) for cm, share in shares_pct.items()}
     there = shares[recommended_cm]
     return {
         "behind_points": float(max(shares.values()) - there),
-        "nearer_points": float(there - shares[min(shares)]),
         "farther_points": float(there - shares[max(shares)]),
     }
 

@@ -54,7 +54,7 @@ def board_points_mm(rectified: RectifiedRig, left_px: Floats, right_px: Floats) 
 
 
 def sizes_by_depth_equation(
-    held_out: HeldOut, board: Board, cube: HeightAttempt, edge_mm: float, alpha: float = 0.0
+    held_out: HeldOut, board: Board, cube: HeightAttempt, true_mm: tuple[float, float], alpha: float = 0.0
 ) -> dict[str, float]:
     """Hold sizes by the depth equation against true ones that the calibration was not told.
 
@@ -66,27 +66,29 @@ def sizes_by_depth_equation(
         The board as it truly is, whatever the calibration was told.
     cube : HeightAttempt
         A cube's pair, matched and measured with a calibrated rig.
-    edge_mm : float
-        The cube's true edge.
+    true_mm : (edge, distance)
+        The cube's true edge, and how far its near edge stands from the camera along the floor.
     alpha : float
         As `StereoRig.rectify`.
 
     Returns
     -------
     dict
-        ``squares_pct``: mean over the boards left out of how wrong their squares are; ``height_pct``, ``width_pct``:
-        how wrong the cube's height and its width from corner to corner are, whatever the sign, %.
+        ``squares_pct``: mean over the boards left out of how wrong their squares are; ``distance_pct``, ``width_pct``:
+        how wrong the distance of the cube's near edge and the cube's width from corner to corner are, whatever the
+        sign, %; NaN if the cube was refused.
     """
     squares = []
     for rig, boards in held_out:
         rectified = rig.rectify(alpha)
         for pair in zip(boards.left_px, boards.right_px, strict=True):
             squares.append(abs(board_size_error_pct(board_points_mm(rectified, *pair), board)[0]))
-    width_mm, true_width_mm = corner_width_mm(cube), np.sqrt(2) * edge_mm
+    edge_mm, distance_mm = true_mm
+    found_mm = cube.measured.near_mm[0] if cube.measured else np.nan
     return {
         "squares_pct": float(np.mean(squares)),
-        "height_pct": 100 * abs(cube.height_mm / edge_mm - 1),
-        "width_pct": float(100 * abs(width_mm / true_width_mm - 1)),
+        "distance_pct": float(100 * abs(found_mm / distance_mm - 1)),
+        "width_pct": float(100 * abs(corner_width_mm(cube) / (np.sqrt(2) * edge_mm) - 1)),
     }
 
 

@@ -102,7 +102,6 @@ class Published:
     rtol: float | None = None
     conditions: Mapping[str, Condition] = field(default_factory=dict)
     figure: str = ""
-    taken_with: str = ""
     data: str = ""
     cause: str = ""
 

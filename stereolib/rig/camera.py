@@ -160,7 +160,7 @@ def distort(xy: ArrayLike, dist: ArrayLike) -> tuple[Float64, Float64]:
     ``x' = x g + 2 p1 x y + p2 (r2 + 2 x^2) + s1 r2 + s2 r2^2`` and
     ``y' = y g + p1 (r2 + 2 y^2) + 2 p2 x y + s3 r2 + s4 r2^2`` with
     ``g = (1 + k1 r2 + k2 r2^2 + k3 r2^3) / (1 + k4 r2 + k5 r2^2 + k6 r2^3)``. The paper prints the tangential
-    terms (section II.A) with ``2 x`` for ``2 x^2``: a misprint, the units would not agree.
+    terms (section II.A) with ``2 x`` for ``2 x^2``: a misprint, which stretches the image where the model bends it.
 
     Examples
     --------

@@ -41,14 +41,12 @@ def windows(shifts: list[int]) -> list[int]:
 def test_disparities_fall_with_distance():
     distances = [500, 600, 700, 800, 900, 1000]
     nearer_is_more = evidence.disparities_fall(distances, windows([90, 75, 64, 56, 50, 45]))
-    assert_turns(
-        "claim.disparities_fall_with_distance",
-        nearer_is_more,
-        evidence.disparities_fall(distances, windows([40] * 6)),
-    )
+    everywhere_alike = evidence.disparities_fall(distances, windows([40] * 6))
+    assert verdict_of("claim.disparities_fall_with_distance", nearer_is_more) == "follows"
+    assert verdict_of("claim.disparities_fall_with_distance", everywhere_alike) == "does not follow"
     assert nearer_is_more["falls_px"] == 48  # from 96 to 48
     up_and_down = evidence.disparities_fall(distances, windows([90, 40, 90, 40, 90, 40]))
-    assert verdict_of("claim.disparities_fall_with_distance", up_and_down) == "holds in part"
+    assert verdict_of("claim.disparities_fall_with_distance", up_and_down) == "follows in part"
 
 
 def test_the_trend_does_not_hang_on_the_order_of_the_distances():
@@ -70,19 +68,27 @@ def test_relative_depth():
     view = cube_view()
     truth = view.truth_px
     laser = np.where(view.regions["edge"], truth, np.nan)  # it knows the edge alone
-    missing = np.where(np.arange(50) < 10, np.nan, truth)
     steeper = 100 + 1.5 * (truth - 100)
-    assert_turns(
-        "claim.relative_depth_suffices",
-        evidence.relative_depth(view, truth, truth, truth + 2, laser),
-        evidence.relative_depth(view, truth, missing, steeper, laser),
-    )
+    shifted, bent = (evidence.relative_depth(view, d, laser) for d in (truth + 2, steeper))
+    assert verdict_of("claim.relative_depth_suffices", shifted) == "follows"
+    assert verdict_of("claim.relative_depth_suffices", bent) == "does not follow"
 
 
 def test_relative_depth_needs_a_laser_that_is_right():
     view = cube_view()
-    found = evidence.relative_depth(view, view.truth_px, view.truth_px, view.truth_px + 2, view.truth_px + 5)
-    assert verdict_of("claim.relative_depth_suffices", found) == "holds in part"
+    found = evidence.relative_depth(view, view.truth_px + 2, view.truth_px + 5)
+    assert verdict_of("claim.relative_depth_suffices", found) == "does not follow"
+
+
+def test_the_laser_sets_the_window():
+    view = cube_view()
+    missing = np.where(np.arange(50) < 10, np.nan, view.truth_px)
+    views, wide = [view, view], [view.truth_px, view.truth_px]
+    assert_turns(
+        "claim.laser_sets_window",
+        evidence.cut_window(views, wide, wide),
+        evidence.cut_window(views, wide, [view.truth_px, missing]),  # at one distance
+    )
 
 
 def bad_with(blocks: dict[int, float]) -> list[float]:
@@ -109,14 +115,18 @@ def test_glare_on_the_ground():
 
 
 def test_one_colour():
-    assert_turns("claim.unicolour_is_hard", evidence.points_lost(GOOD, BAD), evidence.points_lost(GOOD, scored(0.15)))
+    assert_turns(
+        "claim.unicolour_is_hard",
+        evidence.one_colour({0.0: BAD, 0.05: scored(0.3), 0.45: GOOD}),
+        evidence.one_colour({0.0: scored(0.15), 0.05: GOOD, 0.45: GOOD}),
+    )
 
 
 def test_matt_texture():
     assert_turns(
         "claim.matt_texture_recommended",
-        evidence.surfaces_ahead((GOOD, [BAD, scored(0.3)]), (GOOD, [BAD, BAD])),
-        evidence.surfaces_ahead((GOOD, [BAD, GOOD]), (BAD, [GOOD])),
+        evidence.surfaces_serve(scored(0.05), scored(0.0)),
+        evidence.surfaces_serve(GOOD, BAD),
     )
 
 
@@ -159,17 +169,16 @@ def test_an_object_that_the_picture_cuts_has_no_share():
     disparity, on_object = np.full((6, 8), 100.0), np.ones((6, 8), bool)
     share = evidence.share_within_cm(disparity, disparity, on_object, paper_rig().rectify())
     assert np.isnan(share)
-    assert evidence.recommended_distance({50: share, 75: 99.0, 100: 99.0})["nearer_points"] == 99
+    assert evidence.recommended_distance({50: 80.0, 75: 99.0, 100: share})["farther_points"] == 99
 
 
 def test_distance_over_scale():
     def shares(nearest_mm: int) -> dict[float, float]:
         return {mm / 10: cube_at(mm, 0 if mm >= nearest_mm else 30) for mm in (500, 600, 700, 800)}
 
-    assert_turns(
-        "claim.distance_depends_on_scale",
-        evidence.distance_over_scale({20: shares(500), 40: shares(700)}),
-        evidence.distance_over_scale({20: shares(600), 40: shares(600)}),
-    )
+    larger_farther = evidence.distance_over_scale({20: shares(500), 40: shares(700)})
+    alike = evidence.distance_over_scale({20: shares(600), 40: shares(600)})
+    assert verdict_of("claim.distance_depends_on_scale", larger_farther) == "follows"
+    assert verdict_of("claim.distance_depends_on_scale", alike) == "does not follow"
     nowhere = evidence.distance_over_scale({20: shares(600), 40: shares(9000)})
-    assert verdict_of("claim.distance_depends_on_scale", nowhere) == "does not hold"
+    assert verdict_of("claim.distance_depends_on_scale", nowhere) == "does not follow"

@@ -8,13 +8,13 @@ import cv2
 import numpy as np
 import pytest
 from support.corners import draw_poses, draw_rig, project_boards
-from support.verdicts import assert_turns
+from support.verdicts import assert_turns, verdict_of
 
 from stereolib import evidence
 from stereolib.calibration import BoardViews, calibrate_stereo, hold_out_rigs
 from stereolib.matching import Score, SGBMParams, compute_disparity, score
 from stereolib.measurement import HeightAttempt, attempt_height
-from stereolib.paper import paper_rig
+from stereolib.paper import paper_rig, published
 from stereolib.rig import Camera, StereoRig
 from stereolib.virtual import recordings
 
@@ -40,6 +40,9 @@ def test_rows_are_aligned_unless_the_rig_moves_between_the_boards():
     assert_turns("claim.rows_aligned", still, moved)
 
 
+TRUE_MM = 300.0, 700.0  # the cube's edge, and the distance of the near one
+
+
 def cube_by(rig: StereoRig) -> HeightAttempt:
     rectified = rig.rectify()
     return attempt_height(*rectified.rectify(*recordings.load_pair("conditions/texture")), rectified)
@@ -52,20 +55,44 @@ def test_depth_equation_is_refuted_by_squares_told_wrong():
     for told_mm in (25.0, 31.0):
         told = replace(views, board=replace(views.board, square_mm=told_mm))
         cube = cube_by(calibrate_stereo(told).rig)
-        sizes.append(evidence.sizes_by_depth_equation(hold_out_rigs(told), recordings.BOARD, cube, 300.0))
+        sizes.append(evidence.sizes_by_depth_equation(hold_out_rigs(told), recordings.BOARD, cube, TRUE_MM))
     assert_turns("eq.depth", *sizes)
     assert all(size == pytest.approx(24, abs=1) for size in sizes[1].values())
+
+
+def test_of_the_cube_only_its_distance_sees_a_wrong_focal_length():
+    held_out, sizes = hold_out_rigs(views_of(paper_rig())), []
+    for factor in (1.0, 1.01):
+        focal = np.array([[factor, 1, 1], [1, factor, 1], [1, 1, 1]])
+        lenses = [replace(camera, K=focal * camera.K) for camera in (paper_rig().left, paper_rig().right)]
+        cube = cube_by(replace(paper_rig(), left=lenses[0], right=lenses[1]))
+        sizes.append(evidence.sizes_by_depth_equation(held_out, recordings.BOARD, cube, TRUE_MM))
+    assert sizes[1]["distance_pct"] == pytest.approx(1, abs=0.25) and sizes[0]["distance_pct"] < 0.14
+    assert max(size["width_pct"] for size in sizes) < 0.3
+
+
+def test_a_refused_cube_gives_no_verdict_in_favour():
+    blank = np.zeros((480, 640, 3), np.uint8)
+    refused = attempt_height(blank, blank, paper_rig().rectify())
+    sizes = evidence.sizes_by_depth_equation(hold_out_rigs(views_of(paper_rig())), recordings.BOARD, refused, TRUE_MM)
+    assert verdict_of("eq.depth", sizes) == "holds in part" and np.isnan(sizes["distance_pct"])
 
 
 def test_a_wrong_equation_is_refuted_too(monkeypatch):
     """``Z = f B / (d + 2)``: a shift of the disparity, as from principal points that differ."""
     held_out, cube = hold_out_rigs(views_of(paper_rig())), cube_by(paper_rig())
-    right = evidence.sizes_by_depth_equation(held_out, recordings.BOARD, cube, 300.0)
+    right = evidence.sizes_by_depth_equation(held_out, recordings.BOARD, cube, TRUE_MM)
     rectified = type(paper_rig().rectify())
     plain = rectified.triangulate
     monkeypatch.setattr(rectified, "triangulate", lambda self, pixels, d: plain(self, pixels, np.asarray(d) + 2))
-    wrong = evidence.sizes_by_depth_equation(held_out, recordings.BOARD, cube, 300.0)
+    wrong = evidence.sizes_by_depth_equation(held_out, recordings.BOARD, cube, TRUE_MM)
     assert right["squares_pct"] < 0.1 < 1 < wrong["squares_pct"]
+
+
+def test_limits_are_what_their_reasons_say():
+    (rows,), sizes = published()["claim.rows_aligned"].conditions.values(), published()["eq.depth"].conditions
+    assert rows.most == 1 / cv2.StereoMatcher_DISP_SCALE
+    assert {c.most for c in sizes.values()} == {round(100 * 1 / (1000 * published()["setup.distance"].value), 2)}
 
 
 # --- matching without rectification

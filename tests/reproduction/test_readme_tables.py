@@ -43,7 +43,7 @@ def test_the_summary_counts_what_could_have_failed() -> None:
     rows = paper.compare_with_paper(
         {
             "claim.glare_on_object": {"points": 1.0},
-            "claim.dilation_is_cheap": {"share": 0.0, "points": 9.0},
+            "claim.dilation_is_cheap": {"darkest_points": 9.0, "middle_points": 9.0, "brightest_points": 0.0},
             "height.cube": [30.0, 30.0],
             "setup.distance": 0.7,
             "scale.width_cm": 50.0,

@@ -39,6 +39,7 @@ from .height import (
     threshold_elsewhere,
     top_found,
     tuned_threshold_px,
+    whole_edge_reading_cm,
     whole_edge_tolerance_px,
 )
 from .laser import (
@@ -178,6 +179,7 @@ __all__ = [
     "tuned_threshold_px",
     "turns_gain",
     "volume_and_surface",
+    "whole_edge_reading_cm",
     "whole_edge_tolerance_px",
     "width_tolerance_px",
 ]

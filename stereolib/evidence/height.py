@@ -105,6 +105,27 @@ def whole_edge_tolerance_px(disparity_px: Floats, view: CubeView) -> float:
     return float(max(largest - at_top, 0.0)) if np.isfinite(at_top) else np.nan
 
 
+def whole_edge_reading_cm(disparity_px: Floats, view: CubeView) -> float:
+    """What the paper's recipe reads with the best of all thresholds that mark the near edge up to its top.
+
+    Parameters
+    ----------
+    disparity_px : (H, W) float, px
+    view : CubeView
+
+    Returns
+    -------
+    float, cm
+        Of all readings the one nearest to the cube's printed size; NaN if no threshold marks the top.
+    """
+    least = whole_edge_tolerance_px(disparity_px, view)
+    if not np.isfinite(least):
+        return np.nan
+    tolerances = np.linspace(least, _strict(disparity_px).threshold_px, _LEVELS)
+    readings = _readings_cm(disparity_px, tolerances)
+    return float(readings[np.abs(readings - _side_cm()).argmin()])
+
+
 def steady_reading_cm(disparity_px: Floats) -> float:
     """What most thresholds make of the paper's recipe, so that no truth has to choose one.
 

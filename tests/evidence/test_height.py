@@ -72,6 +72,7 @@ def test_an_edge_without_disparity_supports_nothing():
     lost = only_edge(PITCHED)
     lost[:200] = np.nan
     assert np.isnan(evidence.whole_edge_tolerance_px(lost, PITCHED))
+    assert np.isnan(evidence.whole_edge_reading_cm(lost, PITCHED))
     assert evidence.top_found({"one": (lost, PITCHED)})["one_pct"] == 0
 
 

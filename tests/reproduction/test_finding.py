@@ -33,8 +33,8 @@ def figures(tmp_path: Path) -> Path:
         ("recipe_thresholds", {"map": "perfect", "camera": "8.5 cm up"}, "until px", "to 1.1 px below"),
         ("recipe_thresholds", {"map": "SGBM", "camera": "8.5 cm up"}, "cm", "1.1 cm from matched"),
         ("height_recordings", {"distance mm": 700}, "recipe off cm", "is 1.1 cm or more"),
-        ("height_recordings", {}, "plane off mm", "23 of all 23 to within 1.10 mm"),
-        ("ledger_06_height", {"id": "height.cube"}, "ours", "matched pictures give 1.1 cm"),
+        ("height_recordings", {}, "plane off mm", "measures 8 of these 8 and 23 of all 23, to within 1.10 mm"),
+        ("recipe_family", {"set-ups": "0.70 m to the edge's line"}, "gap from cm", "not from 1 to 22, give"),
     ],
 )
 def test_every_number_comes_from_its_table(figures: Path, table: str, row: dict, column: str, says: str) -> None:

@@ -27,7 +27,7 @@ def figures(tmp_path: Path) -> Path:
             "recipe_family",
             {"set-ups": "0.70 m to its nearest point"},
             "reads most cm",
-            " to 1.1 cm. At the edge's own depth",
+            " to 1.1 cm. With the true pose",
         ),
         ("recipe_thresholds", {"map": "perfect", "camera": "8.5 cm up"}, "cm", "that is 1.1 cm from perfect"),
         ("recipe_thresholds", {"map": "perfect", "camera": "8.5 cm up"}, "until px", "to 1.1 px below"),

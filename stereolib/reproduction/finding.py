@@ -54,6 +54,7 @@ def _quoted(figures: Path) -> dict[str, Any]:
     printed, line, widest = (family[family["set-ups"] == name] for name in (_PRINTED, _LINE, _WIDEST))
     at_camera = thresholds[thresholds["camera"] == _CAMERA].set_index("map")
     meant, known = seen[seen["distance mm"] == 700], seen["plane off mm"].notna()
+    rows = recorded_rows(figures).set_index("id")
     return {
         "printed_cm": (printed["reads least cm"].min(), printed["reads most cm"].max()),
         "perfect": at_camera.loc["perfect"].to_dict(),
@@ -61,7 +62,8 @@ def _quoted(figures: Path) -> dict[str, Any]:
         "other_cm": one.set_index("seen").loc["cube of 20 cm"].iloc[0],
         "line": line.iloc[0].to_dict(),
         "widest": widest.iloc[0].to_dict(),
-        "ray_cm": recorded_rows(figures).set_index("id")["ours"]["height.cube"].split(),
+        "off_px": rows["difference"]["scale.width_px"].lstrip("+-"),
+        "ray_cm": rows["ours"]["height.cube"].split(),
         "meant": len(meant),
         "meant_measured": int(meant["plane off mm"].notna().sum()),
         "meant_least_cm": meant["recipe off cm"].min(),

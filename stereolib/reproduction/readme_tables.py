@@ -11,7 +11,7 @@ from stereolib.base import read_json, read_text, write_atomic
 from stereolib.paper import published, recorded_rows
 from stereolib.reproduction.code_hash import code_sha256
 from stereolib.reproduction.finding import finding
-from stereolib.reproduction.report import MEANINGS, by_cause, count_kinds, sort_out
+from stereolib.reproduction.report import MEANINGS, by_cause, count_kinds, count_verdicts, sort_out
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -220,6 +220,8 @@ def ledger_summary(rows: pd.DataFrame) -> str:
     """
     sorted_out, kinds = sort_out(rows), count_kinds(rows)
     tests, failed, part, against = (sorted_out[name] for name in ("tests", "failed", "in_part", "contradictions"))
+    bad = [row["id"] for row in (*failed, *part)]
+    holding = count_verdicts(rows[(rows["kind"] == "test") & ~rows["id"].isin(bad)])
     causes = [
         f"{cause} ({_named(some)})" if cause != some[0]["id"] else _named(some)
         for cause, some in by_cause(failed).items()
@@ -227,8 +229,9 @@ def ledger_summary(rows: pd.DataFrame) -> str:
     lines = [
         f"**Of {len(rows)} rows, {len(tests)} could have failed**: measured in pictures or scans whose construction "
         f"does not fix the outcome. **{len(failed)} of them did, of {len(causes)} causes**: {'; '.join(causes)}. "
-        f"{len(part)} hold in part, {len(tests) - len(failed) - len(part)} hold. In {len(against)} of the others the "
-        "paper contradicts itself. [The report](figures/report.html) begins with these, "
+        f"{len(part)} hold in part, {len(tests) - len(failed) - len(part)} hold "
+        f"({_counted(holding, 0)}). In {len(against)} of the others the paper contradicts itself. "
+        "[The report](figures/report.html) begins with these, "
         "[the ledger](figures/ledger.csv) has each row with its limits and its reasons.",
         "",
         "| kind of row | what it means | verdicts |",

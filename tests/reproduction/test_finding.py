@@ -29,7 +29,7 @@ def figures(tmp_path: Path) -> Path:
             "reads most cm",
             " to 1.1 cm. With the true pose",
         ),
-        ("recipe_thresholds", {"map": "perfect", "camera": "8.5 cm up"}, "cm", "that is 1.1 cm from perfect"),
+        ("recipe_thresholds", {"map": "perfect", "camera": "8.5 cm up"}, "cm", "px, gives 1.1 cm from perfect"),
         ("recipe_thresholds", {"map": "perfect", "camera": "8.5 cm up"}, "until px", "to 1.1 px below"),
         ("recipe_thresholds", {"map": "SGBM", "camera": "8.5 cm up"}, "cm", "1.1 cm from matched"),
         ("height_recordings", {"distance mm": 700}, "recipe off cm", "is 1.1 cm or more"),

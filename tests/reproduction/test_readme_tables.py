@@ -52,7 +52,10 @@ def test_the_summary_counts_what_could_have_failed() -> None:
     )
     text = readme_tables.ledger_summary(rows)
     assert "**Of 6 rows, 3 could have failed**" in text
-    assert "**1 of them did, of 1 causes**: `claim.glare_on_object`. 1 hold in part, 1 hold. In 1 of the others" in text
+    assert (
+        "**1 of them did, of 1 causes**: `claim.glare_on_object`. 1 hold in part, 1 hold (meets the truth (1))." in text
+    )
+    assert "In 1 of the others the paper contradicts itself" in text
     assert "| does not hold (1), " not in text
     assert "meets the truth (1), holds in part (1), does not hold (1) |" in text
 

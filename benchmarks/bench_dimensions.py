@@ -9,29 +9,20 @@ import time
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
 from typing import Any
 from unittest import mock
 
 import cv2
 import numpy as np
 from common import PAPER_RIG, asked, save
+from support.box_scenes import NAMES, Shot, box_scene, errors, instrument, measure, shoot, the_box
 from tqdm.auto import tqdm
 
-from stereolib import laser, paper
-from stereolib.calibration import (
-    calibrate_lidar_to_camera,
-    calibrate_stereo,
-    find_in_pairs,
-    rectified_std,
-    rig_covariance,
-)
+from stereolib import paper
 from stereolib.matching import SGBMParams, compute_disparity
-from stereolib.measurement import Instrument, MeasuredObject, Measurement, SystematicUncertainty, measure_objects
+from stereolib.measurement import Instrument
 from stereolib.paper import height_by_maximum
 from stereolib.rig import RectifiedRig
-from stereolib.virtual import VirtualLidar, Webcam, cube_scene, laser_boards, recordings, render_pair
-from stereolib.virtual.scene import CUBE_SURFACE, FLOOR_SURFACE
 
 Array = np.ndarray
 SCENES = 200
@@ -54,87 +45,19 @@ HARD: tuple[dict[str, Any], ...] = (
     {"light": 0.012},
 )
 EACH_HARD = 15
-SENSOR = VirtualLidar(height_mm=60.0)  # below the lowest box's top
-NAMES = ("length", "width", "height")
 TIMED = 40
 #: The paper's recipe is made for a cube 700 mm away: the boxes that stand so far, by so much, are counted apart.
 NEAR_MM, NEAR_BY_MM = int(1000 * paper.printed_value("setup.distance")), 50
-
-
-@dataclass(frozen=True, eq=False)
-class Shot:
-    """One scene as recorded; the truth: size along the box's own x, y, z, its yaw, its nearest point's distance."""
-
-    left: Array
-    right: Array
-    scan: laser.AveragedScan
-    size_mm: Array
-    yaw_rad: float
-    distance_mm: float
-
-
-def shoot(seed: int, *, box: dict[str, float] = {}, floor: dict[str, float] = {}, light: float = 1.0) -> Shot:  # noqa: B006
-    """A virtual box of 10 to 40 cm in each direction, 0.5 to 1.2 m away, at any yaw."""
-    rng = np.random.default_rng([601, seed])
-    size, distance = rng.uniform(100, 400, 3), float(rng.uniform(500, 1200))
-    yaw, lateral = float(rng.uniform(0, np.pi)), float(rng.uniform(-0.12, 0.12) * distance)
-    contrast, scale, texture = rng.uniform(0.35, 0.5), rng.uniform(4, 9), int(rng.integers(1, 10**6))
-    surface = replace(CUBE_SURFACE, contrast=contrast, scale_mm=scale, seed=texture)
-    scene = cube_scene(
-        distance, size_mm=tuple(size), yaw_rad=yaw, lateral_mm=lateral, cube=replace(surface, **box),
-        floor=replace(FLOOR_SURFACE, **{"seed": texture + 10, **floor}),
-    ).dimmed(light)  # fmt: skip
-    seen, webcam = render_pair(scene, paper.paper_rig(), recordings.setup(), samples=1), Webcam()
-    left, right = (webcam.shoot(side, np.random.default_rng([602, seed, k])) for k, side in enumerate(seen))
-    packets = SENSOR.scan(scene, recordings.LASER_POSE, np.random.default_rng([603, seed]), turns=5)
-    return Shot(left, right, laser.average(laser.turns(laser.decode(packets))), size, yaw, distance)
 
 
 def shoot_all(jobs: list[tuple[int, dict[str, Any]]]) -> list[Shot]:
     """Render scenes, two at once."""
     from joblib import Parallel, delayed
 
-    running = Parallel(n_jobs=2, prefer="threads", return_as="generator")(delayed(shoot)(k, **how) for k, how in jobs)
-    return list(tqdm(running, "rendering scenes", len(jobs), unit="scene"))
-
-
-def instrument() -> Instrument:
-    """Rig and laser as calibrated from the recorded boards and from ten boards that the laser sees too."""
-    boards, names = recordings.load_boards()
-    found = calibrate_stereo(find_in_pairs(boards, recordings.BOARD, names=names))
-    rectified = found.rig.rectify()
-    views = laser_boards.laser_board_views(
-        SENSOR, paper.paper_rig().left, np.random.default_rng(604), believed_left=found.rig.left, height_mm=150.0
+    running = Parallel(n_jobs=2, prefer="threads", return_as="generator")(
+        delayed(shoot)(box_scene(k, **how)) for k, how in jobs
     )
-    how_well = rectified_std(rectified, rig_covariance(found.fit))
-    return Instrument(rectified, calibrate_lidar_to_camera(views), SystematicUncertainty(**how_well))
-
-
-def measure(shot: Shot, known: Instrument) -> Measurement:
-    """What is timed: rectify, match, height, footprint, fuse."""
-    return measure_objects(shot.left, shot.right, shot.scan, known, rng=np.random.default_rng(0))
-
-
-def the_box(measured: Measurement) -> MeasuredObject | None:
-    """The nearest object ahead."""
-    ahead = [thing for thing in measured.objects if thing.position_mm[0] > 300]
-    return ahead[0] if ahead else None
-
-
-def errors(thing: MeasuredObject | None, shot: Shot) -> dict[str, tuple[float, float]]:
-    """Error in % and in standard deviations of each size that is told."""
-    if thing is None:
-        return {}
-    true = np.array([max(shot.size_mm[:2]), min(shot.size_mm[:2]), shot.size_mm[2]])
-    if thing.shape == "face":  # its width is that of the face's own direction
-        true[1] = shot.size_mm[0 if np.cos(thing.yaw_rad - shot.yaw_rad) ** 2 > 0.5 else 1]
-    off = thing.size_mm - true
-    found = {n: (100 * off[k] / true[k], off[k] / thing.std_mm[k]) for k, n in enumerate(NAMES) if np.isfinite(off[k])}
-    volume, std = thing.volume_l
-    if np.isfinite(volume):
-        true_l = float(true.prod()) / 1e6
-        found["volume"] = (100 * (volume - true_l) / true_l, (volume - true_l) / std)
-    return found
+    return list(tqdm(running, "rendering scenes", len(jobs), unit="scene"))
 
 
 def paper_error_pct(shot: Shot, rectified: RectifiedRig) -> float:
@@ -146,7 +69,7 @@ def paper_error_pct(shot: Shot, rectified: RectifiedRig) -> float:
         found = height_by_maximum(disparity, scale, rows, tolerance_px=7.0)
     except ValueError:
         return np.nan
-    return 100 * (found.height_mm - shot.size_mm[2]) / float(shot.size_mm[2])
+    return 100 * (found.height_mm / float(shot.truth.size_mm[2]) - 1)
 
 
 @contextmanager
@@ -207,12 +130,12 @@ def accuracy(known: Instrument) -> dict[str, Any]:
     jobs: list[tuple[int, dict[str, Any]]] = [(k, {}) for k in range(SCENES)]
     jobs += [(1000 + k, how) for k in range(EACH_HARD * len(HARD)) for how in (HARD[k % len(HARD)],)]
     shots = shoot_all(jobs)
-    found: dict[str, list[tuple[float, float]]] = {name: [] for name in (*NAMES, "volume")}
+    found: dict[str, list[tuple[float, float]]] = {name: [] for name in NAMES}
     reasons: Counter[str] = Counter()
     silent, refused, ours = [0, 0], 0, np.full(SCENES, np.nan)
     for k, shot in enumerate(tqdm(shots, "measuring", unit="scene")):
-        thing = the_box(measure(shot, known))
-        off = errors(thing, shot)
+        thing = the_box(measure(shot, known), shot.truth)
+        off = errors(thing, shot.truth)
         silent[k >= SCENES] += any(abs(pct) > 10 for pct, _ in off.values())
         if k >= SCENES:
             continue
@@ -254,7 +177,7 @@ def by_paper(shots: list[Shot], rectified: RectifiedRig, ours_pct: Array) -> dic
     both, and have our median too.
     """
     off = np.abs([paper_error_pct(shot, rectified) for shot in tqdm(shots, "the paper's recipe")])
-    near = np.abs(np.array([shot.distance_mm for shot in shots]) - NEAR_MM) <= NEAR_BY_MM
+    near = np.abs(np.array([shot.truth.distance_mm for shot in shots]) - NEAR_MM) <= NEAR_BY_MM
     told = np.isfinite(ours_pct)
     groups = {"all": np.ones_like(near), "near": near, "others": ~near, "told": told, "near_told": near & told}
     found = {

@@ -40,7 +40,7 @@ from .matching import (
     stereo_pipeline,
     sweep,
 )
-from .measurement import Instrument, MeasuredObject, draw_objects, fit_floor, measure_height, measure_objects
+from .measurement import Instrument, MeasuredObject, draw_objects, fit_floor, measure_objects
 from .paper import cm_per_px, height_by_maximum, paper_rig, published
 from .plotting import panels, plot_disparity, plot_scan, save_figure
 from .rig import Camera, RectifiedRig, StereoRig, read_image, read_pair
@@ -87,7 +87,6 @@ __all__ = [
     "laser",
     "mapping",
     "matching",
-    "measure_height",
     "measure_objects",
     "measurement",
     "notebook",

@@ -14,10 +14,11 @@ from stereolib.cli.data import DATA
 from stereolib.cli.disparity import DISPARITY
 from stereolib.cli.errors import WRONG_INPUT, guarded
 from stereolib.cli.lrf import LRF
+from stereolib.cli.map import MAP
 from stereolib.cli.measure import MEASURE
 from stereolib.cli.reproduce import REPRODUCE
 
-COMMANDS = (REPRODUCE, DATA, DISPARITY, LRF, CALIBRATE, CALIBRATE_LASER, MEASURE)
+COMMANDS = (REPRODUCE, DATA, DISPARITY, LRF, CALIBRATE, CALIBRATE_LASER, MEASURE, MAP)
 
 
 class _Parser(argparse.ArgumentParser):

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from stereolib.cli.command import Command
 from stereolib.cli.errors import DONE, REFUSED
+from stereolib.cli.outputs import check_outputs
 
 
 def _configure_build(parser: argparse.ArgumentParser) -> None:
@@ -52,9 +53,25 @@ def _fetch(arguments: argparse.Namespace) -> int:
     return DONE
 
 
+def _configure_walk(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("folder", type=Path, metavar="FOLDER", help="what to make, for example walk")
+    parser.add_argument("--force", action="store_true", help="replace files that are there")
+
+
+def _walk(arguments: argparse.Namespace) -> int:
+    from stereolib.virtual import walk, walk_folder
+
+    check_outputs([arguments.folder / name for name in walk_folder.WALK_FILES], force=arguments.force, option="FOLDER")
+    written = walk_folder.write_walk(arguments.folder)
+    print(f"{arguments.folder}: {len(written)} files; the map of them: stereolib map {arguments.folder}")
+    sizes = ", ".join(" x ".join(f"{size:.0f}" for size in box.size_mm) for box in walk.objects())
+    print(f"the true sizes of what stands there: {sizes} mm; true_poses.csv is the truth, too (--poses)")
+    return DONE
+
+
 DATA = Command(
     "data",
-    "make, check or fetch the recordings",
+    "make, check or fetch recordings, or write some to try",
     "stereolib data verify",
     commands=(
         Command(
@@ -70,6 +87,13 @@ DATA = Command(
             "download the real recordings, or find them in $STEREOLIB_DATA, and say where they are",
             "stereolib data fetch",
             _fetch,
+        ),
+        Command(
+            "walk",
+            "write a walk of the virtual rig through a room, as recordings of your own would lie in a folder",
+            "stereolib data walk walk",
+            _walk,
+            _configure_walk,
         ),
     ),
 )

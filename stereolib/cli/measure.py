@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import argparse
 import json
-import textwrap
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from stereolib.base import plus_minus
 from stereolib.cli.command import Command
 from stereolib.cli.errors import DONE, REFUSED
 from stereolib.cli.outputs import check_ending, check_outputs
+from stereolib.cli.told import object_details, object_facts, object_title, wrapped
 
 if TYPE_CHECKING:
-    from stereolib.measurement import MeasuredObject, Measurement
+    from stereolib.measurement import Floor, Measurement
+    from stereolib.rig import RectifiedRig
+
+_FLOOR_STD = (1.0, 0.2)  # mm, degrees: what a ruler and a phone's level tell
+_STEEPEST = 90.0  # degrees
 
 _NOTES = """\
 A box shows two faces: length, width, height. A face shows one: its width, as its depth is hidden. Round things have a
@@ -29,6 +32,14 @@ def _configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("right", type=Path, metavar="RIGHT", help="picture of the right camera")
     parser.add_argument("--scan", type=Path, metavar="FILE", help="the laser, recorded at the same time (lrf record)")
     parser.add_argument("--calibration", type=Path, required=True, metavar="FILE", help="calibration.json")
+    parser.add_argument(
+        "--floor",
+        type=_floor,
+        metavar="HEIGHT,PITCH",
+        help="height of the left camera over the floor, mm, and angle of its view above the horizon, degrees, where no "
+        f"floor is seen; taken as right to {_FLOOR_STD[0]:g} mm and {_FLOOR_STD[1]:g} degrees, or to what is added "
+        "(HEIGHT,PITCH,STD,STD). --floor=450,-20 looks down by 20 degrees",
+    )
     parser.add_argument("--picture", type=Path, metavar="PNG", help="default: LEFT's name with _measured.png, here")
     parser.add_argument("--force", action="store_true", help="replace the picture if it is there")
     parser.add_argument("--json", action="store_true", help="print one JSON object")
@@ -36,7 +47,6 @@ def _configure(parser: argparse.ArgumentParser) -> None:
 
 def _run(arguments: argparse.Namespace) -> int:
     import cv2
-    import numpy as np
 
     from stereolib import laser
     from stereolib.base import write_atomic
@@ -49,8 +59,8 @@ def _run(arguments: argparse.Namespace) -> int:
     instrument = Instrument.load(arguments.calibration)
     pair = read_pair(arguments.left, arguments.right)
     scan = None if arguments.scan is None else laser.average(laser.turns(laser.read_recording(arguments.scan)))
-    rng = np.random.default_rng(0)  # of the search for the floor: the same pair gives the same sizes
-    measured = measure_objects(*pair, scan, instrument, rng=rng)
+    floor = None if arguments.floor is None else floor_by_hand(instrument.rectified, arguments.floor)
+    measured = measure_objects(*pair, scan, instrument, floor=floor)
     write_atomic(picture, cv2.imencode(".png", draw_objects(measured))[1].tobytes())
     facts = measured_facts(measured) | {"picture": str(picture)}
     print(json.dumps(facts, indent=1, allow_nan=False) if arguments.json else measured_text(measured))
@@ -59,28 +69,40 @@ def _run(arguments: argparse.Namespace) -> int:
     return DONE if any(entry["height_mm"] or entry["width_mm"] for entry in facts["objects"]) else REFUSED
 
 
-def measured_facts(measured: Measurement) -> dict[str, Any]:
-    """What was measured, ready for JSON: None where a thing is not known."""
+def _floor(text: str) -> tuple[float, ...]:
+    """Height and pitch with their deviations, mm and degrees, from ``HEIGHT,PITCH`` or ``HEIGHT,PITCH,STD,STD``."""
+    try:
+        numbers = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        numbers = ()
+    numbers += _FLOOR_STD if len(numbers) == len(_FLOOR_STD) else ()
+    if len(numbers) != 2 * len(_FLOOR_STD):
+        why = f"{text!r} is not HEIGHT,PITCH (mm, degrees; negative looks down)"
+        raise argparse.ArgumentTypeError(f"{why}: write for example --floor=450,-20")
+    height, pitch, *deviations = numbers
+    if not (height > 0 and abs(pitch) < _STEEPEST and all(0 <= std < height for std in deviations)):
+        why = f"{text!r}: the height must be above 0 mm, the pitch between -{_STEEPEST:g} and {_STEEPEST:g} degrees"
+        raise argparse.ArgumentTypeError(f"{why}, deviations not negative")
+    return numbers
+
+
+def floor_by_hand(rectified: RectifiedRig, numbers: tuple[float, ...]) -> Floor:
+    """The floor below a camera that is level from side to side: height, pitch and their deviations, mm and degrees."""
     import numpy as np
 
-    def plain(value: float) -> float | None:
-        return round(float(value), 4) if np.isfinite(value) else None
+    from stereolib.measurement import floor_from_pose
+    from stereolib.rig import pose_left_world, rigid
 
-    entries = []
-    for item in measured.objects:
-        entry: dict[str, Any] = {"shape": item.shape}
-        for name, size, std in zip(("length", "width", "height"), item.size_mm, item.std_mm, strict=True):
-            entry |= {f"{name}_mm": plain(size), f"{name}_std_mm": plain(std)}
-        volume, area = item.volume_l, item.surface_m2
-        entry |= {"volume_l": plain(volume[0]), "volume_std_l": plain(volume[1])}
-        entry |= {"surface_m2": plain(area[0]), "surface_std_m2": plain(area[1])}
-        entry["position_mm"] = [plain(value) for value in item.position_mm]
-        entry["position_std_mm"] = [plain(value) for value in np.sqrt(np.diag(item.position_covariance))]
-        entry |= {"yaw_rad": plain(item.yaw_rad), "yaw_std_rad": plain(item.yaw_std_rad)}
-        entries.append(entry | {"sources": item.sources, "reasons": item.reasons})
+    (height, _), (pitch, std) = numbers[::2], np.radians(numbers[1::2]).tolist()
+    pose = rigid(rectified.R1.T, np.zeros(3)) @ pose_left_world(pitch, height)
+    return floor_from_pose(rectified, pose, height_std_mm=numbers[2], pitch_std_rad=std, roll_std_rad=std)
+
+
+def measured_facts(measured: Measurement) -> dict[str, Any]:
+    """What was measured, ready for JSON: None where a thing is not known."""
     return {
         "frame": "floor below the left camera; x forward, y left, mm, rad; one standard deviation",
-        "objects": entries,
+        "objects": [object_facts(item) for item in measured.objects],
         "warnings": list(measured.warnings),
     }
 
@@ -90,39 +112,20 @@ def measured_text(measured: Measurement) -> str:
     import numpy as np
 
     lines, nameless = [], [item for item in measured.objects if np.isnan(item.size_mm).all()]
-    for k, item in enumerate(item for item in measured.objects if item not in nameless):
-        sizes = " x ".join(plus_minus(size, std) for size, std in zip(item.size_mm, item.std_mm, strict=True))
-        lines.append(f"{k + 1}  {item.shape}: {sizes} mm (length x width x height, ± one standard deviation)")
-        lines += [f"   {line}" for line in _details(item)]
+    for k, item in enumerate((item for item in measured.objects if item not in nameless), start=1):
+        x, y = item.position_mm
+        place = f"at {x:.0f} mm ahead, {abs(y):.0f} mm {'left' if y >= 0 else 'right'}"
+        lines += [object_title(str(k), item), *(f"   {line}" for line in object_details(item, place))]
     if nameless:
         places = "; ".join(f"{x:.0f} mm ahead, {y:+.0f} mm left" for x, y in (item.position_mm for item in nameless))
         lines.append(f"also seen, but not measurable (pieces of wall, what is cut or hidden): {places}")
-    lines += [f"warning: {text}" for text in measured.warnings]
-    return "\n".join(
-        part for line in lines for part in textwrap.wrap(line, 120, subsequent_indent="     ", drop_whitespace=False)
-    )
-
-
-def _details(item: MeasuredObject) -> list[str]:
-    import numpy as np
-
-    x, y = item.position_mm
-    place = f"at {x:.0f} mm ahead, {abs(y):.0f} mm {'left' if y >= 0 else 'right'}"
-    turned = "" if np.isnan(item.yaw_rad) else f", turned by {np.degrees(item.yaw_rad):.1f} degrees"
-    lines = [place + turned]
-    volume, std = item.volume_l
-    if np.isfinite(volume):
-        area, area_std = item.surface_m2
-        lines.append(f"volume {plus_minus(volume, std)} l, surface {plus_minus(area, area_std)} m2 (sides and top)")
-    if item.sources:
-        lines.append("; ".join(f"{what}: {who}" for what, who in item.sources.items()))
-    return lines + [f"no {what}: {why}" if what != "object" else why for what, why in item.reasons.items()]
+    return wrapped([*lines, *(f"warning: {text}" for text in measured.warnings)])
 
 
 MEASURE = Command(
     "measure",
     "sizes of the things in a pair of pictures and a scan, with standard deviations",
-    "stereolib measure left.jpg right.jpg --scan scan.bin --calibration calibration.json",
+    "stereolib measure left.jpg right.jpg --scan scan.bin --calibration calibration.json --floor=85,8.3",
     _run,
     _configure,
     notes=_NOTES,

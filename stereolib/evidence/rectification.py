@@ -84,10 +84,9 @@ def sizes_by_depth_equation(
         for pair in zip(boards.left_px, boards.right_px, strict=True):
             squares.append(abs(board_size_error_pct(board_points_mm(rectified, *pair), board)[0]))
     edge_mm, distance_mm = true_mm
-    found_mm = cube.measured.near_mm[0] if cube.measured else np.nan
     return {
         "squares_pct": float(np.mean(squares)),
-        "distance_pct": float(100 * abs(found_mm / distance_mm - 1)),
+        "distance_pct": float(100 * abs(cube.near_mm[0] / distance_mm - 1)),
         "width_pct": float(100 * abs(corner_width_mm(cube) / (np.sqrt(2) * edge_mm) - 1)),
     }
 

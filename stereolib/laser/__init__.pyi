@@ -12,9 +12,18 @@ from .error_model import (
 )
 from .footprint import FaceLine, Footprint, fit_footprint
 from .framing import PacketError
-from .points import EMITTER_ANGLE_RAD, EMITTER_OFFSET_MM, points_mm
+from .points import Rays, points_mm, rays
 from .recordings import decode_recording, read_recording, recording_info
-from .scans import AveragedScan, LaserScan, average, gate, moving_readings, turns
+from .scans import (
+    EMITTER_ANGLE_RAD,
+    EMITTER_OFFSET_MM,
+    AveragedScan,
+    LaserScan,
+    average,
+    gate,
+    moving_readings,
+    turns,
+)
 from .segmentation import XV11_SIGMA, Segment, find_segments
 from .serial_port import LidarError, open_lidar, read_chunks, record_port, take_scans
 from .walls import Wall, fit_line, fit_walls
@@ -56,6 +65,7 @@ __all__ = [
     "LaserScan",
     "LidarError",
     "PacketError",
+    "Rays",
     "Readings",
     "Segment",
     "SigmaFit",
@@ -79,6 +89,7 @@ __all__ = [
     "moving_readings",
     "open_lidar",
     "points_mm",
+    "rays",
     "read_chunks",
     "read_recording",
     "record_port",

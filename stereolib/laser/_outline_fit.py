@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stereolib.base import Float64, direction
+from stereolib.laser.points import Rays
 
 _STEPS = 4  # of Gauss-Newton: an angle right to 0.1 rad is right to 1e-8 after three
 _CIRCLE_STEPS = 8  # from the algebraic fit a round outline needs four
@@ -48,12 +49,14 @@ class Lines:
         return direction(self.parameters[0] + face * np.pi / 2)
 
 
-def fit_lines(p: Float64, sigma: Float64, split: int, start: float | None = None) -> Lines:
+def fit_lines(p: Float64, beams: Rays, sigma: Float64, split: int, start: float | None = None) -> Lines:
     """Fit one line, or two at right angles, by Gauss-Newton on the angle and the offsets.
 
     Parameters
     ----------
     p : (N, 2) float64, mm
+    beams : Rays
+        The N beams that met them.
     sigma : (N,) float64
         Standard deviation of each reading along its beam, mm.
     split : int
@@ -71,8 +74,7 @@ def fit_lines(p: Float64, sigma: Float64, split: int, start: float | None = None
         start = float(np.arctan2(normal[1], normal[0]))
     x = np.array([start, 0.0, 0.0] if split < len(p) else [start, 0.0])
     # Turned back by a quarter, the second part's points lie like the first's: one normal serves both.
-    q = np.concatenate([p[:split], p[split:] @ _TURN])
-    beam = q / np.hypot(*q.T)[:, None]
+    q, beam = (np.concatenate([v[:split], v[split:] @ _TURN]) for v in (p, beams.directions))
     columns = np.zeros((len(p), len(x) - 1))
     columns[:split, 0] = columns[split:, -1] = 1.0
     for step in range(_STEPS):
@@ -90,12 +92,14 @@ def fit_lines(p: Float64, sigma: Float64, split: int, start: float | None = None
     return Lines(x, np.linalg.inv(A), float(e @ e), split)
 
 
-def fit_corner(p: Float64, sigma: Float64) -> Lines | None:
+def fit_corner(p: Float64, beams: Rays, sigma: Float64) -> Lines | None:
     """Fit the best corner that stands out towards the sensor.
 
     Parameters
     ----------
     p : (N, 2) float64, mm
+    beams : Rays
+        The N beams that met them.
     sigma : (N,) float64, mm
 
     Returns
@@ -103,7 +107,7 @@ def fit_corner(p: Float64, sigma: Float64) -> Lines | None:
     Lines or None
         None if no split makes such a corner.
     """
-    n = len(p)
+    n, towards = len(p), beams.directions
     weight = 1 / sigma**2
     moments = np.stack([weight, *(weight * p.T), *(weight * (p[:, i] * p[:, j]) for i, j in ((0, 0), (0, 1), (1, 1)))])
     sums = np.concatenate([np.zeros((6, 1)), moments.cumsum(axis=1)], axis=1)
@@ -119,24 +123,26 @@ def fit_corner(p: Float64, sigma: Float64) -> Lines | None:
     best: Lines | None = None
     for at in np.argsort(values[:, 0], kind="stable")[:_CANDIDATES]:
         k = int(splits[at])
-        fit = fit_lines(p, sigma, k, float(np.arctan2(vectors[at, 1, 0], vectors[at, 0, 0])))
-        n1, n2 = fit.normal(0), fit.normal(1)
+        fit = fit_lines(p, beams, sigma, k, float(np.arctan2(vectors[at, 1, 0], vectors[at, 0, 0])))
+        n1, n2, first, last = fit.normal(0), fit.normal(1), slice(0, k), slice(k, n)
         # Each face lies behind the other's line, as seen from the sensor.
         convex = all(
-            np.sign(c) * (p[part].mean(axis=0) @ normal - c) > 0
-            for normal, c, part in ((n1, fit.parameters[1], slice(k, n)), (n2, fit.parameters[2], slice(0, k)))
+            np.sign(towards[own].mean(axis=0) @ normal) * (p[other].mean(axis=0) @ normal - c) > 0
+            for normal, c, own, other in ((n1, fit.parameters[1], first, last), (n2, fit.parameters[2], last, first))
         )
         if convex and (best is None or fit.chi2 < best.chi2):
             best = fit
     return best
 
 
-def fit_circle(p: Float64, sigma: Float64) -> tuple[Float64, float, Float64]:
+def fit_circle(p: Float64, beams: Rays, sigma: Float64) -> tuple[Float64, float, Float64]:
     """Fit a circle that is seen from outside.
 
     Parameters
     ----------
     p : (N, 2) float64, mm
+    beams : Rays
+        The N beams that met them.
     sigma : (N,) float64, mm
 
     Returns
@@ -149,23 +155,27 @@ def fit_circle(p: Float64, sigma: Float64) -> tuple[Float64, float, Float64]:
 
     Notes
     -----
-    Gauss-Newton on the ranges, ``r = b . m - sqrt(R^2 - m^2 + (b . m)^2)`` along the beam b.
+    Gauss-Newton on the ranges, ``r = b . m - sqrt(R^2 - m^2 + (b . m)^2)`` along the beam b from its origin, from
+    which the centre is m.
     """
-    r = np.hypot(*p.T)
-    beam = p / r[:, None]
-    x, y, c = np.linalg.lstsq(np.column_stack([2 * p, np.ones(len(p))]), r**2, rcond=None)[0]
+    beam = beams.directions
+    r = ((p - beams.origins_mm) * beam).sum(axis=1)
+    x, y, c = np.linalg.lstsq(np.column_stack([2 * p, np.ones(len(p))]), (p**2).sum(axis=1), rcond=None)[0]
     q = np.array([x, y, np.sqrt(max(c + x * x + y * y, 1.0))])
-    if np.hypot(x, y) < q[2]:  # seen from inside: the outline is hollow or straight
+    if (
+        np.linalg.norm(q[:2] - beams.origins_mm, axis=1).min() < q[2]
+    ):  # seen from inside: the outline is hollow or straight
         return q, np.inf, np.full((3, 3), np.nan)
     best, damping = np.inf, 1e-3
     for _ in range(_CIRCLE_STEPS):
-        along = beam @ q[:2]
-        root = np.sqrt(np.maximum(q[2] ** 2 - q[:2] @ q[:2] + along**2, 1.0))
+        m = q[:2] - beams.origins_mm
+        along = (beam * m).sum(axis=1)
+        root = np.sqrt(np.maximum(q[2] ** 2 - (m**2).sum(axis=1) + along**2, 1.0))
         e = (along - root - r) / sigma
         if e @ e < best * (1 + 1e-9):
             done = best - e @ e < 1e-4 * best
             best, kept, damping = float(e @ e), q, damping / 3
-            J = np.column_stack([beam - (along[:, None] * beam - q[:2]) / root[:, None], -q[2] / root]) / sigma[:, None]
+            J = np.column_stack([beam - (along[:, None] * beam - m) / root[:, None], -q[2] / root]) / sigma[:, None]
             A, g = J.T @ J, J.T @ e
             if done:
                 break

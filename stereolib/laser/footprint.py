@@ -13,6 +13,7 @@ import numpy as np
 
 from stereolib.base import Float64, direction, wrap_rad
 from stereolib.laser._outline_fit import Lines, fit_circle, fit_corner, fit_lines
+from stereolib.laser.points import Rays
 from stereolib.laser.segmentation import Segment
 
 _LEAST_ON_FACE = 2  # beams; from one alone nothing can be told of a face
@@ -21,7 +22,6 @@ _FLAT = 1.6  # a shallow bend up to so many times the noise is what the bias mak
 _UNDECIDED = 4.0  # scores nearer to each other than this do not tell a corner from a round outline
 _BIAS_TILT = 0.3  # share of the bias by which a face's two ends differ
 _REACH = 4.0  # standard deviations within which a reading still lies on a line
-_LEAST_COSINE = 0.02  # between a beam and a normal: flatter beams meet the line too far away to tell
 
 
 def _unknown() -> Float64:
@@ -145,13 +145,13 @@ def fit_footprint(segment: Segment, *, bias_mm: float = 1.0) -> Footprint:
     part, J: a quarter turn), then refined by Gauss-Newton. Line, corner and circle compete by chi square plus
     ``parameters ln N``; none of them fits where the residuals exceed the noise 2.5 times.
     """
-    p, sigma = segment.points_mm, segment.sigma_mm
-    n = len(p)
+    seen = segment.points_mm, segment.rays, segment.sigma_mm
+    n = len(segment.beams)
     if n < 3:
         return _irregular(segment, np.nan, f"{n} beams do not tell a shape")
-    line, corner = fit_lines(p, sigma, n), fit_corner(p, sigma)
+    line, corner = fit_lines(*seen, n), fit_corner(*seen)
     flat = np.sqrt(line.chi2 / max(n - 2, 1)) < _FLAT
-    circle = (np.zeros(3), np.inf, np.eye(3)) if flat else fit_circle(p, sigma)
+    circle = (np.zeros(3), np.inf, np.eye(3)) if flat else fit_circle(*seen)
     chi2 = {"face": line.chi2, "rectangle": corner.chi2 if corner else np.inf, "circle": circle[1]}
     scores = {name: chi2[name] + k * np.log(n) for name, k in (("face", 2), ("rectangle", 4), ("circle", 3))}
     shape = min(scores, key=scores.__getitem__)
@@ -177,25 +177,26 @@ def fit_footprint(segment: Segment, *, bias_mm: float = 1.0) -> Footprint:
 def _face(segment: Segment, fit: Lines, face: int, corner: Float64 | None, scale: float, bias_mm: float) -> FaceLine:
     """One line with its ends; `face` 0 is the right one."""
     normal, offset = fit.normal(face), float(fit.parameters[1 + face])
-    if offset < 0:
-        normal, offset = -normal, -offset
+    beams = segment.rays.directions[: fit.split], segment.rays.directions[fit.split :]
+    facing = float(np.mean(beams[face] @ normal))
+    if facing < 0:
+        normal, offset, facing = -normal, -offset, -facing
     along = np.array([-normal[1], normal[0]])  # to the left, seen from the sensor
-    parts = segment.points_mm[: fit.split], segment.points_mm[fit.split :]
 
-    def offset_std(k: int, cosines: Float64) -> float:
-        cosine = float(np.mean(cosines / np.linalg.norm(parts[k], axis=1)))
+    def offset_std(k: int, cosine: float) -> float:
         return float(np.hypot(scale * np.sqrt(fit.covariance[1 + k, 1 + k]), bias_mm * cosine))
 
-    facing = float(np.mean(parts[face] @ normal / np.linalg.norm(parts[face], axis=1)))
-    std = offset_std(face, parts[face] @ normal)
+    std = offset_std(face, facing)
     ends = []
     for side in (0, 1):
         if corner is not None and side != face:
-            ends.append((float(corner @ along), offset_std(1 - face, np.abs(parts[1 - face] @ along)), "corner"))
+            other = float(np.mean(np.abs(beams[1 - face] @ along)))
+            ends.append((float(corner @ along), offset_std(1 - face, other), "corner"))
             continue
-        beams = direction(_end_between(segment, side, normal, offset, facing))
-        met = offset * (beams @ along) / np.maximum(beams @ normal, _LEAST_COSINE)
-        slant = abs(met.mean()) / max(offset, 1.0)
+        between = _end_between(segment, side, normal, offset, facing)
+        met = between.meet(normal, offset) @ along
+        aside, ahead = (met - between.origins_mm @ along).mean(), (offset - between.origins_mm @ normal).mean()
+        slant = abs(aside) / max(ahead, 1.0)
         kind = "hidden" if segment.hidden[side] else "free"
         ends.append((float(met.mean()), float(np.hypot(np.ptp(met) / np.sqrt(12), std * slant)), kind))
     at, deviations, kinds = zip(*ends, strict=True)
@@ -205,17 +206,13 @@ def _face(segment: Segment, fit: Lines, face: int, corner: Float64 | None, scale
     return FaceLine(normal, offset, std, angle_std_rad, ends_mm, np.array(deviations), (kinds[0], kinds[1]))
 
 
-def _end_between(segment: Segment, side: int, normal: Float64, offset: float, facing: float) -> Float64:
-    """Angles between which a line ends: it goes on through readings beyond a jump that still lie on it. (2,) rad."""
-    own, other = segment.gaps_rad[side] if side else segment.gaps_rad[side][::-1]
-    beyond = segment.beyond_mm[side]
-    angles = own + wrap_rad(np.arctan2(beyond[:, 1], beyond[:, 0]) - own)
+def _end_between(segment: Segment, side: int, normal: Float64, offset: float, facing: float) -> Rays:
+    """The two beams between which a line ends: it goes on through readings beyond a jump that still lie on it."""
+    beyond, outwards = segment.beyond_mm[side], segment.outwards[side]
     reach = _REACH * np.hypot(float(segment.sigma_mm.max()), 1.0) * max(facing, 0.5)
-    for k in range(len(beyond) - 1):
-        if abs(beyond[k] @ normal - offset) > reach:
-            break
-        own, other = float(angles[k]), float(angles[k + 1])
-    return np.array([own, other])
+    off = np.append(np.abs(beyond @ normal - offset) > reach, True)
+    last = min(int(off.argmax()), len(outwards) - 2)
+    return outwards[last : last + 2]
 
 
 def _rectangle(segment: Segment, fit: Lines, faces: tuple[FaceLine, FaceLine], misfit: float) -> Footprint:

@@ -18,6 +18,8 @@ from stereolib.laser.xv11 import BEAMS, NOMINAL_RPM, PACKETS_PER_TURN, READINGS_
 
 RANGE_MIN_MM, RANGE_MAX_MM = 60.0, 6000.0
 TRUSTED_MM = 3000.0  # the paper's limit: what is farther is not used
+#: Where the light leaves an XV-11: so far from its axis, in this direction, counter-clockwise from the beam.
+EMITTER_OFFSET_MM, EMITTER_ANGLE_RAD = 25.0, float(np.deg2rad(-82.0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +29,8 @@ class LaserScan:
     Attributes
     ----------
     ranges_mm, intensities : (360,) float64
-        Distance, mm, and signal strength, counts, beam by beam; NaN where nothing was measured.
+        Distance, mm, and signal strength, counts, beam by beam; NaN where nothing was measured. What no laser
+        measures, 0, negative or infinite, becomes NaN.
     stamp_s : float
         Start of the turn from the start of the stream, s, as the motor speed tells it.
     scan_time_s, time_increment_s : float
@@ -40,6 +43,9 @@ class LaserScan:
         Angle of the first beam, between two beams, and of the last beam, rad.
     range_min_mm, range_max_mm : float
         Ranges that the sensor measures, or that were let through, mm.
+    emitter_offset_mm, emitter_angle_rad : float
+        How far from the sensor's axis its light starts, mm, and in which direction, counter-clockwise from the beam,
+        rad. An XV-11's unless given; 0 for a sensor whose beams start at its axis.
     """
 
     ranges_mm: Float64
@@ -52,8 +58,12 @@ class LaserScan:
     angle_increment_rad: float = 2 * np.pi / BEAMS
     range_min_mm: float = RANGE_MIN_MM
     range_max_mm: float = RANGE_MAX_MM
+    emitter_offset_mm: float = EMITTER_OFFSET_MM
+    emitter_angle_rad: float = EMITTER_ANGLE_RAD
 
     def __post_init__(self) -> None:
+        ranges = np.asarray(self.ranges_mm, np.float64)
+        set_frozen(self, ranges_mm=np.where(np.isfinite(ranges) & (ranges > 0), ranges, np.nan))
         copies = {name: value.copy() for name, value in vars(self).items() if isinstance(value, np.ndarray)}
         for copy in copies.values():
             copy.setflags(write=False)
@@ -120,12 +130,14 @@ def check_firmware(readings: Readings, source: str = "the stream") -> None:
         raise ValueError(f"{source} mixes two firmwares: {counted}. {advice}")
 
 
-def turns(readings: Readings) -> list[LaserScan]:
+def turns(readings: Readings, *, emitter_offset_mm: float = EMITTER_OFFSET_MM) -> list[LaserScan]:
     """Assemble packets into turns.
 
     Parameters
     ----------
     readings : Readings
+    emitter_offset_mm : float
+        How far beside the sensor's axis its beams start, mm: an XV-11's unless given, which no packet tells.
 
     Returns
     -------
@@ -167,7 +179,8 @@ def turns(readings: Readings) -> list[LaserScan]:
         )
         (ranges, intensities), stamp_s = beams.reshape(2, -1), float(stamps_s[start])
         complete = bool(end - start == PACKETS_PER_TURN)
-        scans.append(LaserScan(ranges, intensities, stamp_s, scan_time_s, speed_rpm, complete))
+        turn = LaserScan(ranges, intensities, stamp_s, scan_time_s, speed_rpm, complete)
+        scans.append(replace(turn, emitter_offset_mm=emitter_offset_mm))
     return scans
 
 

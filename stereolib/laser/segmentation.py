@@ -10,7 +10,7 @@ import numpy as np
 
 from stereolib.base import Bools, Float64, Ints
 from stereolib.laser.error_model import QUANTISATION_MM, SigmaFit
-from stereolib.laser.points import points_mm
+from stereolib.laser.points import Rays, points_mm, rays
 from stereolib.laser.scans import TRUSTED_MM, AveragedScan, LaserScan
 
 #: Noise of a single reading, ``a + b r^2``: the virtual laser's, above a real XV-11's (notebook 05).
@@ -37,25 +37,36 @@ class Segment:
         (too few beams).
     beams : (N,) int
         Their numbers in the scan, counter-clockwise.
+    rays : Rays
+        Where each beam starts and where it goes, in the laser's plane.
     points_mm : (N, 2) float64
         What they meet, in the laser's plane, mm.
     sigma_mm : (N,) float64
         Standard deviation of each reading along its beam, mm.
-    gaps_rad : ((low, high), (low, high))
-        Between these angles the surface ends on the right, and on the left.
+    outwards : (right, left), each Rays
+        At either end the last beam that meets the surface, then the next ones past it; `bounds` has the first two.
     beyond_mm : (right, left), each (M, 2) float64
-        The next readings past either end, outwards: what lies beside or behind.
+        What the beams past either end met, outwards: what lies beside or behind.
     hidden : (right, left) bool
         Something nearer stands at that end: the surface may go on behind it.
     """
 
     kind: str
     beams: Ints
+    rays: Rays
     points_mm: Float64
     sigma_mm: Float64
-    gaps_rad: tuple[tuple[float, float], tuple[float, float]]
+    outwards: tuple[Rays, Rays]
     beyond_mm: tuple[Float64, Float64]
     hidden: tuple[bool, bool]
+
+    @property
+    def bounds(self) -> tuple[Rays, Rays]:
+        """The two beams between which the surface ends, on the right and on the left: the last on it, the next off it.
+
+        For a line ``n . p = c`` they meet ``bounds[side].meet(n, c)``, between which its end lies.
+        """
+        return self.outwards[0][:2], self.outwards[1][:2]
 
     @property
     def extent_mm(self) -> float:
@@ -64,7 +75,7 @@ class Segment:
 
     @property
     def distance_mm(self) -> float:
-        """Distance of its nearest point from the sensor, mm."""
+        """Distance of its nearest point from the sensor's axis, mm."""
         return float(np.linalg.norm(self.points_mm, axis=1).min())
 
 
@@ -113,29 +124,29 @@ def find_segments(
     r = scan.ranges_mm
     valid = np.flatnonzero(np.isfinite(r))
     if len(valid) < least_beams:
-        raise ValueError(f"the scan has {len(valid)} readings: nothing to find. Check the sensor and its range")
-    deviation = _sigma_mm(scan, sigma)
-    p = points_mm(scan, keep_invalid=True)
-    closed = abs(len(r) * scan.angle_increment_rad - 2 * np.pi) < 0.5 * scan.angle_increment_rad
-    last = np.flatnonzero(_cuts(scan, valid, deviation, closed))
+        met = f"{len(valid)} of the scan's {len(r)} beams met something, {least_beams} are needed"
+        raise ValueError(f"{met}: see that the sensor turns, that its window is clean, and something is within range")
+    deviation, p = _sigma_mm(scan, sigma), points_mm(scan, keep_invalid=True)
+    last = np.flatnonzero(_cuts(scan, valid, deviation))
     parts = []
     for begin, end in zip(np.roll(last, 1), last, strict=True):
         count = int((end - begin - 1) % len(valid)) + 1
         members = valid[(begin + 1 + np.arange(count)) % len(valid)]
         if np.min(r[members]) > max_mm:
             continue
-        right, left = (_end(scan, valid, at, sign, closed) for at, sign in ((int(begin) + 1, -1), (int(end), 1)))
-        hidden = right[1], left[1]
+        others = len(valid) - count
+        right, left = (_end(scan, valid, at, sign, others) for at, sign in ((int(begin) + 1, -1), (int(end), 1)))
+        hidden = right[2], left[2]
         extent = np.linalg.norm(np.ptp(p[members], axis=0))
         kind = "small" if count < least_beams else "object"
         kind = "wall" if extent > _LARGEST_OBJECT_MM or all(hidden) else kind
-        outwards = np.arange(1, min(_BEYOND, len(valid) - count) + 1)
-        beyond = p[valid[(begin + 1 - outwards) % len(valid)]], p[valid[(end + outwards) % len(valid)]]
-        parts.append(Segment(kind, members, p[members], deviation[members], (right[0], left[0]), beyond, hidden))
+        outwards, beyond = (rays(scan, right[0]), rays(scan, left[0])), (p[right[1]], p[left[1]])
+        own = rays(scan, members), p[members], deviation[members]
+        parts.append(Segment(kind, members, *own, outwards, beyond, hidden))
     return parts
 
 
-def _cuts(scan: LaserScan, valid: Ints, deviation: Float64, closed: bool) -> Bools:
+def _cuts(scan: LaserScan, valid: Ints, deviation: Float64) -> Bools:
     """Whether a surface ends between each valid reading and the next one; at least one does."""
     r, p = scan.ranges_mm, points_mm(scan, keep_invalid=True)
     after = np.roll(valid, -1)
@@ -146,22 +157,33 @@ def _cuts(scan: LaserScan, valid: Ints, deviation: Float64, closed: bool) -> Boo
     allowed = nearer * np.sin(np.minimum(steps, _LONGEST_STEP_RAD)) / slope + noise
     jumps = np.linalg.norm(p[after] - p[valid], axis=1)
     cut: Bools = (jumps > allowed) | (steps > _LOST_BEAMS * scan.angle_increment_rad)
-    if not closed:
+    if not _is_closed(scan):
         cut[-1] = True
     if not cut.any():
         cut[int(np.argmax(jumps))] = True
     return cut
 
 
-def _end(scan: LaserScan, valid: Ints, at: int, sign: int, closed: bool) -> tuple[tuple[float, float], bool]:
-    """Angles between which a surface ends on the left (1) or right (-1) of its reading `at`, and if it is hidden."""
-    own, other = valid[at % len(valid)], valid[(at + sign) % len(valid)]
+def _is_closed(scan: LaserScan) -> bool:
+    """Whether the last beam is the first one's neighbour."""
     step = scan.angle_increment_rad
-    is_last = not closed and own == valid[-1 if sign > 0 else 0]
-    turn = step if is_last else (sign * (other - own)) % len(scan.ranges_mm) * step
-    angle = scan.angle_min_rad + own * step
-    low, high = sorted((float(angle), float(angle + sign * turn)))
-    return (low, high), bool(is_last or scan.ranges_mm[other] < scan.ranges_mm[own])
+    return abs(len(scan.ranges_mm) * step - 2 * np.pi) < 0.5 * step
+
+
+def _end(scan: LaserScan, valid: Ints, at: int, sign: int, others: int) -> tuple[Ints, Ints, bool]:
+    """Where a surface ends on the left (1) or right (-1) of its reading `at`; `others` are readings of other surfaces.
+
+    The numbers of its last beam and the next ones outwards, of those that met another surface, and if it is hidden.
+    """
+    positions = at % len(valid) + sign * np.arange(1 + _BEYOND)
+    if not _is_closed(scan):
+        positions = positions[(positions >= 0) & (positions < len(valid))]
+    numbers = valid[positions % len(valid)]
+    if len(numbers) == 1:  # the scan ends here, one step on
+        return np.append(numbers, numbers + sign), numbers[1:], True
+    beyond = numbers[1:][:others]
+    hidden = scan.ranges_mm[numbers[1]] < scan.ranges_mm[numbers[0]]
+    return numbers[: 1 + max(len(beyond), 1)], beyond, bool(hidden)
 
 
 def _sigma_mm(scan: LaserScan, sigma: Sigma) -> Float64:

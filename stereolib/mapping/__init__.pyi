@@ -1,10 +1,13 @@
-from .assemble import Map, merge_stations, size_table
+from .assemble import Map, NothingToMap, merge_stations, size_table
 from .files import write_cloud, write_grid, write_mesh
 from .occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, occupancy_grid
+from .placing import Placing, place_stations
+from .recorded import RecordedMap, map_recordings, measure_station
 from .scan_matching import ScanMatch, disturb_poses, refine_poses
 from .shapes import COLORS, Cloud, Solid, colored_cloud, join_clouds, map_solids
 from .sightings import MapObject
-from .stations import Station
+from .station_folder import RecordedStation, StationFolder, list_stations
+from .stations import Station, station_names
 from .view import view_map
 from .walls import MapWall
 
@@ -17,18 +20,28 @@ __all__ = [
     "Map",
     "MapObject",
     "MapWall",
+    "NothingToMap",
     "OccupancyGrid",
+    "Placing",
+    "RecordedMap",
+    "RecordedStation",
     "ScanMatch",
     "Solid",
     "Station",
+    "StationFolder",
     "colored_cloud",
     "disturb_poses",
     "join_clouds",
+    "list_stations",
+    "map_recordings",
     "map_solids",
+    "measure_station",
     "merge_stations",
     "occupancy_grid",
+    "place_stations",
     "refine_poses",
     "size_table",
+    "station_names",
     "view_map",
     "write_cloud",
     "write_grid",

@@ -6,7 +6,7 @@ stretches are walls. The map's frame is that of the poses: x forward, y left, z 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -14,14 +14,18 @@ import numpy as np
 
 from stereolib.base import Float64
 from stereolib.mapping.sightings import MapObject, Sighting, may_be_same, merge_sightings
-from stereolib.mapping.stations import Station
+from stereolib.mapping.stations import Station, station_names
 from stereolib.mapping.walls import MapWall, find_walls
-from stereolib.measurement import SIZE_NAMES, MeasuredObject
+from stereolib.measurement import SIZE_NAMES, MeasuredObject, Reason, Why
 
 if TYPE_CHECKING:
     import pandas as pd
 
 _WALL_MM = 60.0  # what lies nearer to a wall belongs to it
+
+
+class NothingToMap(ValueError):
+    """No station shows an object or a wall."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +110,9 @@ def merge_stations(
     Raises
     ------
     ValueError
-        If there is no station, or neither an object nor a wall in all of them.
+        If there is no station.
+    NothingToMap
+        If there is neither an object nor a wall in all of them.
     """
     if not stations:
         raise ValueError("a map needs at least one station (a pose, and what was measured there); none was given")
@@ -116,7 +122,7 @@ def merge_stations(
         walls = find_walls(stations, [each.fused for each in objects], rng=rng, least_mm=least_wall_mm)
     if not objects and not walls:
         readings = sum(len(station.scan_mm) for station in stations)
-        raise ValueError(
+        raise NothingToMap(
             f"the map is empty: none of the {len(stations)} stations measured an object, and their {readings} readings "
             f"make no wall of {least_wall_mm:g} mm. See the warnings of the single measurements, or go nearer"
         )
@@ -134,8 +140,8 @@ def _objects(
 ) -> tuple[list[MapObject], list[str]]:
     """Sightings grouped, two faces before single ones, the surer first: objects, and what could not be measured."""
     sightings = [
-        Sighting.of(k, each, station.pose, station.covariance)
-        for k, station in enumerate(stations, start=1)
+        Sighting.of(k, each, station.pose, station.covariance, name)
+        for k, (station, name) in enumerate(zip(stations, station_names(stations), strict=True), start=1)
         for each in station.objects
         if np.isfinite(each.position_mm).all()
     ]
@@ -143,7 +149,8 @@ def _objects(
     groups: list[MapObject] = []
     lost = []
     for s in sorted(sightings, key=lambda s: (np.isnan(s.values[3:]).all(), rank[s.measured.shape], s.spread_mm)):
-        if s.measured.shape != "box" and any(wall.near(s.values[:2], _WALL_MM + gate * s.spread_mm) for wall in walls):
+        reach_mm = _WALL_MM + gate * (s.spread_mm if np.isfinite(s.spread_mm) else 0.0)
+        if s.measured.shape != "box" and any(wall.near(s.values[:2], reach_mm) for wall in walls):
             continue  # a piece of wall that stood by itself in a picture
         near = [
             k
@@ -159,9 +166,17 @@ def _objects(
             groups.append(merge_sightings([s], gate=gate))
         elif not any(np.linalg.norm(group.fused.position_mm - s.values[:2]) < max_size_mm / 2 for group in groups):
             x, y = s.values[:2]
-            why = next(iter(s.measured.reasons.values()), "no size is known")
-            lost.append(f"station {s.station} saw something at x {x:.0f}, y {y:.0f} mm and could not measure it: {why}")
+            why = _why_lost(s.measured.reasons)
+            lost.append(f"station {s.name} saw something at x {x:.0f}, y {y:.0f} mm and could not measure it: {why}")
     return sorted(groups, key=lambda group: float(np.linalg.norm(group.fused.position_mm))), lost
+
+
+def _why_lost(reasons: Mapping[str, Why]) -> str:
+    """Why nothing of an object was measured: what holds for all of it, else for one of its sizes."""
+    whole = reasons.get("object")
+    if whole and whole.reason is not Reason.NOT_IN_SCAN:
+        return str(whole)
+    return next((str(reasons[name]) for name in SIZE_NAMES if name in reasons), "no size is known")
 
 
 def size_table(objects: Sequence[MeasuredObject], names: Sequence[str]) -> pd.DataFrame:

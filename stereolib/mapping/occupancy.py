@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 
 from stereolib.base import Float64, Floats, Ints, UInt8, set_frozen
 from stereolib.mapping.stations import Station
+from stereolib.measurement import MeasuredObject
 
 FREE, UNKNOWN, OCCUPIED = 254, 205, 0  # grey levels of ROS's map_server
 _MOST_CELLS = 25e6  # bytes of memory, several times; a hall of 100 m by 100 m at 20 mm
@@ -63,13 +65,20 @@ class OccupancyGrid:
 
 
 def occupancy_grid(
-    stations: Sequence[Station], *, resolution_mm: float = 20.0, margin_mm: float = 100.0, least_share: float = 0.1
+    stations: Sequence[Station],
+    *,
+    objects: Sequence[MeasuredObject] = (),
+    resolution_mm: float = 20.0,
+    margin_mm: float = 100.0,
+    least_share: float = 0.1,
 ) -> OccupancyGrid:
     """Follow the beams of all scans over the floor.
 
     Parameters
     ----------
     stations : sequence of Station
+    objects : sequence of MeasuredObject
+        In the map; their outlines are taken, also those that the beams pass over.
     resolution_mm : float
         Side of a cell.
     margin_mm : float
@@ -111,7 +120,12 @@ def occupancy_grid(
     grid = np.full(rows * columns, UNKNOWN, np.uint8)
     grid[passed > 0] = FREE
     grid[(ended > 0) & (ended >= least_share * (ended + passed))] = OCCUPIED
-    return OccupancyGrid(grid.reshape(rows, columns), origin, float(resolution_mm))
+    grid = grid.reshape(rows, columns)
+    for each in objects:
+        if len(each.outline_mm) > 1 and np.isfinite(each.outline_mm).all():
+            corners = np.floor((each.outline_mm - origin) / resolution_mm).astype(np.int32)
+            cv2.fillPoly(grid, [cv2.convexHull(corners)], OCCUPIED)
+    return OccupancyGrid(grid, origin, float(resolution_mm))
 
 
 def _crossed(a: Float64, b: Float64, columns: int) -> tuple[Ints, Ints]:

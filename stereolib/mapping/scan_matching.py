@@ -12,7 +12,7 @@ import numpy as np
 
 from stereolib.base import Float64, Ints, turn_2d
 from stereolib.laser import XV11_SIGMA
-from stereolib.mapping.stations import Station
+from stereolib.mapping.stations import Station, station_names
 
 _LEAST_PAIRS = 30  # of readings that two scans must have in common to be linked
 _BESIDE_MM = 200.0  # a reading may lie so far past the last one of the line it is matched with
@@ -93,18 +93,19 @@ def refine_poses(
     """
     if len(stations) < 2:
         raise ValueError(f"matching needs two stations or more, got {len(stations)}: a single one has nothing to match")
-    scans = [_Scan.of(k, station, sigma, bias_mm) for k, station in enumerate(stations, start=1)]
+    names = station_names(stations)
+    scans = [_Scan.of(name, station, sigma, bias_mm) for name, station in zip(names, stations, strict=True)]
     poses = np.array([station.pose for station in stations])
     start = poses.copy()
     for reach in np.geomspace(*_REACH_MM, _ROUNDS):  # the last one again at the poses that it led to
         pairs = _match(scans, poses, reach)
-        _check_linked(pairs, len(stations))
+        _check_linked(pairs, names)
         if reach == _REACH_MM[0]:
-            _check_held(scans, poses, pairs)
+            _check_held(scans, poses, pairs, names)
         poses = _least_squares(scans, poses, pairs, max(_DOUBT, reach / _REACH_MM[1]))
     pairs = _match(scans, poses, _REACH_MM[1])
-    _check_linked(pairs, len(stations))
-    _check_held(scans, poses, pairs)
+    _check_linked(pairs, names)
+    _check_held(scans, poses, pairs, names)
     poses = _least_squares(scans, poses, pairs, _DOUBT)
     covariance = _covariance(scans, poses, pairs)
     refined = [stations[0]]
@@ -170,11 +171,11 @@ class _Scan:
 
     @classmethod
     def of(
-        cls, number: int, station: Station, sigma: Callable[[Float64], Float64], bias_mm: tuple[float, float]
+        cls, name: str, station: Station, sigma: Callable[[Float64], Float64], bias_mm: tuple[float, float]
     ) -> _Scan:
         p, half = station.scan_mm, _HALF_WINDOW
         if len(p) < 2 * half + 1:
-            raise ValueError(f"the scan of station {number} has {len(p)} readings: too few to match; scan again")
+            raise ValueError(f"the scan of station {name} has {len(p)} readings: too few to match; scan again")
         window = (np.arange(len(p))[:, None] + np.arange(-half, half + 1)) % len(p)
         q = p[window]
         q0 = q - q.mean(axis=1, keepdims=True)
@@ -188,7 +189,7 @@ class _Scan:
         straight &= np.sqrt(values[:, 1]) > _STRAIGHT[1] * noise
         if straight.sum() < _LEAST_STRAIGHT:
             raise ValueError(
-                f"the scan of station {number} has no straight bit of wall or face among its {len(p)} readings to "
+                f"the scan of station {name} has no straight bit of wall or face among its {len(p)} readings to "
                 f"match with; scan where there are walls"
             )
         turn = np.abs(np.diff(np.unwrap(np.arctan2(normals[:, 1], normals[:, 0])), prepend=0)) > _TURN_RAD
@@ -301,24 +302,24 @@ def _covariance(scans: Sequence[_Scan], poses: Float64, pairs: tuple[Ints, ...])
     return np.asarray(inverse @ (G.T @ G + own.T @ own + np.outer(shared, shared)) @ inverse)
 
 
-def _check_linked(pairs: tuple[Ints, ...], count: int) -> None:
+def _check_linked(pairs: tuple[Ints, ...], names: Sequence[str]) -> None:
     """Refuse if the stations fall into groups that see nothing in common."""
-    i, j = pairs[0], pairs[2]
+    i, j, count = pairs[0], pairs[2], len(names)
     many = np.zeros((count, count))
     np.add.at(many, (i, j), 1)
     linked = (many + many.T) >= _LEAST_PAIRS
     group = {0}
     while more := {k for k in range(count) if linked[list(group), k].any()} - group:
         group |= more
-    alone = [str(k + 1) for k in range(count) if k not in group]
+    alone = [names[k] for k in range(count) if k not in group]
     if alone:
         raise ValueError(
-            f"the scans of stations {', '.join(alone)} have nothing in common with that of station 1 and what overlaps "
-            f"it: their starting poses are too far off, or they see other walls; add a station between"
+            f"the scans of stations {', '.join(alone)} have nothing in common with that of station {names[0]} and what "
+            f"overlaps it: their starting poses are too far off, or they see other walls; add a station between"
         )
 
 
-def _check_held(scans: Sequence[_Scan], poses: Float64, pairs: tuple[Ints, ...]) -> None:
+def _check_held(scans: Sequence[_Scan], poses: Float64, pairs: tuple[Ints, ...], names: Sequence[str]) -> None:
     """Refuse if some motion of a station hardly changes any residual; say which."""
     J = _residuals(scans, poses, pairs)[1][:, 3:]
     reach = np.sqrt(np.mean(J[:, 2::3] ** 2) / np.mean(J[:, ::3] ** 2 + J[:, 1::3] ** 2)) + 1.0
@@ -339,6 +340,6 @@ def _check_held(scans: Sequence[_Scan], poses: Float64, pairs: tuple[Ints, ...])
             what = f"where it stands along {along:.0f} degrees in the map"
             mend = f"a wall or a face across it, which looks {(along + 180) % 360:.0f} or {along:.0f} degrees"
         raise ValueError(
-            f"the scans leave open for station {k + 2} {what}: they hold it {min(times, 9999):.0f} "
+            f"the scans leave open for station {names[k + 1]} {what}: they hold it {min(times, 9999):.0f} "
             f"times less firmly than the rest. Let the scans show {mend}, or give that pose from elsewhere"
         )

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 
 from stereolib.base import Float64, Ints, direction, turn_2d, wrap_rad
-from stereolib.measurement import SIZE_NAMES, MeasuredObject
+from stereolib.measurement import SIZE_NAMES, MeasuredObject, Reason, Why
 
 _QUARTER = np.pi / 2
 _GATE = 4.0  # standard deviations: chance exceeds them once in 16000 times
@@ -23,6 +23,7 @@ _THIN_MM = 20.0  # two faces that lie nearer are one, seen twice
 _RING = 24  # corners of a circle's outline
 _BOX_ORDER = [0, 1, 2, 3, 4, 5]  # of values: x, y, yaw, length, width, height
 _TURNED_ORDER = [0, 1, 2, 4, 3, 5]  # of a box turned by a quarter: length and width change places
+_NOBODY_SAW = dict(zip(SIZE_NAMES, (Reason.DEPTH_HIDDEN, Reason.DEPTH_HIDDEN, Reason.NOT_IN_PICTURE), strict=True))
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +42,8 @@ class Sighting:
         Of `values`, with what is not known of the station's pose; 0 where a value is unknown.
     from_mm : (2,) float64
         Where the station stands.
+    name : str
+        What the station is called.
     """
 
     station: int
@@ -48,18 +51,23 @@ class Sighting:
     values: Float64
     covariance: Float64
     from_mm: Float64
+    name: str
 
     @classmethod
-    def of(cls, station: int, visible: MeasuredObject, pose: Float64, pose_covariance: Float64) -> Sighting:
+    def of(
+        cls, station: int, visible: MeasuredObject, pose: Float64, pose_covariance: Float64, name: str = ""
+    ) -> Sighting:
         """Bring an object from the floor frame of a station into the map.
 
         Parameters
         ----------
         station : int
-        seen : MeasuredObject
+        visible : MeasuredObject
             In the station's frame.
         pose : (x_mm, y_mm, yaw_rad)
         pose_covariance : (3, 3) array
+        name : str
+            What the station is called; its number if empty.
 
         Returns
         -------
@@ -87,7 +95,7 @@ class Sighting:
         J[:3] = [[1, 0, -lever[1]], [0, 1, lever[0]], [0, 0, 1]]
         values = np.array([*there.position_mm, yaw, *visible.size_mm])
         covariance = np.nan_to_num(covariance) + J @ pose_covariance @ J.T
-        return cls(station, there, values, covariance, np.asarray(pose[:2], float))
+        return cls(station, there, values, covariance, np.asarray(pose[:2], float), name or str(station))
 
     @property
     def spread_mm(self) -> float:
@@ -238,7 +246,7 @@ def _start(sightings: Sequence[Sighting]) -> Float64:
         for other in sightings:
             side = _side(other, x[2])
             if side % 2:
-                x[3] = other.values[4]
+                x[3] = other.values[4] if np.isfinite(other.values[4]) else x[3]
             elif side == 2:
                 x[3] = abs((first.values[:2] - other.values[:2]) @ direction(x[2]))
         if np.isfinite(x[3]):
@@ -329,8 +337,8 @@ def _fused(kept: Sequence[Sighting], x: Float64, covariance: Float64) -> Measure
         outline = x[:2] + np.array([i * along + j * across for i, j in ends])
         if shape == "face":
             outline = x[:2] + size[1] / 2 * np.array([-direction(yaw), direction(yaw)])
-    reasons = {name: text for s in kept for name, text in s.measured.reasons.items() if name in SIZE_NAMES}
-    reasons = {name: reasons.get(name, "no station saw it") for k, name in enumerate(SIZE_NAMES) if np.isnan(size[k])}
+    told = {name: why for s in kept for name, why in s.measured.reasons.items()}
+    unknown = [name for name, value in zip(SIZE_NAMES, size, strict=True) if np.isnan(value)]
     round_ = shape == "circle"
     return MeasuredObject(
         shape=shape,
@@ -341,15 +349,15 @@ def _fused(kept: Sequence[Sighting], x: Float64, covariance: Float64) -> Measure
         yaw_rad=np.nan if round_ else float(wrap_rad(float(yaw), np.pi)),
         yaw_std_rad=np.nan if round_ else float(np.sqrt(S[2, 2])),
         outline_mm=outline,
-        sources={f"station {s.station}": s.measured.sources.get("lines", "") for s in kept},
-        reasons=reasons,
+        sources={f"station {s.name}": s.measured.sources["lines"] for s in kept if "lines" in s.measured.sources},
+        reasons={name: told.get(name, Why(_NOBODY_SAW[name])) for name in unknown},
     )
 
 
 def _conflict(out: Sighting, fused: MeasuredObject, x: Float64, covariance: Float64) -> str:
     """Say by what a sighting differs most, with both values."""
     if "circle" in (out.measured.shape, fused.shape) and out.measured.shape != fused.shape:
-        return f"station {out.station} sees a {out.measured.shape}, the others a {fused.shape}"
+        return f"station {out.name} sees a {out.measured.shape}, the others a {fused.shape}"
     residual, J, weight, which = _residual(out, x)
     S = np.linalg.inv(weight) + J @ np.nan_to_num(covariance) @ J.T
     rows = np.flatnonzero(np.abs(J).max(axis=1) > 0)
@@ -362,4 +370,4 @@ def _conflict(out: Sighting, fused: MeasuredObject, x: Float64, covariance: Floa
     else:
         name, unit_name = {2: ("its yaw", "degrees"), 5: ("its height", "mm")}.get(k, ("one of its sides", "mm"))
         what = f"{name} as {others + off:.0f} {unit_name}, the others as {others:.0f}"
-    return f"station {out.station} sees {what}: {abs(off) / std:.1f} standard deviations apart, left out"
+    return f"station {out.name} sees {what}: {abs(off) / std:.1f} standard deviations apart, left out"

@@ -23,10 +23,12 @@ class Station:
         In its floor frame.
     scan_mm : (N, 2) float64
         The laser's readings in its floor frame, in the order of their angles.
-    laser_mm : (2,) float64
-        Where the laser stands in its floor frame.
+    laser_mm : (2,) or (N, 2) float64
+        Where the laser stands in its floor frame, or where each reading's beam starts.
     covariance : (3, 3) float64
         Of `pose`, mm and rad; zero if the pose is known.
+    name : str
+        What texts and drawings call it; its number among the others if empty.
     """
 
     pose: Float64
@@ -34,13 +36,16 @@ class Station:
     scan_mm: Float64 = field(default_factory=lambda: np.zeros((0, 2)))
     laser_mm: Float64 = field(default_factory=lambda: np.zeros(2))
     covariance: Float64 = field(default_factory=lambda: np.zeros((3, 3)))
+    name: str = ""
 
     def __post_init__(self) -> None:
         scan = np.asarray(self.scan_mm, float)
         if scan.ndim != 2 or scan.shape[1] != 2:
             raise ValueError(f"a station's scan is (N, 2) mm in its floor frame, got shape {scan.shape}")
-        set_frozen(self, pose=finite_array(self.pose, (3,), "pose"), scan_mm=scan[np.isfinite(scan).all(axis=1)])
-        set_frozen(self, laser_mm=finite_array(self.laser_mm, (2,), "laser_mm"))
+        read, laser = np.isfinite(scan).all(axis=1), np.asarray(self.laser_mm, float)
+        laser = laser[read] if laser.ndim == 2 and len(laser) == len(scan) else laser
+        set_frozen(self, pose=finite_array(self.pose, (3,), "pose"), scan_mm=scan[read])
+        set_frozen(self, laser_mm=finite_array(laser, (2,) if laser.ndim < 2 else (int(read.sum()), 2), "laser_mm"))
         set_frozen(self, covariance=finite_array(self.covariance, (3, 3), "covariance"))
 
     def to_map(self, points_mm: Floats) -> Float64:
@@ -62,16 +67,36 @@ class Station:
         return np.asarray(np.asarray(points_mm) @ turn_2d(-self.pose[2]) + self.pose[:2])
 
     @classmethod
-    def of(cls, measured: Measurement, pose: Sequence[float] | Float64) -> Station:
+    def of(cls, measured: Measurement, pose: Sequence[float] | Float64, *, name: str = "") -> Station:
         """Make a station of what `measure_objects` measured there.
 
         Parameters
         ----------
         measured : Measurement
         pose : (x_mm, y_mm, yaw_rad)
+        name : str
 
         Returns
         -------
         Station
         """
-        return cls(np.asarray(pose, float), measured.objects, measured.scan_mm, measured.laser.t)
+        return cls(np.asarray(pose, float), measured.objects, measured.scan_mm, measured.laser.t, name=name)
+
+
+def station_names(stations: Sequence[Station]) -> list[str]:
+    """List what stations are called: their names, or their numbers from 1.
+
+    Parameters
+    ----------
+    stations : sequence of Station
+
+    Returns
+    -------
+    list of str
+
+    Examples
+    --------
+    >>> station_names([Station(np.zeros(3), ()), Station(np.zeros(3), (), name="door")])
+    ['1', 'door']
+    """
+    return [station.name or str(k) for k, station in enumerate(stations, start=1)]

@@ -14,7 +14,7 @@ import numpy as np
 from stereolib.base import Float64, UInt8, direction
 from stereolib.mapping.assemble import Map
 from stereolib.mapping.shapes import Cloud, Solid
-from stereolib.mapping.stations import Station
+from stereolib.mapping.stations import Station, station_names
 
 _LIGHT = np.array([0.35, -0.55, 0.76])  # towards it: over the shoulder, so that the sides differ
 _SHIFT = 3  # fractional bits of cv2's coordinates
@@ -129,8 +129,8 @@ def view_map(
         front, back = wall.outline_mm[:2], wall.outline_mm[2:]
         looks_in = (eye.place_mm[:2] - front[0]) @ (front.mean(axis=0) - back.mean(axis=0)) > 0
         _panel(picture, eye, front, wall.height_mm, wall.color_rgb, filled=looks_in)
-    for k, station in enumerate(room.stations, start=1):
-        _station(picture, eye, station, str(k))
+    for station, name in zip(room.stations, station_names(room.stations), strict=True):
+        _station(picture, eye, station, name)
     if points is not None:
         _points(picture, eye, points)
     for solid in _far_first(objects, eye):

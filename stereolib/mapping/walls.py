@@ -140,7 +140,7 @@ def _wall(points: Float64, owner: Ints, members: Bools, stations: Sequence[Stati
     centre = p.mean(axis=0)
     normal = np.linalg.svd(p - centre, full_matrices=False)[2][1]
     sources = sorted(set(owner[members].tolist()))
-    inside = np.mean([stations[k].to_map(stations[k].laser_mm) for k in sources], axis=0)
+    inside = np.mean([stations[k].to_map(stations[k].laser_mm.reshape(-1, 2).mean(axis=0)) for k in sources], axis=0)
     normal = normal if (inside - centre) @ normal > 0 else -normal
     t, rms = _along(p, normal), float(np.sqrt(np.mean(((p - centre) @ normal) ** 2)))
     weights = []

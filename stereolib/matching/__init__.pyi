@@ -4,11 +4,11 @@ from .filter_comparison import FilterCase, compare_filters, outline_growth_px
 from .filters import SMOOTHING_METHODS, dilate, dilate_set, median_filter, smooth
 from .ground_truth import KnownView, motorcycle_view
 from .guided import ExpectedDisparity, compute_disparity_guided, expected_disparity
-from .pair_checks import check_matchable, check_rectified
+from .pair_checks import check_matchable, check_rectified, check_sides
 from .pipelines import BEST_SIGMA_PX, DisparityEstimate, fill_and_classify, match_best, stereo_pipeline
 from .scenes import correlation_length_px, near_edge_mask, smallest_window
 from .scoring import RepairScore, Score, fattening_px, overreach_px, score, score_repair
-from .sgbm import SGBMParams
+from .sgbm import SGBMParams, match_pair
 from .sweeps import Workers, settings_grid, sweep
 
 __all__ = [
@@ -27,6 +27,7 @@ __all__ = [
     "census_transform",
     "check_matchable",
     "check_rectified",
+    "check_sides",
     "compare_filters",
     "compute_disparity",
     "compute_disparity_guided",
@@ -41,6 +42,7 @@ __all__ = [
     "left_right_check",
     "match_best",
     "match_census_sgm",
+    "match_pair",
     "median_filter",
     "motorcycle_view",
     "near_edge_mask",

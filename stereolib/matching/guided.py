@@ -9,8 +9,8 @@ from typing import Any
 import cv2
 import numpy as np
 
-from stereolib.base import Float32, Float64, UInt8, turn_2d
-from stereolib.laser import LaserScan, points_mm
+from stereolib.base import Bools, Float32, Float64, UInt8, turn_2d, wrap_rad
+from stereolib.laser import LaserScan, rays
 from stereolib.matching.sgbm import SGBMParams
 from stereolib.rig import RectifiedRig, check_pair, rigid, to_grey
 
@@ -71,14 +71,15 @@ def expected_disparity(
     The ray of a pixel has the direction ``D`` in the world, scaled to reach depth 1. It meets the floor at depth
     ``h / -D_z``, h the camera's height, and an upright surface ``X`` forward of the camera at ``X / D_x``. So
     ``d = f B max(-D_z / h, D_x / X)``, with X looked up by the tangent ``D_y / D_x``. Between beams on one surface X is
-    interpolated in 1 / X, which is exact for planes; between surfaces the nearer one is taken.
+    interpolated in 1 / X, which is exact for planes; between surfaces the nearer one goes on to the next beam, which
+    misses it. What it hides from the camera, beside which the laser's light starts, is left out.
     """
     T = rigid(rectified.R1, np.zeros(3)) @ T_left_world
     R, origin = T[:3, :3], -T[:3, :3].T @ T[:3, 3]
     if origin[2] <= 0:
         raise ValueError(f"the camera stands {origin[2]:.0f} mm above the floor; it must stand above it")
-    tangent, inverse = _profile(scan, origin, laser_pose)
     fB = rectified.f_px * rectified.baseline_mm
+    tangent, inverse = _profile(scan, origin, laser_pose, _JUMP_PX / fB)
     grid = np.linspace(*_TANGENTS, _CELLS)
     near, room = _tables(tangent, inverse, grid, _JUMP_PX / fB)
     rays = np.linalg.inv(rectified.left.K).T @ R @ np.diag([fB, fB, -fB / origin[2]])
@@ -159,14 +160,22 @@ def compute_disparity_guided(
     return disparity
 
 
-def _profile(scan: LaserScan, origin: Float64, laser_pose: Sequence[float]) -> tuple[Float64, Float64]:
+def _profile(scan: LaserScan, origin: Float64, laser_pose: Sequence[float], jump: float) -> tuple[Float64, Float64]:
     """Tangents of the bearings seen from the camera, ascending, and 1 / forward distance (1/mm)."""
     x, y, yaw = laser_pose
-    points = points_mm(scan) @ turn_2d(yaw).T + [x, y] - origin[:2]
-    ahead = points[points[:, 0] > _AHEAD_MM]
-    tangent = ahead[:, 1] / ahead[:, 0]
-    order = np.argsort(tangent, kind="stable")
-    tangent, inverse = tangent[order], 1 / ahead[order, 0]
+    around = np.argsort(wrap_rad(scan.angles_rad + yaw), kind="stable")  # from behind to behind
+    beams = rays(scan)[around].placed(turn_2d(yaw), np.array([x, y]) - origin[:2])
+    ahead = beams.at(scan.ranges_mm[around])[:, 0] > _AHEAD_MM
+    beams, ranges = beams[ahead], scan.ranges_mm[around][ahead]
+    tangent, inverse = _seen_from_camera(beams.at(ranges))
+    # Where neighbours meet different surfaces, the nearer one may go on as far as the farther one's beam.
+    last = np.flatnonzero(np.abs(np.diff(inverse)) > jump)
+    far = last + (inverse[last] > inverse[last + 1])
+    ends = _seen_from_camera(beams[far].at(ranges[2 * last + 1 - far]))
+    tangent, inverse = (np.insert(v, last + 1, end) for v, end in zip((tangent, inverse), ends, strict=True))
+    seen = ~_behind(tangent, inverse, jump)
+    order = np.argsort(tangent[seen], kind="stable")
+    tangent, inverse = tangent[seen][order], inverse[seen][order]
     in_view = (tangent > _TANGENTS[0]) & (tangent < _TANGENTS[1])
     if in_view.sum() < 2:
         met = f"only {in_view.sum()} of {len(scan.ranges_mm)} beams met something in the cameras' view"
@@ -175,12 +184,29 @@ def _profile(scan: LaserScan, origin: Float64, laser_pose: Sequence[float]) -> t
     return tangent[in_view], inverse[in_view]
 
 
+def _seen_from_camera(points: Float64) -> tuple[Float64, Float64]:
+    """Tangent of the bearing and 1 / forward distance of points (N, 2) before the camera."""
+    forward = np.maximum(points[:, 0], _AHEAD_MM)
+    return points[:, 1] / forward, 1 / forward
+
+
+def _behind(tangent: Float64, inverse: Float64, jump: float) -> Bools:
+    """Readings, in the order of the beams, that a surface between two neighbours hides from the camera. (N,) bool.
+
+    The laser's light starts beside the camera: past an object's end it meets what the camera does not see.
+    """
+    width, steps = np.diff(tangent), np.diff(inverse)
+    share = (tangent[:, None] - tangent[:-1]) / np.where(width == 0, np.inf, width)
+    hides = (share > 0) & (share < 1) & (np.abs(steps) <= jump)
+    return np.asarray((hides & (inverse[:-1] + share * steps > inverse[:, None] + jump)).any(axis=1))
+
+
 def _tables(tangent: Float64, inverse: Float64, grid: Float64, jump: float) -> tuple[Float64, Float64]:
     """Look up 1 / forward distance over a grid of tangents: of the nearest surface, of the room behind what is free."""
     steps = np.diff(inverse)
     after = np.clip(np.searchsorted(tangent, grid), 1, len(tangent) - 1)
-    beside = np.maximum(inverse[after - 1], inverse[after])
-    near = np.where(np.abs(steps[after - 1]) > jump, beside, np.interp(grid, tangent, inverse))
+    past = np.minimum(inverse[after - 1], inverse[after])  # of two surfaces: the nearer one's end is in the profile
+    near = np.where(np.abs(steps[after - 1]) > jump, past, np.interp(grid, tangent, inverse))
     pieces = np.split(np.arange(len(inverse)), np.flatnonzero(np.abs(steps) > jump) + 1)
     free = np.zeros(len(inverse), bool)
     for piece in pieces:  # nearer than what is on either side of it

@@ -1,42 +1,54 @@
+from .box import Box, Side
 from .disparity_map import add_outliers, check_disparity_map, pixel_rays
-from .face_lines import LaserOnFloor
 from .faces import Face
 from .floor import Floor, FloorLimits, fit_floor, floor_from_pose, floor_tolerance_px
 from .height_attempt import HeightAttempt, attempt_height, corner_width_mm
-from .instrument import Instrument, save_laser_pose
+from .instrument import Instrument, SystematicUncertainty, save_laser_pose
+from .laser_on_floor import LaserOnFloor
 from .measure import Measurement, measure_objects
 from .measured_object import SIZE_NAMES, MeasuredObject
-from .object_height import GroundHeight, SystematicUncertainty, measure_height
+from .missing_floor import NoFloor, find_floor, why_no_floor
 from .overlay import draw_objects
 from .plane_alignment import AlignedPair, CannotMeasure
+from .reasons import Reason, Source, Why
 from .regions import ObjectRegion, find_objects
+from .rows import RowOffset
+from .views import Views
 
 __all__ = [
     "SIZE_NAMES",
     "AlignedPair",
+    "Box",
     "CannotMeasure",
     "Face",
     "Floor",
     "FloorLimits",
-    "GroundHeight",
     "HeightAttempt",
     "Instrument",
     "LaserOnFloor",
     "MeasuredObject",
     "Measurement",
+    "NoFloor",
     "ObjectRegion",
+    "Reason",
+    "RowOffset",
+    "Side",
+    "Source",
     "SystematicUncertainty",
+    "Views",
+    "Why",
     "add_outliers",
     "attempt_height",
     "check_disparity_map",
     "corner_width_mm",
     "draw_objects",
+    "find_floor",
     "find_objects",
     "fit_floor",
     "floor_from_pose",
     "floor_tolerance_px",
-    "measure_height",
     "measure_objects",
     "pixel_rays",
     "save_laser_pose",
+    "why_no_floor",
 ]

@@ -1,12 +1,14 @@
-"""Upright faces of objects in a disparity map: planes, straight lines in inverse distance over the bearing."""
+"""Upright faces of an object: found in its disparities, aligned over both pictures."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 
-from stereolib.base import Float64
+from stereolib.base import Float64, Ints
+from stereolib.measurement.box import Box, Side, World
 from stereolib.measurement.floor import Floor
 from stereolib.measurement.plane_alignment import AlignedPair, CannotMeasure, align
 from stereolib.measurement.regions import ObjectRegion
@@ -18,53 +20,39 @@ _SCATTER_PX = 1.5  # a disparity so far off its bin's mean is a wrong match
 _ON_PX = 1.0  # and so far off the face's line it is not of the face
 _FULL = 0.2  # a bin counts if it holds so much of what the fuller ones hold
 _LEAST_BINS = 5  # on either side of a corner
+_GAP_BINS = 8  # what lies beyond so many empty ones is something else, though it may lie on the same line
+#: Shares of (right, left, height) between which the right face is aligned: no edge is in it.
+_INNER = np.array([[0.06, 0.0, 0.06], [0.94, 0.0, 0.06], [0.94, 0.0, 0.94], [0.06, 0.0, 0.94]])
 _BETTER = 0.5  # two lines must leave less than this share of what one leaves
 
 
 @dataclass(frozen=True, eq=False)
 class Face:
-    """An upright face of an object: ``1 / forward distance = a + b t``, t the tangent of the bearing (left positive).
+    """An upright face of an object: a plane of disparities, ``coefficients . (u - u0, v - v0, 1)``.
 
     Attributes
     ----------
-    line : (a, b)
-        1/mm.
-    covariance : (2, 2) float64
+    centre_px : (2,) float64
+        (u0, v0), the middle of its pixels.
+    coefficients : (3,) float64
+        px per px, px per px, px.
+    plane_covariance : (3, 3) float64
+        Of `coefficients`.
     bearing : (t_right, t_left)
-        Tangents between which it was seen.
+        Tangents of the bearings between which it was seen.
     pixels : int
         Pixels it was fitted to.
     """
 
-    line: Float64
-    covariance: Float64
+    centre_px: Float64
+    coefficients: Float64
+    plane_covariance: Float64
     bearing: tuple[float, float]
     pixels: int
 
-    def points_mm(self, t: Float64 | float) -> Float64:
-        """Points of the face on the floor.
-
-        Parameters
-        ----------
-        t : float or (...) float64
-            Tangents of their bearings.
-
-        Returns
-        -------
-        (..., 2) float64, mm
-            Forward and left of the camera.
-
-        Examples
-        --------
-        >>> Face(np.array([1 / 500, 0.0]), np.zeros((2, 2)), (-0.1, 0.1), 900).points_mm(0.1).round(6)
-        array([500.,  50.])
-        """
-        forward = 1 / (self.line[0] + self.line[1] * np.asarray(t, float))
-        return np.stack([forward, forward * t], axis=-1)
-
 
 def find_faces(floor: Floor, region: ObjectRegion, pair: AlignedPair) -> tuple[Face, ...]:
-    """Find one or two upright faces: the inverse distance is one straight line over the tangent of the bearing, or two.
+    """Find one or two upright faces of an object, and align both pictures over each.
 
     Parameters
     ----------
@@ -83,6 +71,12 @@ def find_faces(floor: Floor, region: ObjectRegion, pair: AlignedPair) -> tuple[F
     ------
     CannotMeasure
         "no texture", if too few pixels were matched, or the pictures show nothing to align.
+
+    Notes
+    -----
+    Over the tangent t of the bearing (left positive) an upright face's inverse forward distance is a straight line,
+    ``1 / x = a + b t``; two faces that meet in a near corner are two lines with a ridge. Each is aligned with these
+    two coefficients first, then with three, so that a face that leans is seen to.
     """
     scale = floor.rectified.f_px * floor.rectified.baseline_mm
     upright = region.height_mm < _SIDES * region.top_mm
@@ -97,7 +91,7 @@ def find_faces(floor: Floor, region: ObjectRegion, pair: AlignedPair) -> tuple[F
     for _ in range(2):
         keep = np.abs(w_px - (total / np.maximum(n, 1))[index]) < _SCATTER_PX
         n, total = np.bincount(index, keep), np.bincount(index, w_px * keep)
-    full = np.flatnonzero(n > _FULL * np.sort(n)[int(0.8 * len(n))])
+    full = _unbroken(np.flatnonzero(n > _FULL * np.sort(n)[int(0.8 * len(n))]), n)
     pieces = _hinge(t.min() + (full + 0.5) * width, total[full] / n[full])
     faces = []
     for (low, high), line in pieces:
@@ -106,13 +100,60 @@ def find_faces(floor: Floor, region: ObjectRegion, pair: AlignedPair) -> tuple[F
         pixels = int(np.count_nonzero(mine))
         if pixels < LEAST_PIXELS:
             continue  # a sliver: the other face carries the measurement
-        um, vm, dm, xm = u[mine], v[mine], d[mine], scale * np.stack([ahead[mine], aside[mine]]).T
-        fit = align(pair, um, vm, xm, np.linalg.solve(xm.T @ xm, xm.T @ dm))
-        faces.append(Face(fit.parameters, fit.covariance, (float(low), float(high)), pixels))
+        um, vm, rays = u[mine], v[mine], np.stack([ahead[mine], aside[mine]]).T
+        level = align(pair, um, vm, scale * rays, np.linalg.solve(rays.T @ rays, rays.T @ d[mine]) / scale)
+        centre, x = _about_centre(um, vm)
+        start = np.linalg.lstsq(x, scale * rays @ level.parameters, rcond=None)[0]
+        fit = align(pair, um, vm, x, start.astype(float))
+        faces.append(Face(centre, fit.parameters, fit.covariance, (float(low), float(high)), pixels))
     if not faces:
         text = f"no face of the object has {LEAST_PIXELS} matched pixels that agree; light or texture it"
         raise CannotMeasure("no texture", text)
     return tuple(faces)
+
+
+def align_face(pair: AlignedPair, world: World, own: Float64, side: Side) -> list[Face]:
+    """Align both pictures over a face that was predicted.
+
+    Parameters
+    ----------
+    pair : AlignedPair
+    world : World
+        One, real.
+    own : (8,) float64
+        The box, in the order of `Own`.
+    side : Side
+
+    Returns
+    -------
+    list of Face
+        One, without its bearing; or none where they show nothing to align.
+    """
+    box, flat = Box(own), np.append(Box(own).normal(side), 0.0)
+    quad = world.pixels(box.points(_INNER if side is Side.RIGHT else _INNER[:, [1, 0, 2]]))
+    mask = np.zeros(pair.light[0].shape[:2], np.uint8)
+    cv2.fillConvexPoly(mask, np.rint(quad).astype(np.int32), 1)
+    v, u = (a.astype(float) for a in np.nonzero(mask))
+    if len(u) < LEAST_PIXELS:
+        return []
+    plane, (centre, x) = world.disparity_plane(flat, box.distance(side)), _about_centre(u, v)
+    try:
+        fit = align(pair, u, v, x, np.array([plane[0], plane[1], plane[:2] @ centre + plane[2]]))
+    except CannotMeasure:
+        return []
+    return [Face(centre, fit.parameters, fit.covariance, (np.nan, np.nan), len(u))]
+
+
+def _about_centre(u: Float64, v: Float64) -> tuple[Float64, Float64]:
+    """Middle of some pixels (2,), and what a plane's coefficients about it are multiplied by (N, 3)."""
+    centre = np.array([u.mean(), v.mean()])
+    return centre, np.stack([u - centre[0], v - centre[1], np.ones_like(u)]).T
+
+
+def _unbroken(full: Ints, n: Ints | Float64) -> Ints:
+    """The part of the full bins that has no gap and the most pixels."""
+    parts = np.split(full, np.flatnonzero(np.diff(full) > _GAP_BINS) + 1)
+    return max(parts, key=lambda part: int(n[part].sum()))
 
 
 def _hinge(t: Float64, w: Float64) -> list[tuple[tuple[float, float], Float64]]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
+import cv2
 import numpy as np
 
 from stereolib.base import Bools, Float64, Floats, finite_array, set_frozen
@@ -13,17 +14,17 @@ from stereolib.measurement.plane_alignment import AlignedPair, CannotMeasure, al
 from stereolib.rig import RectifiedRig
 
 _STEP = 7  # every seventh pixel, every seventh row
-_TRIALS = (300, 1800)  # planes tried, and tried again where none was a floor: a small floor needs more luck
+_FINE, _PATCH_PX = 4, 24  # patches that vote, and their pixels
+_MATCHED = 0.5  # share of a patch that must be matched
 _LEAST_SUPPORT = 0.02  # share of the image that must show the floor
 _LEAST_PIXELS = 50  # of the sparse ones
-_REACHES = (2.0, 1.5, 1.5)  # Tukey's weights end at so many tolerances, from step to step of the refinement
-_UNDER = 3.0  # a pixel so many tolerances under a plane lies below it, where nothing is
-_MOST_UNDER = 0.3  # of the pixels that support a floor; more below it, and it is none
-_VOTERS = 400  # pixels that vote on each plane
-_LOWER, _LOWEST = 0.5, 0.85  # pixels come row by row and floors are low: corners are drawn below these shares
-_TRIANGLE = 1e-3  # least area of the three corners, in rays: flatter ones carry no plane
+_REACHES = (3.0, 2.0, 1.5, 1.5)  # Tukey's weights end at so many tolerances, from step to step of the refinement
+_UNDER = 3.0  # a patch so many tolerances under a plane lies below it, where nothing is
+_ABOVE = 1.5  # and a pixel so many above it stands on it
+_GAPS, _SPECKS = np.ones((3, 3), np.uint8), np.ones((2, 2), np.uint8)
+_BESIDE = np.ones((5, 9), np.uint8)  # pixels of the seventh ones, around such a pixel, that are not taken for floor
 _NO_FLOOR = (
-    "{} of the image fits a plane below the camera. Tilt the camera down or step back, see that "
+    "no large part of the image fits a plane below the camera. Tilt the camera down or step back, see that "
     "the floor has texture and the pictures are of one moment, left one first; in Python, floor_from_pose gives a floor"
 )
 
@@ -230,23 +231,20 @@ def fit_floor(
     disparity_px: Floats,
     rectified: RectifiedRig,
     *,
-    rng: np.random.Generator,
     pair: AlignedPair | None = None,
     limits: FloorLimits | None = None,
 ) -> Floor:
     """Find the floor in a disparity map.
 
-    Planes through three random pixels compete (RANSAC): a pixel near a plane counts for it, one that would lie under
-    it counts against it, as nothing lies under a floor. The best is refined by least squares with Tukey's weights and,
-    if the pictures are given, by aligning them over it.
+    Each small patch of the map proposes the plane through it, and all patches vote: one near a plane counts for it, one
+    that would lie under it counts against it, as nothing lies under a floor. The best is refined by least squares with
+    Tukey's weights and, if the pictures are given, by aligning them over it.
 
     Parameters
     ----------
     disparity_px : (H, W) float, px
         Of the rectified left image, NaN where invalid.
     rectified : RectifiedRig
-    rng : numpy.random.Generator
-        Draws the pixels.
     pair : AlignedPair, optional
         The rectified pictures. On a floor seen at a grazing angle block matching errs by a pixel and more, always to
         the same side; alignment does not.
@@ -266,7 +264,8 @@ def fit_floor(
 
     References
     ----------
-    Fischler, Bolles: Random sample consensus. Commun. ACM 24 (1981), doi:10.1145/358669.358692.
+    Labayrade, Aubert, Tarel: Real time obstacle detection in stereovision on non flat road geometry through
+    "v-disparity" representation. IEEE Intelligent Vehicle Symposium (2002), doi:10.1109/IVS.2002.1188024.
 
     Examples
     --------
@@ -274,64 +273,97 @@ def fit_floor(
     >>> rig = paper_rig().rectify()
     >>> truth = floor_from_pose(rig, rig_pose(rig, pitch_rad=-0.2, camera_height_mm=400.0))
     >>> disparity = truth.disparity(*np.meshgrid(np.arange(640.0), np.arange(480.0)))
-    >>> floor = fit_floor(disparity, rig, rng=np.random.default_rng(0))
+    >>> floor = fit_floor(disparity, rig)
     >>> round(floor.camera_height_mm, 3), round(floor.pitch_rad, 6)
     (400.0, -0.2)
     """
     disparity = check_disparity_map(disparity_px, rectified)
-    sparse = disparity[::_STEP, ::_STEP]
-    row, column = np.nonzero(np.isfinite(sparse))
-    d = sparse[row, column].astype(float)
-    u, v = _STEP * column.astype(float), _STEP * row.astype(float)
-    search = _Search(u, v, d, pixel_rays(u, v, rectified), rectified, limits or FloorLimits())
-    try:
-        return _fit(search, _TRIALS[0], rng, pair)
-    except CannotMeasure:
-        return _fit(search, _TRIALS[1], rng, pair)
+    limits = limits or FloorLimits()
+    pixels = _Pixels.of(disparity, rectified)
+    plane, weight = pixels.refined(_vote(disparity, rectified, limits), int(_LEAST_SUPPORT * disparity.size / _STEP**2))
+    if pair is None:
+        rest = pixels.d - pixels.rays @ plane
+        covariance = clustered_covariance(pixels.rays, rest, weight, cell_of(pixels.u, pixels.v))
+    else:
+        u, v = pixels.of_floor(plane, weight > 0, disparity.shape)
+        fit = align(pair, u, v, pixel_rays(u, v, rectified), plane)
+        plane, covariance = fit.parameters, fit.covariance
+    if not _plausible(plane[None], rectified, limits)[0]:
+        raise CannotMeasure("no floor", _NO_FLOOR)
+    back = pixel_rays(np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0]), rectified)
+    back = np.stack([back[0] - back[2], back[1] - back[2], back[2]])  # planes per ray -> per pixel
+    return Floor(rectified, back @ plane, back @ covariance @ back.T)
 
 
 @dataclass(frozen=True, eq=False)
-class _Search:
-    """Pixels u, v with their disparities d, (N,) each, and their rays (N, 3), row by row, and how a floor may lie."""
+class _Pixels:
+    """Every seventh matched pixel: u, v, disparity d, (N,) each, and its ray, (N, 3)."""
 
     u: Float64
     v: Float64
     d: Float64
     rays: Float64
-    rectified: RectifiedRig
-    limits: FloorLimits
+
+    @classmethod
+    def of(cls, disparity_px: Floats, rectified: RectifiedRig) -> _Pixels:
+        sparse = disparity_px[::_STEP, ::_STEP]
+        row, column = np.nonzero(np.isfinite(sparse))
+        u, v = _STEP * column.astype(float), _STEP * row.astype(float)
+        return cls(u, v, sparse[row, column].astype(float), pixel_rays(u, v, rectified))
+
+    def refined(self, plane: Float64, least: int) -> tuple[Float64, Float64]:
+        """The plane fitted with Tukey's weights, which end ever nearer to it, and the weights; CannotMeasure if few."""
+        for reach in _REACHES:
+            off = (self.d - self.rays @ plane) / (reach * floor_tolerance_px(self.d))
+            weight = np.maximum(1 - off**2, 0) ** 2
+            if np.count_nonzero(weight) < least:
+                raise CannotMeasure("no floor", _NO_FLOOR)
+            scaled = (self.rays * weight[:, None]).T
+            plane = np.asarray(np.linalg.solve(scaled @ self.rays, scaled @ self.d))
+        return plane, np.asarray(weight)
+
+    def of_floor(self, plane: Float64, on: Bools, shape: tuple[int, ...]) -> tuple[Float64, Float64]:
+        """Pixels u, v of the floor, matched or not, but for those beside what stands on it.
+
+        Only matched ones would be those whose noise agrees; and the foot of an object still looks like floor.
+        """
+        row, column = (np.asarray(a / _STEP, int) for a in (self.v, self.u))
+        floor, above = (np.zeros((-(-shape[0] // _STEP), -(-shape[1] // _STEP)), np.uint8) for _ in range(2))
+        floor[row, column] = on
+        above[row, column] = self.d - self.rays @ plane > _ABOVE * floor_tolerance_px(self.d)
+        floor = cv2.morphologyEx(floor, cv2.MORPH_CLOSE, _GAPS)
+        free = floor & ~cv2.dilate(cv2.morphologyEx(above, cv2.MORPH_OPEN, _SPECKS), _BESIDE)
+        if np.count_nonzero(free) < _LEAST_PIXELS:
+            free = floor
+        v, u = np.nonzero(free)
+        return _STEP * u.astype(float), _STEP * v.astype(float)
 
 
-def _fit(search: _Search, trials: int, rng: np.random.Generator, pair: AlignedPair | None) -> Floor:
-    """The best plane of some trials, refined; CannotMeasure if it is not a floor."""
-    x, d, rectified = search.rays, search.d, search.rectified
-    width, height = rectified.size
-    share_of_one = _STEP**2 / (width * height)
-    least = max(_LEAST_PIXELS, int(_LEAST_SUPPORT * height * width / _STEP**2))
-    plane = _ransac(search, trials, rng) if len(d) > _LEAST_PIXELS else None
-    tolerance = floor_tolerance_px(d)
-    for reach in _REACHES:
-        off = np.inf if plane is None else (d - x @ plane) / (reach * tolerance)
-        weight = np.maximum(1 - off**2, 0) ** 2
-        count = np.count_nonzero(weight)
-        if plane is None or count < least:
-            raise CannotMeasure("no floor", _NO_FLOOR.format(f"{100 * count * share_of_one:.1f} %"))
-        root = x * weight[:, None]
-        plane = np.linalg.solve(root.T @ x, root.T @ d)
-    assert plane is not None
-    if pair is None:
-        covariance = clustered_covariance(x, d - x @ plane, weight, cell_of(search.u, search.v))
-    else:
-        near = weight > 0
-        fit = align(pair, search.u[near], search.v[near], x[near], plane)
-        plane, covariance = fit.parameters, fit.covariance
-    expected = x @ plane
-    under = np.count_nonzero((d < expected - _UNDER * tolerance) & (expected > 0))
-    if not _plausible(plane[None], search)[0] or under > _MOST_UNDER * count:
-        raise CannotMeasure("no floor", _NO_FLOOR.format("no large part"))
-    back = pixel_rays(np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0]), rectified)
-    back = np.stack([back[0] - back[2], back[1] - back[2], back[2]])  # planes per ray -> per pixel
-    return Floor(rectified, back @ plane, back @ covariance @ back.T)
+def _vote(disparity_px: Floats, rectified: RectifiedRig, limits: FloorLimits) -> Float64:
+    """The plane (3,), per ray, for which most patches of the map speak; CannotMeasure if there is none."""
+    rows, columns = (size // _PATCH_PX * _PATCH_PX for size in disparity_px.shape)
+    d = disparity_px[:rows:_FINE, :columns:_FINE].astype(float)
+    matched = np.isfinite(d)
+    (x0, y0, _), (x1, y1, _) = pixel_rays(np.array([0.0, _FINE]), np.array([0.0, _FINE]), rectified)
+    y, x = np.meshgrid(y0 + (y1 - y0) * np.arange(d.shape[0]), x0 + (x1 - x0) * np.arange(d.shape[1]), indexing="ij")
+    a = np.stack([x, y, np.ones_like(x), np.where(matched, d, 0.0)]) * matched
+    side = _PATCH_PX // _FINE
+    blocks = a.reshape(4, d.shape[0] // side, side, d.shape[1] // side, side)
+    sums = np.einsum("iajbk,lajbk->abil", blocks, blocks)  # moments of (x, y, 1, d) in each patch
+    wide = sums[:-1, :-1] + sums[1:, :-1] + sums[:-1, 1:] + sums[1:, 1:]
+    every = np.concatenate([sums.reshape(-1, 4, 4), wide.reshape(-1, 4, 4)])
+    full = np.concatenate([np.full(sums[..., 0, 0].size, side**2), np.full(wide[..., 0, 0].size, 4 * side**2)])
+    every = every[every[:, 2, 2] > _MATCHED * full]
+    planes = np.linalg.solve(every[:, :3, :3], every[:, :3, 3:])[..., 0]
+    planes = planes[_plausible(planes, rectified, limits)]
+    mean = sums.reshape(-1, 4, 4)[:, 2]
+    mean = mean[mean[:, 2] > _MATCHED * side**2]
+    if not len(planes) or not len(mean):
+        raise CannotMeasure("no floor", _NO_FLOOR)
+    voters = mean / mean[:, 2:3]
+    off = (voters[:, 3] - planes @ voters[:, :3].T) / floor_tolerance_px(voters[:, 3])
+    on, under = np.abs(off) < 1, off < -_UNDER
+    return np.asarray(planes[(on @ voters[:, 3] - under @ voters[:, 3]).argmax()])
 
 
 def floor_tolerance_px(disparity_px: Floats) -> Floats:
@@ -353,34 +385,10 @@ def floor_tolerance_px(disparity_px: Floats) -> Floats:
     return np.asarray(0.4 + 0.015 * disparity_px)
 
 
-def _plausible(planes: Float64, search: _Search) -> Bools:
+def _plausible(planes: Float64, rectified: RectifiedRig, limits: FloorLimits) -> Bools:
     """Which planes (N, 3), per ray, may be a floor: below, not too steep, not too far. (N,) bool."""
-    rectified, limits = search.rectified, search.limits
     size = np.maximum(np.linalg.norm(planes, axis=1), 1e-9)
     down = planes / size[:, None]
     allowed = (down[:, 1] > 0) & (np.abs(np.arcsin(down[:, 2])) < limits.tilt_rad)
     allowed &= np.abs(np.arctan2(down[:, 0], down[:, 1])) < limits.roll_rad
     return np.asarray(allowed & (rectified.f_px * rectified.baseline_mm / size < limits.camera_height_mm))
-
-
-def _ransac(search: _Search, trials: int, rng: np.random.Generator) -> Float64 | None:
-    """Best plane (3,), per ray, of some trials, or None."""
-    x, d = search.rays, search.d
-    some = rng.integers(len(d), size=_VOTERS)
-    low, lowest = int(_LOWER * len(d)), int(_LOWEST * len(d))
-    first = np.array([[low, low, low], [lowest, lowest, low], [lowest, low, 0]]).repeat(trials // 3 + 1, axis=0)
-    corners, xyd = rng.integers(first, len(d)).T, np.stack([x[:, 0], x[:, 1], d])
-    x0, y0, d0 = start = xyd[:, corners[0]]
-    (x1, y1, d1), (x2, y2, d2) = (xyd[:, k] - start for k in corners[1:])
-    area = x1 * y2 - x2 * y1
-    area[np.abs(area) < _TRIANGLE] = np.nan
-    a, b = (d1 * y2 - d2 * y1) / area, (x1 * d2 - x2 * d1) / area
-    planes = np.stack([a, b, d0 - a * x0 - b * y0]).T
-    planes = planes[_plausible(planes, search)]
-    if not len(planes):
-        return None
-    voters = d[some].astype(np.float32)
-    expected = planes.astype(np.float32) @ x[some].T.astype(np.float32)
-    off = (voters - expected) / floor_tolerance_px(voters)
-    on, under = np.abs(off) < 1, (off < -_UNDER) & (expected > 0)
-    return np.asarray(planes[(on @ voters - under @ voters).argmax()])

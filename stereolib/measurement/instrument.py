@@ -13,10 +13,26 @@ import numpy as np
 
 from stereolib.base import read_json, write_atomic
 from stereolib.calibration import LidarCamera
-from stereolib.measurement.object_height import SystematicUncertainty
 from stereolib.rig import RectifiedRig, StereoRig
 
 _ROTATION_TOLERANCE = 1e-6  # of R R', for which a file's digits are enough
+
+
+@dataclass(frozen=True)
+class SystematicUncertainty:
+    """What a calibration leaves open, and no scatter within one pair shows, as standard deviations.
+
+    Attributes
+    ----------
+    f_px, baseline_mm : float
+        Of the focal length after rectification, and of the baseline.
+    offset_px : float
+        Error that shifts every disparity of the picture alike.
+    """
+
+    f_px: float = 0.0
+    baseline_mm: float = 0.0
+    offset_px: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,13 +71,16 @@ class Instrument:
             If it is no rig file, or what it says of the laser or the deviations cannot be used.
         """
         rig, text = _read_rig(path)
+        remedy = "run `stereolib calibrate` again"
         try:
             known = text.get("calibration", {}).get("std", {}).get("rectified", {})
-            uncertainty = SystematicUncertainty(**{name: float(known[name]) for name in sorted(known)})
+            uncertainty = SystematicUncertainty(**{name: _deviation(name, known[name]) for name in sorted(known)})
             laser = text.get("lidar")
+            remedy = 'run `stereolib calibrate-laser` again, or take the entry "lidar" out of the file'
             lidar = None if laser is None else _lidar(laser["T_left_lidar"], laser["covariance"])
         except (ValueError, LookupError, TypeError, AttributeError) as error:
-            raise ValueError(f"{path}: what it says of the laser or of deviations is damaged ({error})") from error
+            what = f"what it says of the laser or of deviations is damaged ({error})"
+            raise ValueError(f"{path}: {what}: {remedy}") from error
         return cls(rig.rectify(), lidar, uncertainty)
 
 
@@ -96,11 +115,23 @@ def _read_rig(path: str | PathLike[str]) -> tuple[StereoRig, Mapping[str, Any]]:
     return StereoRig.load(path), read_json(path)
 
 
+def _deviation(name: str, value: Any) -> float:
+    if not 0 <= float(value) < np.inf:
+        raise ValueError(f"the deviation of {name} must be a finite number from 0 on, got {value}")
+    return float(value)
+
+
 def _lidar(pose: Any, covariance: Any) -> LidarCamera:
     T, C = np.array(pose, float), np.array(covariance, float)
-    turn = T[:3, :3] if T.shape == (4, 4) else np.zeros((3, 3))
-    is_rotation = np.allclose(turn @ turn.T, np.eye(3), atol=_ROTATION_TOLERANCE)
-    if C.shape != (6, 6) or not np.isfinite(C).all() or not is_rotation:
+    if (T.shape, C.shape) != ((4, 4), (6, 6)):
         raise ValueError(f"T_left_lidar must be a (4, 4) pose and covariance (6, 6), got {T.shape} and {C.shape}")
+    if not (np.isfinite(T).all() and np.isfinite(C).all()):
+        raise ValueError("T_left_lidar and covariance must be finite numbers")
+    is_rotation = np.allclose(T[:3, :3] @ T[:3, :3].T, np.eye(3), atol=_ROTATION_TOLERANCE)
+    if not (is_rotation and np.linalg.det(T[:3, :3]) > 0 and np.array_equal(T[3], (0, 0, 0, 1))):
+        raise ValueError("T_left_lidar must be a rotation (3, 3) and a shift in mm, above the row 0 0 0 1")
+    least = float(np.linalg.eigvalsh((C + C.T) / 2)[0])
+    if not np.allclose(C, C.T) or least < -_ROTATION_TOLERANCE * np.trace(C):
+        raise ValueError("covariance must be symmetric, without negative variances")
     std = np.sqrt(np.diag(C))
     return LidarCamera(T, std_rad=std[:3], std_mm=std[3:], covariance=C, view_misses=np.zeros(0))

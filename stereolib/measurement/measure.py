@@ -1,40 +1,46 @@
-"""From one pair and one scan to the objects in front of the rig: length, width and height with standard deviations."""
+"""From one pair and one scan to the objects in front of the rig: length, width and height with standard deviations.
+
+Picture -> faces and edges (`pictured`); scan -> lines (`scanned`); laser and cameras as calibrated, or moved
+(`hypotheses`); one least squares over all (`scene_solver`); objects (`measured_object`).
+"""
 
 from __future__ import annotations
 
-from contextlib import suppress
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import cv2
 import numpy as np
 
-from stereolib.base import Float32, Float64, UInt8
+from stereolib.base import Float32, Float64, UInt8, direction
 from stereolib.laser import Footprint, LaserScan, find_segments, fit_footprint, points_mm
-from stereolib.matching import SGBMParams, compute_disparity
-from stereolib.measurement.face_lines import LaserOnFloor
-from stereolib.measurement.faces import find_faces
-from stereolib.measurement.floor import Floor, fit_floor, floor_from_pose
-from stereolib.measurement.fusion import Evidence, fuse
+from stereolib.measurement.agreement import Past
+from stereolib.measurement.box import Box, Edge, Own, Shared
+from stereolib.measurement.floor import Floor, floor_from_pose
+from stereolib.measurement.hypotheses import Judged, judge
 from stereolib.measurement.instrument import Instrument
-from stereolib.measurement.measured_object import MeasuredObject, from_faces, from_region, from_scan
-from stereolib.measurement.object_height import SystematicUncertainty, measure_height
-from stereolib.measurement.plane_alignment import AlignedPair, CannotMeasure
+from stereolib.measurement.laser_on_floor import LaserOnFloor
+from stereolib.measurement.measured_object import BoxFacts, MeasuredObject, from_box, from_region, from_scan
+from stereolib.measurement.missing_floor import find_floor
+from stereolib.measurement.pairing import Place, pair_up
+from stereolib.measurement.pictured import Pictured, see_box
+from stereolib.measurement.plane_alignment import CannotMeasure
+from stereolib.measurement.reasons import NOT_STANDING, Reason, Source, Why
 from stereolib.measurement.regions import OBJECTS_WITHIN_MM, ObjectRegion, find_objects
-from stereolib.rig import pose_left_world, rigid, to_grey
+from stereolib.measurement.scanned import scan_observations, scanned_box
+from stereolib.measurement.scene_solver import Priors, Seen, Solution
+from stereolib.measurement.views import Views
+from stereolib.rig import pose_left_world, rigid
 
-#: The pictures are matched in half size: planes and edges are found in the full ones afterwards.
-_HALF = SGBMParams(num_disparities=96, mode="3way")
-_HALF_FLOOR_ROWS = 0.25  # `SystematicUncertainty.floor_rows`: planes that begin in such a map end farther off
-#: A laser that nobody calibrated: straight below the camera within 10 mm and one degree.
-_BELOW = LaserOnFloor(np.eye(2), np.zeros(2), np.diag([10.0**2, 10.0**2, np.radians(1.0) ** 2]))
+#: A laser that nobody calibrated: straight below the camera within 50 mm and five degrees.
+_BELOW = LaserOnFloor(np.eye(2), np.zeros(2), np.diag([50.0**2, 50.0**2, np.radians(5.0) ** 2]))
 _LASER_ABOVE_FLOOR_MM = 100.0  # where no floor is seen; the scan's sizes do not depend on it
 _SCAN_REACH_M = 3  # of `stereolib.laser.find_segments`
-_SAME_DISTANCE = 0.25  # scan and pair show the same object up to this relative difference
-_OVERLAP = 0.3  # share of the narrower one's bearings that they then have in common
-_WITHIN = 0.5  # share of a region's bearings that lie within a footprint, of which it is then a piece
-_LEAST_SPAN_RAD = 0.02  # a footprint counts as so wide at least
 _FEW_BEAMS = 6  # so few tell no round or irregular outline from faces
 _SHOWN = 0.5  # share of a footprint that the right camera must show
+_LIKELY = 0.5  # probability from which something is said to have moved
+_LEAST_STD = 1e-5  # of what a calibration knows, px or shares
+_LEAST_BEAMS = 2  # in the left picture: one may be a neighbour's
+_CONTRADICTION = 3.0  # standard deviations by which readings miss the face they were on, as `Solution.misfits` counts
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +56,7 @@ class Measurement:
     floor : Floor or None
         None if it was not seen: then all comes from the scan, in the frame of a floor below its plane.
     laser : LaserOnFloor
+        Where the scene has it.
     scan_mm : (N, 2) float64
         All readings on the floor.
     left, right : (H, W, 3) uint8
@@ -69,26 +76,18 @@ class Measurement:
 
 
 def measure_objects(
-    left: UInt8,
-    right: UInt8,
-    scan: LaserScan | None,
-    instrument: Instrument,
-    *,
-    rng: np.random.Generator,
-    floor: Floor | None = None,
+    left: UInt8, right: UInt8, scan: LaserScan | None, instrument: Instrument, *, floor: Floor | None = None
 ) -> Measurement:
     """Measure everything that stands on the floor in front of the rig.
 
     Parameters
     ----------
-    left, right : (H, W, 3) uint8
+    left, right : (H, W) or (H, W, 3) uint8
         As the cameras gave them.
     scan : LaserScan or None
         A turn, or better the average of some, taken at the same time; None: the pair alone.
     instrument : Instrument
         The calibrated rig, with its laser if it has one.
-    rng : numpy.random.Generator
-        Of the search for the floor.
     floor : Floor, optional
         Where it is known beforehand (`floor_from_pose`); else it is found in the pictures.
 
@@ -103,53 +102,64 @@ def measure_objects(
     ValueError
         If pictures and calibration do not fit together.
     """
-    rectified, lidar, warnings = instrument.rectified, instrument.lidar, list[str]()
-    rows = max(instrument.uncertainty.floor_rows, _HALF_FLOOR_ROWS)
-    left, right = rectified.rectify(left, right)
-    disparity = _half_size_disparity(left, right)
-    pair = AlignedPair.of(left, right)
+    views, warnings = Views.of(left, right, instrument.rectified), list[str]()
     regions, no_floor = list[ObjectRegion](), ""
     try:
-        floor = floor or fit_floor(disparity, rectified, rng=rng, pair=pair)
-        regions = find_objects(disparity, floor)
+        floor = floor or find_floor(views, instrument.rectified)
+        regions = find_objects(views.disparity_px, floor)
     except CannotMeasure as error:
         if scan is None:
             raise
         no_floor = str(error)
         warnings.append(f"{no_floor}. What follows is the scan's alone")
-    ground = floor or _floor_below(instrument)
-    if scan is not None and lidar is None:
+    priors = scene_priors(views, instrument, floor or _floor_below(instrument))
+    if scan is not None and instrument.lidar is None:
         warnings.append("the laser's pose is not known: it is taken to stand straight below the left camera")
-    laser = _BELOW if lidar is None else LaserOnFloor.of(lidar, ground)
-    parts = [] if scan is None else find_segments(scan)
-    footprints = [fit_footprint(part, bias_mm=laser.bias_mm) for part in parts if part.kind == "object"]
-    if scan is not None and not footprints:
-        warnings.append(f"the scan shows no object within {_SCAN_REACH_M} m: sizes come from the pair alone")
-    scene = _Scene(ground, pair, laser, replace(instrument.uncertainty, floor_rows=rows), bool(footprints), no_floor)
-    together, unlike = _paired(regions, footprints, ground, laser)
-    warnings, objects = warnings + unlike, list[MeasuredObject]()
-    for region, footprint in together:
-        measured, disagreement = _measure_one(scene, region, footprint)
-        objects.append(measured)
-        warnings += [disagreement] if disagreement else []
+    footprints, no_object = ([], "") if scan is None else _footprints(scan, priors.laser.bias_mm)
+    warnings += [no_object] if no_object else []
+    scene = _Scene(views, priors, bool(footprints), no_floor)
+    things, unlike = scene.things(regions, footprints)
+    judged, things, apart = scene.solved(things)
+    objects = sorted(scene.measured(judged, things), key=lambda thing: float(np.hypot(*thing.position_mm)))
     if not objects:
         reach = f"{OBJECTS_WITHIN_MM / 1000:g} m of the cameras or {_SCAN_REACH_M} m of the laser"
         warnings.append(f"nothing stands on the floor within {reach}")
-    objects.sort(key=lambda measured: float(np.hypot(*measured.position_mm)))
+    laser = priors.laser.moved(*judged.solution.laser)
     readings = np.zeros((0, 2)) if scan is None else laser.points_mm(points_mm(scan))
-    return Measurement(tuple(objects), tuple(warnings), floor, laser, readings, left, right, disparity)
+    warnings += [*unlike, *apart, *_said_of_the_rig(views, judged, instrument)]
+    pictures = views.left, views.right, views.disparity_px
+    return Measurement(tuple(objects), tuple(warnings), floor, laser, readings, *pictures)
 
 
-@dataclass(frozen=True, eq=False)
-class _Scene:
-    """What all objects of one pair and one scan share; `no_floor` says why the pair has none, if so."""
+def _footprints(scan: LaserScan, bias_mm: float) -> tuple[list[Footprint], str]:
+    """Outlines of the objects in a scan; what to say if there is none."""
+    try:
+        parts = find_segments(scan)
+    except ValueError as error:
+        return [], f"the scan tells nothing, sizes come from the pair alone: {error}"
+    found = [fit_footprint(part, bias_mm=bias_mm) for part in parts if part.kind == "object"]
+    none = f"the scan shows no object within {_SCAN_REACH_M} m: sizes come from the pair alone"
+    return found, "" if found else none
 
-    floor: Floor
-    pair: AlignedPair
-    laser: LaserOnFloor
-    uncertainty: SystematicUncertainty
-    scanned: bool
-    no_floor: str
+
+def scene_priors(views: Views, instrument: Instrument, floor: Floor) -> Priors:
+    """What calibration, pictures and floor tell of what all objects share.
+
+    Parameters
+    ----------
+    views : Views
+    instrument : Instrument
+    floor : Floor
+
+    Returns
+    -------
+    Priors
+    """
+    rectified, unsure = instrument.rectified, instrument.uncertainty
+    shares = (unsure.f_px / rectified.f_px, unsure.baseline_mm / rectified.baseline_mm)
+    std = np.maximum([unsure.offset_px, views.rows.std_px, *shares], _LEAST_STD)
+    laser = _BELOW if instrument.lidar is None else LaserOnFloor.of(instrument.lidar, floor)
+    return Priors(floor, laser, std)
 
 
 def _floor_below(instrument: Instrument) -> Floor:
@@ -162,104 +172,185 @@ def _floor_below(instrument: Instrument) -> Floor:
     return floor_from_pose(rectified, lidar.T_left_lidar @ rigid(np.eye(3), [0.0, 0.0, min(camera_mm, 0.0) - above]))
 
 
-def _half_size_disparity(left: UInt8, right: UInt8) -> Float32:
-    """Disparity matched in pictures of half size, in pixels of the full ones: (H, W) float32, NaN invalid."""
-    small = [cv2.resize(to_grey(i), None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA) for i in (left, right)]
-    half = 2 * compute_disparity(small[0], small[1], _HALF, whole=True)
-    return np.asarray(cv2.resize(half, left.shape[1::-1], interpolation=cv2.INTER_NEAREST))
+@dataclass(frozen=True, eq=False)
+class _Thing:
+    """One object before the least squares: what pictures and scan show of it, and why the pictures show no box."""
+
+    pictured: Pictured | None = None
+    region: ObjectRegion | None = None
+    footprint: Footprint | None = None
+    why: Why | None = None
+    seen: Seen | None = None
+    scanned: bool = False
+
+    @property
+    def is_round(self) -> bool:
+        """Its outline in the scan is no box's."""
+        few = self.footprint is None or len(self.footprint.segment.points_mm) <= _FEW_BEAMS
+        return not few and self.footprint is not None and self.footprint.shape in ("circle", "irregular")
 
 
-def _paired(
-    regions: list[ObjectRegion], footprints: list[Footprint], floor: Floor, laser: LaserOnFloor
-) -> tuple[list[tuple[ObjectRegion | None, Footprint | None]], list[str]]:
-    """Pair what the picture shows with what the scan shows, by bearing and distance; the rest stays alone."""
-    rectified = floor.rectified
-    edges = [np.array([region.bounds[2], region.bounds[0]]) for region in regions]
-    spans = [np.arctan((rectified.P1[0, 2] - columns) / rectified.f_px) for columns in edges]
-    distances = [float(np.hypot(*region.position_mm)) for region in regions]
-    readings = [laser.points_mm(footprint.segment.points_mm) for footprint in footprints]
-    bearings = [np.arctan2(p[:, 1], p[:, 0]) for p in readings]
-    near, far = ([float(pick(np.linalg.norm(p, axis=1))) for p in readings] for pick in (np.min, np.max))
+@dataclass(frozen=True, eq=False)
+class _Scene:
+    """What all objects of one pair and one scan share; `no_floor` says why the pair has none, if so."""
 
-    def overlap(i: int, j: int) -> float:
-        low, high = max(spans[i][0], bearings[j].min()), min(spans[i][1], bearings[j].max())
-        return float(high - low) / float(min(np.ptp(spans[i]), max(np.ptp(bearings[j]), _LEAST_SPAN_RAD)))
+    views: Views
+    priors: Priors
+    scan_has_objects: bool
+    no_floor: str
 
-    both = [(i, j) for i in range(len(regions)) for j in range(len(footprints)) if overlap(i, j) > _OVERLAP]
-    candidates = [(abs(distances[i] - near[j]) / near[j], i, j) for i, j in both]
-    pairs, warnings = list[tuple[ObjectRegion | None, Footprint | None]](), list[str]()
-    free_regions, free_footprints = set(range(len(regions))), set(range(len(footprints)))
-    for off, i, j in sorted(candidates):
-        if i not in free_regions or j not in free_footprints:
-            continue
-        if off > _SAME_DISTANCE:
-            why = f"the scan shows something at {near[j]:.0f} mm and the pair at {distances[i]:.0f} mm"
-            warnings.append(f"in one direction {why}: were they taken at the same time? They are not combined")
-            continue
-        free_regions.remove(i)
-        free_footprints.remove(j)
-        pairs.append((regions[i], footprints[j]))
-    for i in sorted(free_regions):  # a piece of what the scan shows whole
-        whole = [j for j in range(len(footprints)) if j not in free_footprints and overlap(i, j) > _WITHIN]
-        if any((1 - _SAME_DISTANCE) * near[j] < distances[i] < (1 + _SAME_DISTANCE) * far[j] for j in whole):
-            free_regions.remove(i)
-    pairs += [(regions[i], None) for i in sorted(free_regions)]
-    return pairs + [(None, footprints[j]) for j in sorted(free_footprints)], warnings
+    def things(self, regions: list[ObjectRegion], footprints: list[Footprint]) -> tuple[list[_Thing], Sequence[str]]:
+        """Objects as pictures and scan show them, paired; and what does not fit together."""
+        alone = [self._pictured(region) for region in regions]
+        pairs = pair_up([_place(thing, self.priors.floor) for thing in alone], footprints, self.priors.laser)
+        both = [self._with_scan(alone[i], footprints[j]) for i, j in pairs.both]
+        rest = [self._scanned(_Thing(footprint=footprints[j])) for j in pairs.scanned]
+        return [*both, *(alone[i] for i in pairs.pictured), *rest], pairs.warnings
+
+    def _pictured(self, region: ObjectRegion) -> _Thing:
+        try:
+            pictured = see_box(self.views, self.priors, region)
+        except CannotMeasure:
+            return _Thing(region=region, why=Why(Reason.NO_TEXTURE))
+        refused = pictured.refused
+        return _Thing(pictured, region, why=refused, seen=None if refused else pictured.seen)
+
+    def _with_scan(self, thing: _Thing, footprint: Footprint) -> _Thing:
+        thing = replace(thing, footprint=footprint)
+        if thing.seen is None or thing.pictured is None:
+            return thing if thing.why and thing.why.reason in NOT_STANDING else self._scanned(thing)
+        if thing.is_round:
+            return thing
+        turn, past = float(thing.pictured.own[Own.TURN]), thing.pictured.past
+        readings = scan_observations(footprint, self.priors.laser, turn, past)
+        seen = Seen(thing.seen.start, (*thing.seen.observations, *readings))
+        return replace(thing, seen=seen, scanned=bool(readings))
+
+    def _scanned(self, thing: _Thing) -> _Thing:
+        assert thing.footprint is not None
+        seen = None if thing.is_round else scanned_box(thing.footprint, self.priors.laser)
+        why = thing.why or _why_unseen(thing.footprint, self.priors, self.no_floor)
+        return replace(thing, seen=seen, why=why, scanned=seen is not None, pictured=None)
+
+    def solved(self, things: list[_Thing]) -> tuple[Judged, list[_Thing], list[str]]:
+        """The least squares, without readings that contradict the pair; and what is said of them."""
+        judged, kept, warnings = self._judged(things), list[_Thing](), list[str]()
+        numbers = _numbers(things)
+        for thing in things:
+            k = numbers.get(id(thing))
+            if k is None or thing.seen is None or thing.pictured is None or not thing.scanned:
+                kept.append(thing)
+                continue
+            pairs = list(zip(thing.seen.observations, judged.solution.misfits[k].tolist(), strict=True))
+            agree = tuple(o for o, misfit in pairs if not (o.of_scan and misfit > _CONTRADICTION))
+            scanned = any(o.of_scan for o in agree)
+            kept.append(replace(thing, seen=Seen(judged.solution.boxes[k], agree), scanned=scanned))
+            if not scanned:
+                where = f"{np.hypot(*thing.seen.start[[Own.X, Own.Y]]):.0f} mm away"
+                warnings.append(f"scan and pair disagree about the object {where}: its sizes come from the pair alone")
+        count = [len(t.seen.observations) if t.seen else 0 for t in things]
+        changed = count != [len(t.seen.observations) if t.seen else 0 for t in kept]
+        return (self._judged(kept) if changed else judged), kept if changed else things, warnings
+
+    def _judged(self, things: list[_Thing]) -> Judged:
+        both = any(thing.scanned and thing.pictured for thing in things)
+        return judge(self.priors, [thing.seen for thing in things if thing.seen], scanned=both)
+
+    def measured(self, judged: Judged, things: list[_Thing]) -> list[MeasuredObject]:
+        """Make the measured objects."""
+        numbers = _numbers(things)
+        return [self._measured(judged.solution, thing, numbers.get(id(thing))) for thing in things]
+
+    def _measured(self, solution: Solution, thing: _Thing, number: int | None) -> MeasuredObject:
+        facts = self._facts(solution, thing, number)
+        if number is not None and not thing.is_round:
+            return from_box(solution, number, facts)
+        height = (np.nan, np.nan)
+        if number is not None:
+            box = from_box(solution, number, facts)
+            height = (float(box.size_mm[2]), float(box.std_mm[2]))
+        if thing.footprint is not None and (thing.why is None or thing.why.reason not in NOT_STANDING):
+            laser = self.priors.laser.moved(*solution.laser)
+            return from_scan(thing.footprint, laser, height, facts.reasons)
+        assert thing.region is not None
+        return from_region(thing.region, height, facts.reasons)
+
+    def _facts(self, solution: Solution, thing: _Thing, number: int | None) -> BoxFacts:
+        """What is told of an object besides its sizes."""
+        reasons, pictured = dict[str, Why](), thing.pictured
+        if thing.why is not None:
+            reasons["object" if thing.why.reason in NOT_STANDING else "height"] = thing.why
+        elif thing.footprint is None and self.scan_has_objects:
+            reasons["object"] = Why(Reason.NOT_IN_SCAN)
+        if number is None:
+            return BoxFacts(reasons=reasons)
+        if pictured is None:
+            return BoxFacts(sources={"lines": Source.SCAN}, reasons=reasons, scan_share=1.0)
+        share = _scan_share(solution, number, pictured.solution) if thing.scanned else 0.0
+        sources = {"lines": Source.BOTH if thing.scanned else Source.IMAGE, "height": Source.IMAGE}
+        for name, edge in (("right end", Edge.RIGHT_END), ("left end", Edge.LEFT_END)):
+            shown = pictured.past.get(edge, pictured.past.get(Edge.CORNER))
+            sources[name] = Source.IMAGE if shown is Past.OPEN or not thing.scanned else Source.SCAN
+        return BoxFacts(pictured.past, sources, reasons, share, pictured.doubtful)
 
 
-def _measure_one(scene: _Scene, region: ObjectRegion | None, footprint: Footprint | None) -> tuple[MeasuredObject, str]:
-    """One object, and in what laser and picture contradict each other about it."""
-    reasons: dict[str, str] = {}
-    floor, uncertainty = scene.floor, scene.uncertainty
-    evidence, height = Evidence(footprint), (np.nan, np.nan)
-    if region is not None:
-        evidence, height, reasons = _pictured(scene, region, footprint)
-    elif footprint is not None:
-        reasons["height"] = scene.no_floor or _why_unseen(footprint, floor, scene.laser)
-    if footprint is None and scene.scanned:
-        reasons["object"] = "it is not in the scan (lower than its plane, or dark): its sizes come from the pair alone"
-    fused = None
-    if footprint is None or not _is_round_or_irregular(footprint):
-        fused = fuse(scene.pair.light, floor, evidence, laser=scene.laser, uncertainty=uncertainty)
-    if fused is not None:
-        scale = (uncertainty.baseline_mm / floor.rectified.baseline_mm, uncertainty.f_px / floor.rectified.f_px)
-        return from_faces(fused, height, reasons, float(np.hypot(*scale))), fused.disagreement
-    if footprint is not None:
-        return from_scan(footprint, scene.laser, height, reasons), ""
-    assert region is not None
-    return from_region(region, height, reasons), ""
+def _numbers(things: list[_Thing]) -> dict[int, int]:
+    """Numbers in the least squares, by the things' identities."""
+    return {id(thing): k for k, thing in enumerate(thing for thing in things if thing.seen)}
 
 
-def _pictured(
-    scene: _Scene, region: ObjectRegion, footprint: Footprint | None
-) -> tuple[Evidence, tuple[float, float], dict[str, str]]:
-    """What the pair shows of an object: its evidence, its height with the deviation, and why it has none."""
-    try:
-        measured = measure_height(scene.pair, scene.floor, region, uncertainty=scene.uncertainty)
-    except CannotMeasure as error:
-        evidence = Evidence(footprint)
-        if error.reason in ("cut by the frame", "no top edge"):  # else what was matched is chance
-            with suppress(CannotMeasure):
-                evidence = Evidence(footprint, find_faces(scene.floor, region, scene.pair), region.top_mm)
-        return evidence, (np.nan, np.nan), {"height": str(error)}
-    height = (measured.height_mm, measured.height_std_mm)
-    return Evidence(footprint, measured.faces, measured.height_mm), height, {}
+def _scan_share(both: Solution, number: int, pictured: Solution) -> float:
+    """Share of what is known of a box's place and turn that the scan gave: ``1 - tr(C_both C_pair^-1) / 3``."""
+    first, n = len(Shared), 3
+    at = first + len(Own) * number
+    mine, theirs = both.covariance[at : at + n, at : at + n], pictured.covariance[first : first + n, first : first + n]
+    return float(np.clip(1 - np.trace(mine @ np.linalg.inv(theirs)) / n, 0.0, 1.0))
 
 
-def _is_round_or_irregular(footprint: Footprint) -> bool:
-    return footprint.shape in ("circle", "irregular") and len(footprint.segment.points_mm) > _FEW_BEAMS
+def _place(thing: _Thing, floor: Floor) -> Place:
+    """Where an object of the pictures stands."""
+    if thing.pictured is not None:
+        corners = Box(thing.pictured.own).points(np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]))[:, :2]
+        seen = [True, Edge.RIGHT_END in thing.pictured.past, Edge.LEFT_END in thing.pictured.past]
+        return Place.of(corners[seen])
+    assert thing.region is not None
+    region, rectified = thing.region, floor.rectified
+    bearings = np.arctan((rectified.P1[0, 2] - np.array([region.bounds[2], region.bounds[0]])) / rectified.f_px)
+    return Place.of(float(np.hypot(*region.position_mm)) * direction(bearings))
 
 
-def _why_unseen(footprint: Footprint, floor: Floor, laser: LaserOnFloor) -> str:
-    """Why the picture says nothing of an object in the scan."""
-    p = laser.points_mm(footprint.segment.points_mm)
-    rectified = floor.rectified
-    u = rectified.P1[0, 2] - rectified.f_px * p[:, 1] / np.maximum(p[:, 0], 1.0)
-    if ((p[:, 0] > 0) & (u > 0) & (u < rectified.size[0])).sum() < 2:
-        return "outside the picture: turn the rig towards it"
-    shift = rectified.f_px * rectified.baseline_mm / np.maximum(p[:, 0], 1.0)
-    if ((p[:, 0] > 0) & (u - shift > 0) & (u < rectified.size[0])).mean() < _SHOWN:
-        return "only one camera sees it whole: turn the rig towards it"
+def _why_unseen(footprint: Footprint, priors: Priors, no_floor: str) -> Why:
+    """Why the pictures say nothing of an object in the scan."""
+    if no_floor:
+        return Why(Reason.NO_FLOOR)
+    p, rectified = priors.laser.points_mm(footprint.segment.points_mm), priors.floor.rectified
+    ahead = np.maximum(p[:, 0], 1.0)
+    u, shift = rectified.P1[0, 2] - rectified.f_px * p[:, 1] / ahead, rectified.f_px * rectified.baseline_mm / ahead
+    in_left = (p[:, 0] > 0) & (u > 0) & (u < rectified.size[0])
+    if in_left.sum() < _LEAST_BEAMS:
+        return Why(Reason.NOT_IN_PICTURE)
+    if (in_left & (u > shift)).mean() < _SHOWN:
+        return Why(Reason.ONE_CAMERA)
     if np.linalg.norm(p, axis=1).min() > OBJECTS_WITHIN_MM:
-        return f"too far for the pair: go nearer than {OBJECTS_WITHIN_MM / 1000:g} m"
-    return "no texture: the pair matched nothing there; light or texture it"
+        return Why(Reason.TOO_FAR, f"farther than {OBJECTS_WITHIN_MM / 1000:g} m")
+    return Why(Reason.NO_TEXTURE)
+
+
+def _said_of_the_rig(views: Views, judged: Judged, instrument: Instrument) -> list[str]:
+    """What has moved since its calibration."""
+    said, solution = [views.rows.warning] if views.rows.warning else [], judged.solution
+    if instrument.lidar is None and judged.scanned:
+        (x, y, yaw), std = solution.laser, solution.laser_std
+        place = f"{x:.0f} ± {std[0]:.0f} mm ahead, {y:.0f} ± {std[1]:.0f} mm to the left"
+        said.append(
+            f"the objects place the laser {place}, turned by {np.degrees(yaw):.1f} ± {np.degrees(std[2]):.1f} degrees"
+        )
+    elif judged.chance(laser=True) > _LIKELY:
+        (x, y, yaw), std = solution.laser, solution.laser_std
+        move = f"{np.hypot(x, y):.0f} mm and {np.degrees(yaw):.1f} ± {np.degrees(std[2]):.1f} degrees"
+        said.append(f"the laser has moved since its calibration, by {move}; corrected here: calibrate it again")
+    if judged.chance(cameras=True) > _LIKELY:
+        off, off_std = (float(a[Shared.OFFSET]) for a in (solution.shared, np.sqrt(np.diag(solution.covariance))))
+        why = f"all disparities are off by {off:.2f} ± {off_std:.2f} px"
+        said.append(f"the cameras have turned since their calibration: {why}; corrected here: calibrate again")
+    return said

@@ -10,20 +10,23 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from stereolib.base import Float64, direction, wrap_rad
+from stereolib.base import Float64, Ints, direction, wrap_rad
 from stereolib.laser import Footprint
-from stereolib.measurement.face_lines import LaserOnFloor
-from stereolib.measurement.fusion import Fused, corners_mm
+from stereolib.measurement.agreement import Past
+from stereolib.measurement.box import Box, Edge, Numbers, Own, Shared, Side, derivatives
+from stereolib.measurement.laser_on_floor import LaserOnFloor
+from stereolib.measurement.reasons import Reason, Source, Why
 from stereolib.measurement.regions import ObjectRegion
+from stereolib.measurement.scene_solver import Solution
 
 Height = tuple[float, float]  # and its standard deviation, mm
 #: What `MeasuredObject.size_mm` holds, in its order.
 SIZE_NAMES = ("length", "width", "height")
 _WORST_STD = 0.05  # share of a side: one whose standard deviation is larger is not reported
-_TOO_FLAT = np.radians(8)  # a side that is seen under a flatter angle is not reported
 _CIRCLE_CORNERS = 24
-_ONE_FACE = "only one face is seen, its depth is hidden: turn the object or move the rig to see a corner"
-_HIDDEN = "an end is hidden by something nearer or lies outside the picture"
+_TOPS = (Edge.TOP_RIGHT, Edge.TOP_LEFT)
+_SIDES = (Side.RIGHT, Side.LEFT)
+_CORNERS = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])  # of the outline, counter-clockwise
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,10 +51,11 @@ class MeasuredObject:
         Corners on the floor, counter-clockwise: 4 of a box, the 2 ends of a face, 24 of a circle, the readings of an
         irregular outline.
     sources : dict
-        What gave what: ``"lines"`` (shares of what is known of the faces' lines: "scan 24 %, image 76 %"),
-        ``"right end"``, ``"left end"`` and ``"height"`` ("image" or "scan").
-    reasons : dict
+        What gave what: ``"lines"`` (of the faces), ``"right end"``, ``"left end"`` and ``"height"`` -> `Source`.
+    reasons : dict of Why
         Why ``"length"``, ``"width"`` or ``"height"`` is unknown, or the whole ``"object"`` not measured.
+    scan_share : float
+        Share of what is known of the faces' lines that the scan gave, 0..1.
     """
 
     shape: str
@@ -62,8 +66,9 @@ class MeasuredObject:
     yaw_rad: float
     yaw_std_rad: float
     outline_mm: Float64
-    sources: dict[str, str] = field(default_factory=dict)
-    reasons: dict[str, str] = field(default_factory=dict)
+    sources: dict[str, Source] = field(default_factory=dict)
+    reasons: dict[str, Why] = field(default_factory=dict)
+    scan_share: float = 0.0
 
     @property
     def std_mm(self) -> Float64:
@@ -94,67 +99,109 @@ class MeasuredObject:
         return float(np.sqrt(gradient @ self.covariance @ gradient))
 
 
-def from_faces(
-    fused: Fused, height: Height, reasons: dict[str, str], scale_std: float, *, worst_std: float = _WORST_STD
-) -> MeasuredObject:
-    """Make a box or a face of its lines and ends, through their covariance.
+@dataclass(frozen=True, eq=False)
+class BoxFacts:
+    """What is told of a box besides its parameters.
+
+    Attributes
+    ----------
+    past : dict
+        What the pictures show where its faces end, by edge; what is not in it they do not show.
+    sources : dict
+        As `MeasuredObject.sources`.
+    reasons : dict
+        Why something is unknown, so far.
+    scan_share : float
+    doubtful : frozenset of Edge
+        Edges that contradict the others.
+    """
+
+    past: dict[Edge, Past] = field(default_factory=dict)
+    sources: dict[str, Source] = field(default_factory=dict)
+    reasons: dict[str, Why] = field(default_factory=dict)
+    scan_share: float = 0.0
+    doubtful: frozenset[Edge] = frozenset()
+
+
+def from_box(solution: Solution, box: int, facts: BoxFacts, *, worst_std: float = _WORST_STD) -> MeasuredObject:
+    """Make a measured object of one box of a solution.
 
     Parameters
     ----------
-    fused : Fused
-    height : (mm, standard deviation)
-        NaN if unknown.
-    reasons : dict
-        Why something is unknown, so far.
-    scale_std : float
-        Relative standard deviation that all lengths of the calibration share.
+    solution : Solution
+    box : int
+        Its number.
+    facts : BoxFacts
     worst_std : float
-        A side whose standard deviation is a larger share of it is not reported.
+        A size whose standard deviation is a larger share of it is not reported.
 
     Returns
     -------
     MeasuredObject
     """
-    n = 2 if fused.two else 1
-    at, C = fused.propagate(_sides_and_places)
-    C[:n, :n] += scale_std**2 * np.outer(at[:n], at[:n])
-    std, flat = np.sqrt(np.diag(C)), np.arcsin(np.cos(fused.x[3 : 3 + n] - fused.x[0] + np.arange(n) * np.pi / 2))
-    refused = {}
-    for k in range(n):
-        if any(fused.hidden if n == 1 else fused.hidden[k : k + 1]):
-            refused[k] = _HIDDEN
-        elif flat[k] < _TOO_FLAT or std[k] > worst_std * at[k]:
-            is_flat = flat[k] < 2 * _TOO_FLAT
-            why = f"seen too flat, at {np.degrees(flat[k]):.0f} degrees" if is_flat else "too uncertain"
-            refused[k] = f"{why}: {at[k]:.0f} ± {std[k]:.0f} mm; turn the object or move the rig"
-    kept = sorted((k for k in range(n) if k not in refused), key=lambda k: -at[k])
-    p, whole = corners_mm(fused.x), n == 2 and len(kept) == 2
-    reasons = {**reasons, "length": _ONE_FACE} if n == 1 else dict(reasons)
-    for k, why in refused.items():
-        reasons["length" if n == 2 and len(refused) < 2 else ("width", "length")[k]] = why
-    size, covariance = _with_height(height)
-    known = [0, 1] if whole else [1][: len(kept)]
-    size[known] = at[kept]
-    covariance[np.ix_(known, known)] = C[np.ix_(kept, kept)]
-    covariance[2, known] = covariance[known, 2] = 0.0 * height[1]
-    side = kept[0] if kept else 0
-    place = slice(n, n + 2) if whole else slice(n + 2 + 2 * side, n + 4 + 2 * side)
-    yaw_rad = float(wrap_rad(fused.x[0] + (1 - side) * np.pi / 2, np.pi))
-    outline = np.array([p[1], p[0], p[0] + p[2] - p[1], p[2]]) if whole else p[side : side + 2]
-    where, turned = (at[place], C[place, place]), (yaw_rad, float(std[-1]))
-    sources = {**fused.sources, **_height_source(height)}
-    return MeasuredObject("box" if whole else "face", size, covariance, *where, *turned, outline, sources, reasons)
+    x, C = solution.of_box(box)
+    at, J = derivatives(_sizes_and_places, x)
+    spread = J @ C @ J.T
+    sizes, std = at[:3], np.sqrt(np.diag(spread)[:3])
+    reasons = {k: why for k in range(3) if (why := _why(k, facts, sizes[k], std[k], worst_std))}
+    sides = sorted({0, 1} - set(reasons), key=lambda k: -sizes[k])
+    whole, named = len(sides) == 2, _named(sides)
+    known = [name for name, k in enumerate(named) if k not in reasons]
+    size, covariance = np.full(3, np.nan), np.full((3, 3), np.nan)
+    size[known] = sizes[named[known]]
+    covariance[np.ix_(known, known)] = spread[np.ix_(named[known], named[known])]
+    longest = sides[0] if sides else int(np.argmin(std[:2] / sizes[:2]))
+    place = slice(3, 5) if whole else slice(5 + 2 * longest, 7 + 2 * longest)
+    turn, is_right = len(Shared) + Own.TURN, _SIDES[longest] is Side.RIGHT
+    corners = Box(x[len(Shared) :]).points(_CORNERS)[:, :2]
+    return MeasuredObject(
+        shape="box" if whole else "face",
+        size_mm=size,
+        covariance=covariance,
+        position_mm=at[place],
+        position_covariance=spread[place, place],
+        yaw_rad=float(wrap_rad(x[turn] - (np.pi / 2 if is_right else 0.0), np.pi)),
+        yaw_std_rad=float(np.sqrt(C[turn, turn])),
+        outline_mm=corners if whole else corners[[1, 0] if is_right else [0, 3]],
+        sources=facts.sources,
+        reasons={SIZE_NAMES[name]: reasons[k] for name, k in enumerate(named) if k in reasons} | facts.reasons,
+        scan_share=facts.scan_share,
+    )
 
 
-def _sides_and_places(x: Float64) -> Float64:
-    """Of `Fused.x` (K, 5): lengths of n sides, the outline's middle, each side's middle, the angle. (K, 3 + 3 n)."""
-    p = corners_mm(x)
-    sides = np.hypot(*(p[:, 1:] - p[:, :-1]).T).T
-    middles = (p[:, 1:] + p[:, :-1]) / 2
-    return np.hstack([sides, (p[:, 0] + p[:, -1]) / 2, middles.reshape(len(x), -1), x[:, :1]])
+def _named(sides: list[int]) -> Ints:
+    """Which side (0 right, 1 left) is the length, and which the width; 2 is the height."""
+    first, second = sides if len(sides) == 2 else (1 - sides[0], sides[0]) if sides else (1, 0)
+    return np.array([first, second, 2])
 
 
-def from_scan(footprint: Footprint, laser: LaserOnFloor, height: Height, reasons: dict[str, str]) -> MeasuredObject:
+def _why(size: int, facts: BoxFacts, value: float, std: float, worst_std: float) -> Why | None:
+    """Why a size (0 right side, 1 left side, 2 height) is not told; None if it is."""
+    past, whole = facts.past, facts.reasons.get("object")
+    if facts.doubtful:
+        return Why(Reason.CONTRADICTION, f"{value:.0f} mm")
+    if std < worst_std * value and (whole is None or whole.reason is Reason.NOT_IN_SCAN):
+        return None
+    ends = (Edge.RIGHT_END, Edge.LEFT_END, None)[size]
+    shown = {past.get(Edge.CORNER), past.get(ends)} if ends else {p for e, p in past.items() if e in _TOPS}
+    if not past or (ends and ends not in past):
+        return Why(Reason.DEPTH_HIDDEN)
+    if Past.CUT in shown:
+        return Why(Reason.CUT if ends else Reason.TOP_CUT)
+    if Past.HIDDEN in shown:
+        return Why(Reason.HIDDEN)
+    return Why(Reason.TOO_UNCERTAIN, f"{value:.0f} ± {std:.0f} mm")
+
+
+def _sizes_and_places(x: Numbers) -> Numbers:
+    """Right and left side, height; middle of the outline, of the right and of the left face: (..., 9)."""
+    box = Box(x[..., len(Shared) :])
+    sizes = box.own[..., [Own.RIGHT, Own.LEFT, Own.HEIGHT]]
+    places = box.points(np.array([[0.5, 0.5, 0], [0.5, 0, 0], [0, 0.5, 0]]))[..., :2]
+    return np.concatenate([sizes, places.reshape(*sizes.shape[:-1], 6)], axis=-1)
+
+
+def from_scan(footprint: Footprint, laser: LaserOnFloor, height: Height, reasons: dict[str, Why]) -> MeasuredObject:
     """Make an object of what has no straight face in the scan: a circle where it is one, else an irregular outline.
 
     Parameters
@@ -183,13 +230,14 @@ def from_scan(footprint: Footprint, laser: LaserOnFloor, height: Height, reasons
         angles = np.linspace(0, 2 * np.pi, _CIRCLE_CORNERS, endpoint=False)
         outline = centre + footprint.length_mm / 2 * direction(angles)
     else:
-        why = footprint.reason or f"too uncertain: round, {footprint.length_mm:.0f} ± {round_std:.0f} mm"
+        uncertain = Why(Reason.ROUND, f"{footprint.length_mm:.0f} ± {round_std:.0f} mm")
+        why = Why(Reason.IRREGULAR, footprint.reason) if footprint.reason else uncertain
         reasons = {**reasons, "length": why, "width": why}
-    shape, sources = "circle" if is_circle else "irregular", {"lines": "scan", **_height_source(height)}
+    shape, sources = "circle" if is_circle else "irregular", {"lines": Source.SCAN, **_height_source(height)}
     return MeasuredObject(shape, size, covariance, centre, spread, np.nan, np.nan, outline, sources, reasons)
 
 
-def from_region(region: ObjectRegion, height: Height, reasons: dict[str, str]) -> MeasuredObject:
+def from_region(region: ObjectRegion, height: Height, reasons: dict[str, Why]) -> MeasuredObject:
     """Make an object of what the picture shows without a straight face: its place, and a height where there is one.
 
     Parameters
@@ -205,7 +253,7 @@ def from_region(region: ObjectRegion, height: Height, reasons: dict[str, str]) -
     MeasuredObject
     """
     size, covariance = _with_height(height)
-    place, why = np.array(region.position_mm), "no straight face was found"
+    place, why = np.array(region.position_mm), Why(Reason.NO_FACE)
     reasons, spread = {**reasons, "length": why, "width": why}, np.full((2, 2), np.nan)
     return MeasuredObject(
         "irregular", size, covariance, place, spread, np.nan, np.nan, outline_mm=place[None], reasons=reasons
@@ -219,5 +267,5 @@ def _with_height(height: Height) -> tuple[Float64, Float64]:
     return np.array([np.nan, np.nan, height[0]]), covariance
 
 
-def _height_source(height: Height) -> dict[str, str]:
-    return {"height": "image"} if np.isfinite(height[0]) else {}
+def _height_source(height: Height) -> dict[str, Source]:
+    return {"height": Source.IMAGE} if np.isfinite(height[0]) else {}

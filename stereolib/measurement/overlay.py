@@ -68,7 +68,8 @@ def draw_objects(measured: Measurement, *, scan: bool = True) -> UInt8:
         if entry.shape in ("box", "face"):
             cv2.polylines(layer, list(np.stack([bottom, top], axis=1)), False, color, 2, cv2.LINE_AA)
         picture = cv2.addWeighted(layer, 1 - _FAINT, picture, _FAINT, 0)
-        _label(picture, size_text(entry), np.concatenate(rings), color, taken)
+        if np.isfinite(entry.size_mm).any():
+            _label(picture, size_text(entry), np.concatenate(rings), color, taken)
     return picture
 
 

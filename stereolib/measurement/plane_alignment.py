@@ -6,21 +6,25 @@ two or three unknowns; the pictures themselves, compared pixel by pixel, give th
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
 
-from stereolib.base import Float32, Float64, Floats, Ints, UInt8
+from stereolib.base import Bools, Float32, Float64, Floats, Ints, UInt8
 from stereolib.rig import check_pair, to_grey, to_light
 
 _MOST_PIXELS = 1500  # more add nothing but time
 _CELL_PX = 24  # neighbouring pixels err together: those of one cell count as one witness
-_BACKGROUND_PX = 31  # brightness that changes more slowly than this is taken away: the cameras' exposures differ
-_BLURS_PX = (7, 3)  # of the coarse level, which leads from 2 px off to a fraction, and of the fine one
-_STEPS = (2, 2)  # Gauss-Newton steps on either level
+_BACKGROUND_PX = (31, 1)  # brightness that changes more slowly than this is taken away: the cameras' exposures differ
+_DEVIATION, _LEAST_DEVIATION = 30.0, 3.0  # grey levels that it is given; less than so many are noise, and stay small
+_BLUR_PX = (3, 3)  # of either level; the coarse one, in half size, leads from 2 px off to a fraction
+_MOST_STEPS, _CONVERGED_PX = 10, 0.003  # Gauss-Newton steps on either level
 _GAINS = (0.7, 1.4)  # of the right picture's contrast: what automatic exposure does, and no more
 _TUKEY = 4.7 * 1.48  # Tukey's weights end at so many median absolute residuals (95 % efficient for normal errors)
+
+
+_NOTHING = "the pictures show nothing to align; light or texture the surface"
 
 
 class CannotMeasure(ValueError):
@@ -45,22 +49,27 @@ class AlignedPair:
 
     Attributes
     ----------
-    levels : two of (left, right), (H, W, 2) float32
-        Brightness without its slow changes, and its slope along the row; coarse, then fine.
+    levels : two of (left, right), (H / 2, W / 2, 2) and (H, W, 2) float32
+        Brightness without its slow changes and of one deviation everywhere, and its slope along the row.
     light : (left, right), (H, W) or (H, W, 3) float32
         The pictures as light (`stereolib.rig.to_light`).
+    rows_covariance : (3, 3) float64
+        Of the row offset that may be left between them (`RowOffset.covariance`).
     """
 
     levels: tuple[tuple[Float32, Float32], ...]
     light: tuple[Float32, Float32]
+    rows_covariance: Float64 = field(default_factory=lambda: np.zeros((3, 3)))
 
     @classmethod
-    def of(cls, left: UInt8, right: UInt8) -> AlignedPair:
+    def of(cls, left: UInt8, right: UInt8, rows_covariance: Float64 | None = None) -> AlignedPair:
         """Prepare two rectified pictures.
 
         Parameters
         ----------
         left, right : (H, W) or (H, W, 3) uint8
+        rows_covariance : (3, 3) float64, optional
+            By default their rows agree.
 
         Returns
         -------
@@ -72,10 +81,22 @@ class AlignedPair:
             If they differ in size, channels or type.
         """
         check_pair(left, right)
-        grey, slow = [to_grey(image) for image in (left, right)], (_BACKGROUND_PX, _BACKGROUND_PX)
-        sharp = [cv2.subtract(image, cv2.blur(image, slow), dtype=cv2.CV_32F) for image in grey]
-        coarse, fine = ([_with_slope(cv2.blur(image, (size, size))) for image in sharp] for size in _BLURS_PX)
-        return cls(((coarse[0], coarse[1]), (fine[0], fine[1])), (to_light(left), to_light(right)))
+        rows = np.zeros((3, 3)) if rows_covariance is None else rows_covariance
+        sharp = [_levelled(to_grey(image)) for image in (left, right)]
+        half = [cv2.resize(image, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA) for image in sharp]
+        coarse, fine = ([_with_slope(cv2.blur(image, _BLUR_PX)) for image in level] for level in (half, sharp))
+        return cls(((coarse[0], coarse[1]), (fine[0], fine[1])), (to_light(left), to_light(right)), rows)
+
+
+def _levelled(grey: UInt8) -> Float32:
+    """Take a picture's slow changes away and give all its parts one deviation."""
+    slow, small = _BACKGROUND_PX, (8, 8)
+    sharp = cv2.subtract(grey, cv2.blur(grey, slow), dtype=cv2.CV_32F)
+    power = cv2.blur(
+        cv2.resize(cv2.multiply(sharp, sharp), None, fx=0.25, fy=0.25, interpolation=cv2.INTER_AREA), small
+    )
+    spread = cv2.resize(cv2.sqrt(power + _LEAST_DEVIATION**2), grey.shape[::-1], interpolation=cv2.INTER_LINEAR)
+    return np.asarray(cv2.divide(sharp, spread, scale=_DEVIATION))
 
 
 def _with_slope(image: Float32) -> Float32:
@@ -127,31 +148,60 @@ def align(pair: AlignedPair, u: Float64, v: Float64, x: Float64, start: Float64)
     ----------
     Baker, Matthews: Lucas-Kanade 20 years on. Int. J. Comput. Vis. 56 (2004), doi:10.1023/B:VISI.0000011205.11775.fd.
     """
-    parameters = np.array(start, float)
     some = slice(None, None, max(1, -(-len(u) // _MOST_PIXELS)))
     u, v, x = u[some], v[some], x[some]
-    width = pair.light[0].shape[1]
-    pixel, y = (v * width + u).astype(int), v.astype(np.float32)[None]
-    for (left, right), count in zip(pair.levels, _STEPS, strict=True):
-        mine, my_slope = left.reshape(-1, 2).take(pixel, axis=0).T.astype(float)
-        for _ in range(count):
+    parameters, width = np.array(start, float), pair.light[0].shape[1]
+    for left, right in pair.levels:
+        mine = _sample(left, u, v, left.shape[1] / width)
+        for _ in range(_MOST_STEPS):
             where = u - x @ parameters
             inside = (where > 2) & (where < width - 3)
-            sampled = cv2.remap(right, where.astype(np.float32)[None], y, cv2.INTER_LINEAR)[0]
-            theirs, their_slope = sampled.T.astype(float)  # sums of float32 would depend on the processor
-            gain = min(max(float(mine @ theirs) / max(float(theirs @ theirs), 1e-9), _GAINS[0]), _GAINS[1])
-            e = (mine - gain * theirs) * inside
-            slope = 0.5 * (my_slope + gain * their_slope)
-            reach = max(_TUKEY * median(np.abs(e[::4])), 2.0)
-            weight = np.maximum(1 - (e / reach) ** 2, 0) ** 2 * inside
-            J = x * slope[:, None]
-            weighted = (J * weight[:, None]).T
+            now = _compare(mine, _sample(right, where, v, left.shape[1] / width), inside)
+            J = x * now.slope[:, None]
+            weighted = (J * now.weight[:, None]).T
             try:
-                parameters = parameters - np.linalg.solve(weighted @ J, weighted @ e)
+                step = np.linalg.solve(weighted @ J, weighted @ now.error)
             except np.linalg.LinAlgError:
-                text = "the pictures show nothing to align; light or texture the surface"
-                raise CannotMeasure("no texture", text) from None
-    return PlaneFit(parameters, clustered_covariance(J, e, weight, cell_of(u, v)))
+                raise CannotMeasure("no texture", _NOTHING) from None
+            parameters = parameters - step
+            if np.mean(np.abs(x @ step)) < _CONVERGED_PX:
+                break
+    where = u - x @ parameters
+    down = now.gain * (_sample(right, where, v + 0.5)[0] - _sample(right, where, v - 0.5)[0])
+    bent = (J * now.bend[:, None]).T
+    try:
+        covariance = clustered_covariance(J, now.error, now.weight, cell_of(u, v), now.bend)
+        by_rows = np.linalg.solve(bent @ J, bent @ (down[:, None] * np.stack([where, v, np.ones(len(v))], axis=1)))
+    except np.linalg.LinAlgError:
+        raise CannotMeasure("no texture", _NOTHING) from None
+    return PlaneFit(parameters, covariance + by_rows @ pair.rows_covariance @ by_rows.T)
+
+
+def _sample(image: Float32, u: Float64, v: Float64, zoom: float = 1.0) -> Float64:
+    """Brightness and slope (2, N) at pixels of the full size, of a picture so many times as large."""
+    x, y = (((a + 0.5) * zoom - 0.5).astype(np.float32)[None] for a in (u, v))
+    found = cv2.remap(image, x, y, cv2.INTER_LINEAR)[0].T.astype(float)  # sums of float32 depend on the processor
+    return np.asarray(found * [[1.0], [zoom]])
+
+
+@dataclass(frozen=True, eq=False)
+class _Comparison:
+    """Error, slope, Tukey's weight and its derivative of every pixel, and the gain of the right picture."""
+
+    error: Float64
+    slope: Float64
+    weight: Float64
+    bend: Float64
+    gain: float
+
+
+def _compare(left: Float64, right: Float64, inside: Bools) -> _Comparison:
+    (mine, slope), (theirs, their_slope) = left, right
+    gain = min(max(float(mine @ theirs) / max(float(theirs @ theirs), 1e-9), _GAINS[0]), _GAINS[1])
+    error = (mine - gain * theirs) * inside
+    off = (error / max(_TUKEY * median(np.abs(error[::4])), 2.0)) ** 2
+    root = np.maximum(1 - off, 0) * inside
+    return _Comparison(error, 0.5 * (slope + gain * their_slope), root * root, root * (1 - 5 * off), gain)
 
 
 def median(values: Floats) -> float:
@@ -184,7 +234,9 @@ def cell_of(u: Float64, v: Float64) -> Ints:
     return np.asarray(row * (int(column.max(initial=0)) + 1) + column)
 
 
-def clustered_covariance(x: Float64, residual: Float64, weight: Float64, cluster: Ints) -> Float64:
+def clustered_covariance(
+    x: Float64, residual: Float64, weight: Float64, cluster: Ints, bend: Float64 | None = None
+) -> Float64:
     """Covariance of a weighted linear fit whose errors are common within clusters.
 
     Parameters
@@ -193,6 +245,8 @@ def clustered_covariance(x: Float64, residual: Float64, weight: Float64, cluster
         Rows of the design matrix.
     residual, weight : (N,) float64
     cluster : (N,) int, >= 0
+    bend : (N,) float64, optional
+        Of a robust fit: the derivative of ``w r`` with respect to r, in whose stead `weight` would be too sure.
 
     Returns
     -------
@@ -200,11 +254,20 @@ def clustered_covariance(x: Float64, residual: Float64, weight: Float64, cluster
 
     Notes
     -----
-    With ``g_c`` the sum of ``w r x`` over cluster c: ``C = A^-1 (sum_c g_c g_c') A^-1``, ``A = sum w x x'``, times
-    ``n / (n - k)`` for n clusters that hold something.
+    The jackknife: with ``g_c`` the sum of ``w r x`` over cluster c and ``A_c`` that of ``b x x'``, b being w or `bend`,
+    leaving the cluster out moves the fit by ``(A - A_c)^-1 g_c``; the covariance is the sum of these moves' squares.
+
+    References
+    ----------
+    Bell, McCaffrey: Bias reduction in standard errors for linear regression with multi-stage samples. Survey
+    Methodology 28 (2002).
     """
+    k = x.shape[1]
     scaled = x * weight[:, None]
-    inverse = np.linalg.inv(scaled.T @ x)
     g = np.stack([np.bincount(cluster, column * residual) for column in scaled.T], axis=1)
-    filled = np.count_nonzero(np.bincount(cluster))
-    return np.asarray(inverse @ (g.T @ g) @ inverse * (filled / max(filled - x.shape[1], 1)))
+    bent = scaled if bend is None else x * bend[:, None]
+    parts = [np.bincount(cluster, bent[:, i] * x[:, j]) for i in range(k) for j in range(k)]
+    each = np.stack(parts, axis=1).reshape(-1, k, k)
+    rest = each.sum(axis=0) - each
+    moves = np.linalg.solve(rest, g[..., None])[..., 0]
+    return np.asarray(moves.T @ moves)

@@ -11,7 +11,7 @@ from matplotlib.patches import Circle, Ellipse, Polygon
 
 from stereolib.base import Float64
 from stereolib.mapping import COLORS as RGB
-from stereolib.mapping import FREE, OCCUPIED, Map, OccupancyGrid, Station
+from stereolib.mapping import FREE, OCCUPIED, Map, OccupancyGrid, Station, station_names
 from stereolib.plotting.style import COLORS, default_style
 
 _ROW_STEP = 0.34  # between the series of `plot_sizes`, in rows
@@ -67,7 +67,8 @@ def plot_scan_polar(
     polar: Any = ax
     polar.set_theta_zero_location("N")
     polar.scatter(angles_rad, ranges_mm, s=5, color=color, lw=0)
-    lost, rim = ~np.isfinite(ranges_mm), 1.05 * np.nanmax(ranges_mm)
+    lost = ~np.isfinite(ranges_mm)
+    rim = 1.0 if lost.all() else 1.05 * np.nanmax(ranges_mm)
     polar.scatter(angles_rad[lost], np.full(lost.sum(), rim), s=14, marker="x", color=COLORS[1], lw=0.8)
     polar.set_title(title)
     polar.tick_params(labelsize=8)
@@ -119,8 +120,8 @@ def plot_top_view(
         )
     for outline in true_mm or []:
         ax.add_patch(Polygon(outline, fill=False, ec="black", ls=":", lw=1.0, zorder=4))
-    for k, station in enumerate(room.stations, start=1):
-        plot_station(station, ax, str(k))
+    for station, name in zip(room.stations, station_names(room.stations), strict=True):
+        plot_station(station, ax, name)
     if room.objects:
         ax.legend(
             title="length x width x height",
@@ -169,11 +170,11 @@ def plot_scans(stations: Sequence[Station], ax: Axes, title: str = "") -> Axes:
     -------
     matplotlib.axes.Axes
     """
-    for k, station in enumerate(stations, start=1):
-        color = tuple(c / 255 for c in RGB[(k - 1) % len(RGB)])
+    for k, (station, name) in enumerate(zip(stations, station_names(stations), strict=True)):
+        color = tuple(c / 255 for c in RGB[k % len(RGB)])
         readings = station.to_map(station.scan_mm)
-        ax.scatter(readings[:, 0], readings[:, 1], s=3, color=color, lw=0, label=f"station {k}")
-        plot_station(station, ax, str(k), color=color)
+        ax.scatter(readings[:, 0], readings[:, 1], s=3, color=color, lw=0, label=f"station {name}")
+        plot_station(station, ax, name, color=color)
     return _floor_axes(ax, title)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from stereolib.base import Floats
-from stereolib.measurement import HeightAttempt, floor_tolerance_px
+from stereolib.measurement import Box, HeightAttempt, Side, floor_tolerance_px
 from stereolib.plotting.pictures import plot_image
 from stereolib.plotting.style import BGR_BLUE, BGR_ORANGE, COLORS, default_style
 from stereolib.rig import to_grey
@@ -43,22 +43,21 @@ def plot_height_attempt(attempt: HeightAttempt, ax: Axes, title: str = "") -> Ax
         for mask, tint in zip(masks, (BGR_BLUE, BGR_ORANGE), strict=True):
             picture[mask] = 0.6 * picture[mask] + 0.4 * np.array(tint)
     plot_image(picture.astype(np.uint8), ax, title)
-    if attempt.measured is None or attempt.floor is None:
+    if attempt.box is None or attempt.floor is None or attempt.refused:
         return ax
-    result = attempt.measured
-    for face in result.faces:
-        ground = face.points_mm(np.array(face.bearing))
-        upright = [[*ground[k], z] for k, z in ((0, 0), (1, 0), (1, result.height_mm), (0, result.height_mm), (0, 0))]
-        at = attempt.floor.pixels(np.array(upright))
+    box = Box(attempt.box.own)
+    for k, side in enumerate(side for side in Side if side.top in attempt.box.past):
+        far = [float(side is Side.RIGHT), float(side is Side.LEFT)]
+        corners = np.array([[0.0, 0.0, 0.0], [*far, 0.0], [*far, 1.0], [0.0, 0.0, 1.0], [0.0, 0.0, 0.0]])
+        at = attempt.floor.pixels(box.points(corners))
         ax.plot(*at.T, color="white", lw=1)
-        ax.plot(*at[2:4].T, color=COLORS[1], lw=2.5, label="top line" if face is result.faces[0] else None)
-    edge = np.stack([result.foot_px, result.top_px])
-    ax.plot(*edge.T, color=COLORS[6], lw=2.5, label="near edge")
-    ax.plot(*edge.T, "o", color="white", mec=COLORS[6], ms=4)
-    text = f"{result.height_mm / 10:.2f} ± {0.196 * result.height_std_mm:.2f} cm"
+        ax.plot(*at[2:4].T, color=COLORS[1], lw=2.5, label=None if k else "top line")
+    ax.plot(*attempt.edge_px.T, color=COLORS[6], lw=2.5, label="near edge")
+    ax.plot(*attempt.edge_px.T, "o", color="white", mec=COLORS[6], ms=4)
+    text = f"{attempt.height_mm / 10:.2f} ± {0.196 * attempt.std_mm:.2f} cm"
     ax.annotate(
         text,
-        tuple(result.top_px),
+        tuple(attempt.edge_px[1]),
         (0, 12),
         textcoords="offset points",
         ha="center",

@@ -1,4 +1,4 @@
-from . import emulator, laser_boards, recordings, walk
+from . import emulator, laser_boards, recordings, walk, walk_folder
 from .build import build_recordings
 from .lidar import VirtualLidar
 from .measured_walk import measure_walk, walk_laser
@@ -16,6 +16,7 @@ from .scene import (
     cube_scene,
     room,
 )
+from .texture import Tile
 from .webcam import Webcam
 
 __all__ = [
@@ -26,6 +27,7 @@ __all__ = [
     "Light",
     "Material",
     "Scene",
+    "Tile",
     "Truth",
     "VirtualLidar",
     "Webcam",
@@ -44,5 +46,6 @@ __all__ = [
     "render_truth",
     "room",
     "walk",
+    "walk_folder",
     "walk_laser",
 ]

@@ -22,7 +22,14 @@ from numpy.typing import ArrayLike
 
 from stereolib import laser
 from stereolib.base import Float64, direction
-from stereolib.laser import BEAMS, EMITTER_ANGLE_RAD, NOMINAL_RPM, PACKETS_PER_TURN, READINGS_PER_PACKET
+from stereolib.laser import (
+    BEAMS,
+    EMITTER_ANGLE_RAD,
+    EMITTER_OFFSET_MM,
+    NOMINAL_RPM,
+    PACKETS_PER_TURN,
+    READINGS_PER_PACKET,
+)
 from stereolib.virtual.ray_casting import cast_rays
 from stereolib.virtual.scene import Scene
 
@@ -55,8 +62,8 @@ class VirtualLidar:
     speed_rpm : float
         Motor speed; it wanders by a fraction of an rpm.
     emitter_offset_mm : float
-        25 for light that leaves the sensor beside its axis as in the real one (see
-        `stereolib.laser.points_mm`); 0, the default, needs no geometry correction.
+        How far beside its axis its light starts, mm: an XV-11's, unless given. No packet tells; for another one say it
+        to `stereolib.laser.turns` too.
 
     Notes
     -----
@@ -75,7 +82,7 @@ class VirtualLidar:
     min_mm: float = 100.0
     max_mm: float = 6000.0
     speed_rpm: float = NOMINAL_RPM
-    emitter_offset_mm: float = 0.0
+    emitter_offset_mm: float = EMITTER_OFFSET_MM
 
     def sigma(self, distance_mm: ArrayLike, reflectance: ArrayLike = 1.0) -> Float64:
         """Compute the standard deviation of readings.
@@ -207,7 +214,7 @@ class VirtualLidar:
         angle = np.asarray(yaw + np.arange(BEAMS) * (2 * np.pi / BEAMS), np.float64)
         flat = np.zeros(BEAMS)
         beam = np.column_stack([direction(angle), flat])
-        side = np.column_stack([direction(angle - EMITTER_ANGLE_RAD), flat])
+        side = np.column_stack([direction(angle + EMITTER_ANGLE_RAD), flat])
         origin = np.array([x, y, self.height_mm]) + self.emitter_offset_mm * side
         hits = cast_rays(scene, origin, beam)
         cosine = np.abs(np.einsum("nk,nk->n", hits.normal, beam))

@@ -28,13 +28,8 @@ def walk_laser() -> LidarCamera:
     return calibrate_lidar_to_camera(laser_board_views(sensor, paper_rig().left, rng))
 
 
-def measure_walk(seed: int = _SEED) -> dict[str, Measurement]:
+def measure_walk() -> dict[str, Measurement]:
     """Measure what was recorded at every station.
-
-    Parameters
-    ----------
-    seed : int
-        Of what the measurement draws.
 
     Returns
     -------
@@ -43,8 +38,5 @@ def measure_walk(seed: int = _SEED) -> dict[str, Measurement]:
     """
     instrument = Instrument(recordings.rectified(), walk_laser())
     return {
-        name: measure_objects(
-            *recordings.load_pair(name), recordings.scan(name), instrument, rng=np.random.default_rng(seed)
-        )
-        for name in walk.POSES
+        name: measure_objects(*recordings.load_pair(name), recordings.scan(name), instrument) for name in walk.POSES
     }

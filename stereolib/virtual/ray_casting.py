@@ -298,7 +298,11 @@ def _pattern(box: Box, face: int, points: Float64, directions: Float64, footprin
         return np.ones(len(points))
     width = footprint_mm / np.sqrt(np.maximum(cos, 0.02))
     offset = _FACE_OFFSET_MM * face
-    grain = texture.noise(local[:, a] + offset, local[:, b] + offset, width, material.scale_mm, material.seed)
+    u, v = local[:, a] + offset, local[:, b] + offset
+    if material.tile:
+        grain = texture.filtered(material.tile.levels, u, v, width, material.tile.mm_per_texel)
+    else:
+        grain = texture.noise(u, v, width, material.scale_mm, material.seed)
     return np.clip(1 + material.contrast * grain, _LEAST_PATTERN, _MOST_PATTERN)
 
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from stereolib.base import Float64, set_frozen, turn_2d, turn_about_z
 from stereolib.rig import rigid
+from stereolib.virtual.texture import Tile
 
 Triple: TypeAlias = tuple[float, float, float]
 
@@ -37,6 +38,8 @@ class Material:
         Width of the glare (GGX alpha).
     checker : (inner columns, inner rows, square_mm) or None
         A checkerboard instead of the texture, on the +z face, centred.
+    tile : Tile, optional
+        A pattern of its own instead of the noise of `seed` and `scale_mm`.
     """
 
     color_bgr: Triple = (0.5, 0.5, 0.5)
@@ -46,6 +49,7 @@ class Material:
     gloss: float = 0.0
     roughness: float = 0.2
     checker: tuple[int, int, float] | None = None
+    tile: Tile | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
 from functools import lru_cache
 
 import cv2
 import numpy as np
 
-from stereolib.base import Float32, Float64, Floats
+from stereolib.base import Float32, Float64, Floats, set_frozen
 
 _TEXELS = 1024
 _TEXELS_PER_FEATURE = 4
@@ -34,6 +35,41 @@ def noise_pyramid(seed: int) -> tuple[Float32, ...]:
     coarse = np.exp(-0.5 * (2 * np.pi * frequency * _TEXELS_PER_FEATURE * 2.5) ** 2)
     tile = np.fft.irfft2(white * (fine + 2.5 * coarse))
     tile = np.tanh((tile - tile.mean()) / tile.std())
+    return _pyramid(tile)
+
+
+@dataclass(frozen=True, eq=False)
+class Tile:
+    """A pattern of one's own that repeats over a surface, instead of noise.
+
+    Parameters
+    ----------
+    values : (n, n) array, n = 1024, 512, ...
+        In any unit; columns run along the face's first axis. They are shifted and scaled to zero mean and unit
+        deviation.
+    mm_per_texel : float
+
+    Raises
+    ------
+    ValueError
+        If it is not square or its side no power of two, or nothing is drawn on it.
+    """
+
+    values: Float64
+    mm_per_texel: float
+    levels: tuple[Float32, ...] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        values, shape = np.asarray(self.values, np.float64), np.shape(self.values)
+        if len(shape) != 2 or shape[0] != shape[1] or shape[0] < 8 or shape[0] & (shape[0] - 1):
+            raise ValueError(f"a tile is square, its side a power of two of 8 or more; got {shape}")
+        if not values.std() > 0:
+            raise ValueError("a tile of one value shows nothing: give the material no contrast instead")
+        set_frozen(self, values=values, levels=_pyramid(values))
+
+
+def _pyramid(tile: Float64) -> tuple[Float32, ...]:
+    """A tile at zero mean and unit deviation and its halvings, each padded by one texel so that it wraps."""
     levels = [((tile - tile.mean()) / tile.std()).astype(np.float32)]
     while levels[-1].shape[0] > 8:
         levels.append(cv2.resize(levels[-1], None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA))
@@ -58,8 +94,27 @@ def noise(u_mm: Floats, v_mm: Floats, footprint_mm: Floats, scale_mm: float, see
     (N,) float32
         Of zero mean and, where nothing is blurred, unit deviation.
     """
-    pyramid = noise_pyramid(seed)
-    texel_mm = scale_mm / _TEXELS_PER_FEATURE
+    return filtered(noise_pyramid(seed), u_mm, v_mm, footprint_mm, scale_mm / _TEXELS_PER_FEATURE)
+
+
+def filtered(
+    pyramid: tuple[Float32, ...], u_mm: Floats, v_mm: Floats, footprint_mm: Floats, texel_mm: float
+) -> Float32:
+    """Look a tile up, blurred to what a pixel covers.
+
+    Parameters
+    ----------
+    pyramid : tuple of (n, n) float32
+        As of `noise_pyramid` or of a `Tile`.
+    u_mm, v_mm, footprint_mm : (N,) array
+        As for `noise`.
+    texel_mm : float
+        What a texel of level 0 covers.
+
+    Returns
+    -------
+    (N,) float32
+    """
     level = np.clip(np.log2(np.maximum(footprint_mm / texel_mm, 1e-6)), 0, len(pyramid) - 1.001)
     lower = level.astype(np.int32)
     value = np.empty(len(level), np.float32)

@@ -10,7 +10,7 @@ import pytest
 from support.instruments import LIDAR, RECT, SENSOR
 
 from stereolib.cli import commands
-from stereolib.measurement import Instrument, save_laser_pose
+from stereolib.measurement import Instrument, floor_from_pose, save_laser_pose
 from stereolib.rig import StereoRig
 from stereolib.virtual import Webcam, laser_boards, recordings, render
 
@@ -43,6 +43,27 @@ def test_command_prints_json_and_draws(files, capsys):
     assert cv2.imread(str(files / "out.png")).shape == (480, 640, 3)
     assert run(files) == 2 and "would be overwritten" in capsys.readouterr().err
     assert run(files, "--force") == 0 and "± one standard deviation" in capsys.readouterr().out
+
+
+def test_a_floor_by_hand_where_none_is_seen(files, capsys):
+    """Under glare the floor is not seen; with it given the cube has a height."""
+    for side, image in zip(("left", "right"), recordings.load_pair("conditions/glare"), strict=True):
+        cv2.imwrite(str(files / f"{side}.png"), image)
+    true = floor_from_pose(RECT, recordings.setup("pitched"))
+    assert run(files, "--json") == 0 and "no floor" in capsys.readouterr().out
+    by_hand = f"--floor={true.camera_height_mm:.1f},{np.degrees(true.pitch_rad):.2f}"
+    assert run(files, by_hand, "--json", "--force") == 0
+    facts = json.loads(capsys.readouterr().out)
+    assert not any("no floor" in text for text in facts["warnings"])
+    (cube,) = [thing for thing in facts["objects"] if thing["height_mm"]]
+    assert cube["height_mm"] == pytest.approx(300, abs=3 * cube["height_std_mm"]) and cube["height_std_mm"] > 0.5
+
+
+@pytest.mark.parametrize(("text", "why"), [("85", "is not HEIGHT,PITCH"), ("-3,8", "above 0 mm"), ("85,95", "between")])
+def test_a_floor_that_is_none_is_named(files, capsys, text, why):
+    with pytest.raises(SystemExit) as ended:
+        run(files, f"--floor={text}")
+    assert ended.value.code == 2 and why in capsys.readouterr().err
 
 
 @pytest.fixture

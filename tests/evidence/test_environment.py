@@ -66,7 +66,7 @@ def test_sizes_of_the_cube_as_the_paper_meant_them():
     pose = (0.0, 0.0, float(np.radians(0.5)))
     data = VirtualLidar().scan(cube_scene(), pose, np.random.default_rng(3), turns=5)
     turned = laser.average(laser.turns(laser.decode(data)))
-    seen = ((high, turned), (here, recordings.scan("conditions/texture")))
+    seen = ((high, recordings.scan("conditions/texture")), (here, turned))
     good, bad = (np.append(evidence.footprint_cm(scan), recipe_cm(view)) for view, scan in seen)
     assert_turns("title.recipe", good, bad)
 

@@ -173,8 +173,8 @@ def test_figures_5_and_6():
 
 
 def test_footprint():
-    """Turned by half a degree the laser's beams happen to end where the cube's faces do; as it stands they do not."""
-    assert_turns("title.footprint", evidence.footprint_cm(scan_of(0.5)), evidence.footprint_cm(scan_of(0.0)))
+    """As the laser stands its beams happen to end where the cube's faces do; turned by half a degree they do not."""
+    assert_turns("title.footprint", evidence.footprint_cm(scan_of(0.0)), evidence.footprint_cm(scan_of(0.5)))
     brick = evidence.footprint_cm(scan_of(size_mm=(400.0, 250.0, 300.0)))
     assert np.abs(brick - [40, 25]).max() < 2 * evidence.half_beam_step_cm(700, 400)
     assert np.isnan(evidence.footprint_cm(laser.LaserScan(np.full(360, 2500.0), np.ones(360)))).all()

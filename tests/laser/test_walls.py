@@ -1,5 +1,7 @@
 """Lines and walls through points: of a known room, and of the real recording."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -15,7 +17,7 @@ def recording():
         pytest.skip(str(reason))
 
 
-def test_real_walls_are_straight_with_the_geometry_correction(recording):
+def test_real_walls_are_straight_as_the_emitter_stands_beside_the_axis(recording):
     scans = [s for s in laser.turns(laser.read_recording(recording)) if s.complete]
     mean = laser.average(scans)
 
@@ -24,12 +26,12 @@ def test_real_walls_are_straight_with_the_geometry_correction(recording):
         squares = np.concatenate([w.residuals_mm[w.inliers] ** 2 for w in found])
         return found, float(np.sqrt(squares.mean())), len(squares)
 
-    corrected, rms_mm, used = walls(laser.points_mm(mean, geometry_correction=True), 4.0)
+    corrected, rms_mm, used = walls(laser.points_mm(mean), 4.0)
     assert rms_mm <= 1.1 and used >= 340
     assert max(w.rms_mm for w in corrected) <= 1.85
-    _, wide_rms_mm, wide_used = walls(laser.points_mm(mean, geometry_correction=True), 6.0)
+    _, wide_rms_mm, wide_used = walls(laser.points_mm(mean), 6.0)
     assert wide_rms_mm <= 1.85 and wide_used >= 358
-    _, plain_rms_mm, _ = walls(laser.points_mm(mean), 6.0)
+    _, plain_rms_mm, _ = walls(laser.points_mm(replace(mean, emitter_offset_mm=0.0)), 6.0)
     assert wide_rms_mm < 0.8 * plain_rms_mm
     angles = np.sort(np.rad2deg([np.arctan2(*w.normal[::-1]) for w in corrected]))
     np.testing.assert_allclose(np.diff(angles), 90, atol=3)

@@ -214,6 +214,26 @@ def test_packets_are_not_invented():
     assert len(found - set(intact)) <= 3  # 7,500 spoilt packets, 2**-15 each
 
 
+def share_that_passes(flips):
+    """Share of packets with these bits (n, 176) flipped that pass; of the virtual laser, decoded in one stream."""
+    sent = np.frombuffer(datasets.data_path("virtual/lrf/room.bin").read_bytes(), np.uint8).reshape(-1, 22)
+    came = np.resize(sent, (len(flips), 22)) ^ np.packbits(flips, axis=1)
+    found = np.isin(np.arange(len(flips)) * 22, laser.decode(came.tobytes()).offset)
+    wrong = flips.any(axis=1)
+    return np.count_nonzero(found & wrong) / np.count_nonzero(wrong)
+
+
+def test_damaged_packets_that_pass_are_as_few_as_the_text_says():
+    rng = np.random.default_rng(4)
+    assert share_that_passes(np.eye(176, dtype=bool)) == 0
+    assert share_that_passes(rng.random((300_000, 176)) < 0.01) == pytest.approx(0.0084, rel=0.1)
+    assert share_that_passes(rng.random((300_000, 176)) < 0.001) == pytest.approx(0.002, rel=0.35)
+    two = np.zeros((100_000, 176), bool)
+    first, step = rng.integers(176, size=100_000), rng.integers(1, 176, size=100_000)
+    two[np.arange(100_000), first] = two[np.arange(100_000), (first + step) % 176] = True
+    assert share_that_passes(two) == pytest.approx(0.024, rel=0.1)
+
+
 def test_random_bytes_never_raise():
     data = np.random.default_rng(0).bytes(10_000_000)
     r = laser.decode(data)

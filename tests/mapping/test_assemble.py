@@ -12,7 +12,7 @@ from support import walks
 from stereolib.mapping import Station, merge_stations
 from stereolib.mapping.sightings import Sighting, merge_sightings
 from stereolib.mapping.walls import find_walls
-from stereolib.measurement import MeasuredObject
+from stereolib.measurement import MeasuredObject, Reason
 from stereolib.virtual import walk
 
 ORDER = (3, 0, 1, 4, 2)  # the walk's boxes by their distance from the map's origin
@@ -88,7 +88,7 @@ def test_a_face_from_another_side_brings_the_hidden_depth(second, name):
     stations = [bare(pose, seen_from(pose, size, centre, 0.0, rng, walks.face)) for pose in ((0, 0, 0), second)]
     alone = merged(stations[:1])
     assert alone.measured[0].shape == "face" and np.isnan(alone.measured[0].size_mm[0])
-    assert alone.warnings == ("A: its length is unknown, only one face is seen, its depth is hidden",)
+    assert alone.warnings == (f"A: its length is unknown, {Reason.DEPTH_HIDDEN.value}",)
     with pytest.raises(ValueError, match="no object of which all three sizes are known"):
         _ = alone.volume_l
     both = merged(stations)
@@ -97,6 +97,21 @@ def test_a_face_from_another_side_brings_the_hidden_depth(second, name):
     assert thing.size_mm == pytest.approx([300, 240, 180], abs=8)
     assert thing.position_mm == pytest.approx(centre, abs=5)
     assert abs(both.volume_l[0] - 12.96) < 3 * both.volume_l[1] < 1.0
+
+
+def test_a_face_without_ends_takes_no_depth_away():
+    """Two opposite faces tell the depth; a third one, whose ends are hidden, tells nothing of it."""
+    rng = np.random.default_rng(4)
+    size, centre = (240.0, 300.0, 180.0), (900.0, 0.0)
+    poses = ((0, 0, 0), (2000, 0, np.pi), (900, -1100, np.pi / 2))
+    front, back, beside = (seen_from(pose, size, centre, 0.0, rng, walks.face) for pose in poses)
+    unknown = np.full((3, 3), np.nan)
+    unknown[2, 2] = walks.STD_MM**2
+    endless = replace(beside, size_mm=np.array([np.nan, np.nan, beside.size_mm[2]]), covariance=unknown)
+    for order in ((0, 1, 2), (2, 0, 1)):
+        stations = [bare(poses[k], (front, back, endless)[k]) for k in order]
+        (thing,) = merged(stations).measured
+        assert thing.shape == "box" and thing.size_mm == pytest.approx([300, 240, 180], abs=8)
 
 
 def test_a_face_seen_twice_from_one_side_stays_a_face():

@@ -11,6 +11,7 @@ import trimesh
 import yaml
 from support import walks
 
+from stereolib import laser
 from stereolib.mapping import (
     COLORS,
     FREE,
@@ -152,8 +153,9 @@ def slow_grid(stations, grid):
     """The twin: walk along every beam in steps of a 100th of a cell."""
     passed, ended = np.zeros(grid.cells.shape, int), np.zeros(grid.cells.shape, int)
     for station in stations:
-        start = (station.to_map(station.laser_mm) - grid.origin_mm) / grid.resolution_mm
-        for point in (station.to_map(station.scan_mm) - grid.origin_mm) / grid.resolution_mm:
+        starts = np.broadcast_to(station.to_map(station.laser_mm), station.scan_mm.shape)
+        points = station.to_map(station.scan_mm)
+        for start, point in (np.stack([starts, points], axis=1) - grid.origin_mm) / grid.resolution_mm:
             count = int(100 * np.linalg.norm(point - start)) + 2
             cells = np.floor(start + np.linspace(0, 1, count)[:, None] * (point - start)).astype(int)
             last = tuple(np.floor(point).astype(int)[::-1])
@@ -165,7 +167,10 @@ def slow_grid(stations, grid):
 
 
 def test_grid_is_that_of_the_slow_twin():
-    stations = [walks.station(k, np.random.default_rng(0)) for k in (1, 3)]
+    """Of a station whose beams are taken to start at one place, and of one whose beams start each at its own."""
+    scan, rng = recordings.scan("room/3"), np.random.default_rng(0)
+    starts_mm = laser.rays(scan).origins_mm[np.isfinite(scan.ranges_mm)]
+    stations = [walks.station(1, rng), walks.station(3, rng, laser_mm=10 * starts_mm)]  # ten times an XV-11's
     grid = occupancy_grid(stations, resolution_mm=80.0)
     twin = slow_grid(stations, grid)
     assert (grid.cells != twin).mean() < 0.002  # cells that a beam only grazes

@@ -1,28 +1,87 @@
-"""Upright edges: to a fraction of a pixel where the truth has them."""
+"""Edges among parallel lines: to a fraction of a pixel on drawn pictures, with deviations that rivals widen."""
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 import pytest
-from support.ground import RECT, recorded, rng
 
-from stereolib.measurement import AlignedPair, fit_floor
-from stereolib.measurement.edges import vertical_edge
-from stereolib.rig import to_light
+from stereolib.measurement.edges import STEP_PX, ParallelLines, locate_edge
+
+OFF = STEP_PX * np.arange(-60, 61)
+SHIFT_PX = 40.0
 
 
-def test_outer_edges_to_a_fraction_of_a_pixel():
-    """The cube's side corners, looked for from 5 px outside: the picture finds them to 0.3 px."""
-    left, right, disparity = recorded("conditions/level")
-    floor = fit_floor(disparity, RECT, rng=rng(), pair=AlignedPair.of(left, right))
-    half = 300 / np.sqrt(2)
-    for side in (-1, 1):
-        true = np.arctan2(side * half, 700 + half)
-        beside = true + side * 5 / RECT.f_px
-        place = np.hypot(half, 700 + half) * np.array([np.cos(beside), np.sin(beside)])
-        edge = vertical_edge((to_light(left), to_light(right)), floor, place, (30.0, 270.0), prior_px=(5.0, 0.0))
-        # The rectified camera looks along the world's x: bearings agree.
-        assert (edge.position - true) * RECT.f_px == pytest.approx(0, abs=0.35)
-        assert abs(edge.position - true) < 3 * edge.std < 3 / RECT.f_px
-    light = (to_light(left), to_light(right))
-    assert vertical_edge(light, floor, np.array([700.0, 900.0]), (30.0, 270.0), prior_px=(5.0, 0.0)) is None
+def drawn(*edges, seed=0, noise=0.01, lean=0.0):
+    """Light of a picture that changes at columns (place, by how much), leaning to the right downwards, with texture."""
+    v, u = np.mgrid[:120.0, :240.0]
+    light = np.full(u.shape, 0.4)
+    for place, by in edges:
+        light += by / (1 + np.exp(-(u - place - lean * (v - 60) / 100) / 0.5))
+    light += cv2.GaussianBlur(np.random.default_rng(seed).normal(0, 1, u.shape), (0, 0), 1.0) * noise
+    return light.astype(np.float32)
+
+
+def lines(middle=120.0, top=10.0, bottom=110.0):
+    """Upright ones about a column of the left picture; the right one shows them 40 px to the left."""
+    ends = np.empty((len(OFF), 2, 2))
+    ends[:, :, 0], ends[:, 0, 1], ends[:, 1, 1] = middle + OFF[:, None], top, bottom
+    return ParallelLines(ends, np.full((len(OFF), 2), SHIFT_PX), OFF)
+
+
+def both(*edges, **how):
+    shifted = [(place - SHIFT_PX, by) for place, by in edges]
+    return drawn(*edges, **how), drawn(*shifted, **(how | {"seed": 1}))
+
+
+FLAT = np.ones(len(OFF))
+
+
+@pytest.mark.parametrize("place", [118.0, 120.0, 121.3, 127.77])
+def test_an_edge_is_found_to_a_fraction_of_a_pixel(place):
+    peak = locate_edge(both((place, 0.3)), lines(), FLAT)
+    assert peak.position_px == pytest.approx(place - 120, abs=0.15)
+    assert 0.1 <= peak.std_px < 0.2 and peak.contrast > 10 and abs(peak.turn_px) < 0.5
+
+
+def test_the_stated_deviation_holds_on_faint_edges():
+    z = []
+    for seed in range(30):
+        pair = drawn((120.4, 0.03), seed=2 * seed), drawn((80.4, 0.03), seed=2 * seed + 1)
+        peak = locate_edge(pair, lines(), np.exp(-0.5 * (OFF / 4) ** 2))
+        z.append((peak.position_px - 0.4) / peak.std_px)
+    assert np.sqrt(np.mean(np.square(z))) < 1.5 and np.abs(z).max() < 4
+
+
+def test_a_rival_widens_the_deviation():
+    alone = locate_edge(both((120.0, 0.3)), lines(), FLAT)
+    beside = locate_edge(both((120.0, 0.3), (125.0, -0.29)), lines(), FLAT)
+    faint = locate_edge(both((120.0, 0.3), (125.0, -0.1)), lines(), FLAT)
+    assert beside.rivals_px > 2 and beside.std_px > 2 and abs(beside.position_px) < 0.2
+    assert alone.std_px == pytest.approx(faint.std_px, abs=0.1) and faint.rivals_px < 0.2
+
+
+def test_what_is_believed_chooses_between_two():
+    pair = both((114.0, 0.3), (126.0, -0.3))
+    for expected in (-6.0, 6.0):
+        peak = locate_edge(pair, lines(), np.exp(-0.5 * ((OFF - expected) / 2) ** 2))
+        assert peak.position_px == pytest.approx(expected, abs=0.15) and peak.rivals_px < 0.5
+
+
+def test_what_one_picture_shows_is_no_edge():
+    left, right = both((120.0, 0.3))
+    shadow = drawn((120.0, 0.3), (130.0, -0.3))
+    peak = locate_edge((shadow, right), lines(), FLAT)
+    assert peak.position_px == pytest.approx(0, abs=0.15)
+    assert locate_edge((left, drawn(seed=5)), lines(), FLAT).contrast < 0.5 * peak.contrast
+
+
+def test_an_edge_that_is_turned_says_by_how_much():
+    peak = locate_edge(both((120.0, 0.3), lean=2.5), lines(), FLAT)
+    assert peak.turn_px == pytest.approx(2.5, abs=0.5) and abs(peak.turn_px) > 4 * peak.turn_std_px
+
+
+def test_outside_of_the_pictures_there_is_none():
+    assert locate_edge(both((120.0, 0.3)), lines(middle=400.0), FLAT) is None
+    left, right = both((20.0, 0.3))  # the right picture does not show it
+    assert locate_edge((left, right), lines(middle=20.0), FLAT).position_px == pytest.approx(0, abs=0.15)

@@ -27,6 +27,30 @@ def test_instrument_file_goes_round(tmp_path):
         Instrument.load(tmp_path / "rig.json")
 
 
+@pytest.mark.parametrize(
+    ("entry", "place", "value", "message"),
+    [
+        ("T_left_lidar", (0, 3), float("nan"), "finite"),
+        ("T_left_lidar", (1, 3), float("inf"), "finite"),
+        ("T_left_lidar", (0, 0), float("-inf"), "finite"),
+        ("T_left_lidar", (0, 0), 3.0, "rotation"),
+        ("T_left_lidar", (3, 0), 1.0, "0 0 0 1"),
+        ("covariance", (2, 2), float("nan"), "finite"),
+        ("covariance", (3, 3), -4.0, "negative variances"),
+    ],
+)
+def test_a_damaged_pose_of_the_laser_is_refused_with_what_to_do(tmp_path, entry, place, value, message):
+    path = tmp_path / "rig.json"
+    StereoRig.save(RECT.rig, path)
+    save_laser_pose(path, LIDAR)
+    text = json.loads(path.read_text())
+    text["lidar"][entry][place[0]][place[1]] = value
+    path.write_text(json.dumps(text))
+    with pytest.raises(ValueError, match=rf"rig\.json.*{message}.*calibrate-laser") as refused:
+        Instrument.load(path)
+    assert "\n" not in str(refused.value)
+
+
 def test_what_is_no_rig_file_is_refused_and_left_alone(tmp_path):
     path = tmp_path / "rig.json"
     path.write_text("[1, 2]")
@@ -34,3 +58,13 @@ def test_what_is_no_rig_file_is_refused_and_left_alone(tmp_path):
         with pytest.raises(ValueError, match=r"rig\.json"):
             use(path)
     assert path.read_text() == "[1, 2]"
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), -0.1, "wide", None])
+@pytest.mark.parametrize("name", ["f_px", "baseline_mm", "offset_px"])
+def test_deviations_that_are_none_are_refused_with_what_to_do(tmp_path, name, value):
+    path = tmp_path / "rig.json"
+    StereoRig.save(RECT.rig, path, calibration={"std": {"rectified": {name: 0.1}}})
+    path.write_text(path.read_text().replace("0.1", json.dumps(value)))
+    with pytest.raises(ValueError, match=r"rig\.json: .*damaged.*run `stereolib calibrate` again$"):
+        Instrument.load(path)

@@ -1,50 +1,108 @@
-"""Sizes, volumes and surfaces with their deviations: against drawn boxes and many draws."""
+"""Sizes, volumes and surfaces with their deviations: against the box that was seen, and many draws of it."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-from support.boxes import a_box
+from support.boxes import EDGES, OWN, PRIORS, STILL, everything, start
 
-from stereolib.measurement import MeasuredObject
-from stereolib.measurement.fusion import Fused, corners_mm
-from stereolib.measurement.measured_object import from_faces
+from stereolib.measurement import MeasuredObject, Reason, Why
+from stereolib.measurement.agreement import Past
+from stereolib.measurement.box import Edge, Own, Shared
+from stereolib.measurement.measured_object import BoxFacts, from_box
+from stereolib.measurement.scene_solver import Seen, Solution, solve
+
+OPEN = dict.fromkeys(EDGES, Past.OPEN)
 
 
-def test_corners_of_the_drawn_box():
-    p = corners_mm(a_box().x)
-    np.testing.assert_allclose(p[1], [700, 20], atol=1e-9)
-    np.testing.assert_allclose(np.linalg.norm(np.diff(p, axis=0), axis=1), [300, 200], atol=1e-9)
-    thing = from_faces(a_box(), (250.0, 0.5), {}, 0.0)
+def solution(own=OWN, spread=None):
+    covariance = np.zeros((18, 18))
+    covariance[10:, 10:] = np.diag(np.full(8, 1e-6) if spread is None else np.square(spread))
+    return Solution(STILL, (own,), covariance, 0.0, 0.0, (), 0.0, {})
+
+
+def test_a_box_as_it_stands():
+    thing = from_box(solution(), 0, BoxFacts(OPEN))
     np.testing.assert_allclose(thing.size_mm, [300, 200, 250], atol=1e-9)
     np.testing.assert_allclose(thing.outline_mm.mean(axis=0), thing.position_mm)
-    assert thing.volume_l[0] == pytest.approx(15) and np.degrees(thing.yaw_rad) == pytest.approx(-50)
+    np.testing.assert_allclose(thing.outline_mm[0], [700, 20], atol=1e-9)
+    a, b, c, _ = thing.outline_mm
+    assert np.linalg.det(np.stack([b - a, c - b])) > 0  # counter-clockwise
+    assert thing.shape == "box" and thing.reasons == {} and thing.volume_l[0] == pytest.approx(15)
+    assert np.degrees(thing.yaw_rad) == pytest.approx(-50)
+    long_left = OWN[[0, 1, 2, 4, 3, 5, 6, 7]]
+    other = from_box(solution(long_left), 0, BoxFacts(OPEN))
+    np.testing.assert_allclose(other.size_mm, [300, 200, 250])
+    assert np.degrees(other.yaw_rad) == pytest.approx(40)
 
 
 def test_deviations_of_sizes_volume_and_surface_against_draws():
-    spread = np.array([0.002, 0.6, 0.4, 0.0004, 0.0004])
-    thing = from_faces(a_box(np.diag(spread**2)), (250.0, 0.5), {}, 0.0)
-    rng = np.random.default_rng(8)
-    sizes = []
-    for x in a_box().x + rng.normal(0, 1, (4000, 5)) * spread:
-        sizes.append(np.linalg.norm(np.diff(corners_mm(x), axis=0), axis=1))
-    sizes = np.column_stack([sizes, 250 + rng.normal(0, 0.5, 4000)])
-    np.testing.assert_allclose(thing.std_mm, sizes.std(axis=0), rtol=0.05)
-    assert thing.volume_l[1] == pytest.approx(sizes.prod(axis=1).std() / 1e6, rel=0.05)
+    spread = np.array([0.5, 0.5, 0.002, 0.6, 0.4, 0.7, 0.0, 0.0])
+    thing = from_box(solution(spread=spread), 0, BoxFacts(OPEN))
+    x = OWN + np.random.default_rng(8).normal(0, 1, (20_000, 8)) * spread
+    sizes = x[:, [Own.RIGHT, Own.LEFT, Own.HEIGHT]]
+    np.testing.assert_allclose(thing.std_mm, sizes.std(axis=0), rtol=0.03)
+    assert thing.volume_l[1] == pytest.approx(sizes.prod(axis=1).std() / 1e6, rel=0.03)
     area = 2 * (sizes[:, 0] + sizes[:, 1]) * sizes[:, 2] + sizes[:, 0] * sizes[:, 1]
-    assert thing.surface_m2[1] == pytest.approx(area.std() / 1e6, rel=0.05)
+    assert thing.surface_m2[1] == pytest.approx(area.std() / 1e6, rel=0.03)
+    centres = np.array([from_box(solution(own), 0, BoxFacts(OPEN)).position_mm for own in x[:1000]])
+    np.testing.assert_allclose(thing.position_covariance, np.cov(centres.T), atol=0.06)
+    assert thing.yaw_std_rad == pytest.approx(0.002)
 
 
-def test_a_side_too_vague_is_refused_and_the_other_stays():
-    thing = from_faces(a_box(np.diag([0, 0, 0, 0, 0.03**2])), (250.0, 0.5), {}, 0.0)
-    assert thing.shape == "face" and np.isnan(thing.size_mm[0]) and thing.size_mm[1] == pytest.approx(300)
-    assert "±" in thing.reasons["length"] and np.isnan(thing.volume_l[0]) and len(thing.outline_mm) == 2
+@pytest.mark.parametrize(
+    ("past", "reason"),
+    [
+        ({}, Reason.DEPTH_HIDDEN),
+        (OPEN | {Edge.RIGHT_END: Past.CUT}, Reason.CUT),
+        (OPEN | {Edge.RIGHT_END: Past.HIDDEN}, Reason.HIDDEN),
+        ({edge: past for edge, past in OPEN.items() if edge is not Edge.RIGHT_END}, Reason.DEPTH_HIDDEN),
+        (OPEN, Reason.TOO_UNCERTAIN),
+    ],
+)
+def test_a_side_that_is_too_vague_is_refused_with_why_and_the_other_stays(past, reason):
+    vague = np.array([1e-3] * 3 + [40.0] + [1e-3] * 4)
+    thing = from_box(solution(spread=vague), 0, BoxFacts(past))
+    assert thing.shape == "face" and np.isnan(thing.size_mm[0])
+    assert thing.size_mm[1:] == pytest.approx([200, 250]) and np.isfinite(thing.covariance[1:, 1:]).all()
+    assert thing.reasons["length"].reason is reason and list(thing.reasons) == ["length"]
+    assert np.isnan(thing.volume_l).all() and len(thing.outline_mm) == 2
+    np.testing.assert_allclose(thing.outline_mm.mean(axis=0), thing.position_mm)
+    if reason is Reason.TOO_UNCERTAIN:
+        assert str(thing.reasons["length"]).startswith("300 ± 40 mm")
 
 
-def test_a_hidden_end_gives_no_size():
-    hidden = Fused(a_box().x, np.zeros((5, 5)), {}, (True, True), "")
-    thing = from_faces(hidden, (np.nan, np.nan), {}, 0.0)
-    assert np.isnan(thing.size_mm).all() and "hidden" in thing.reasons["length"] and "hidden" in thing.reasons["width"]
+def test_a_height_that_the_picture_cuts():
+    vague = np.array([1e-3] * 5 + [40.0] + [1e-3] * 2)
+    thing = from_box(solution(spread=vague), 0, BoxFacts(OPEN | {Edge.TOP_LEFT: Past.CUT}))
+    assert thing.reasons["height"].reason is Reason.TOP_CUT and thing.shape == "box"
+    assert thing.size_mm[:2] == pytest.approx([300, 200]) and np.isnan(thing.volume_l[0])
+
+
+def test_edges_that_contradict_the_others_take_all_sizes_away():
+    facts = BoxFacts(OPEN, doubtful=frozenset({Edge.LEFT_END}))
+    thing = from_box(solution(), 0, facts)
+    assert {why.reason for why in thing.reasons.values()} == {Reason.CONTRADICTION} and np.isnan(thing.size_mm).all()
+
+
+def test_what_does_not_stand_has_no_size():
+    facts = BoxFacts(OPEN, reasons={"object": Why(Reason.LEANS)})
+    assert np.isnan(from_box(solution(), 0, facts).size_mm).all()
+    unscanned = BoxFacts(OPEN, reasons={"object": Why(Reason.NOT_IN_SCAN)})
+    assert np.isfinite(from_box(solution(), 0, unscanned).size_mm).all()
+
+
+def test_a_known_reason_is_kept():
+    vague, why = np.array([1e-3] * 5 + [40.0] + [1e-3] * 2), Why(Reason.NO_FLOOR)
+    assert from_box(solution(spread=vague), 0, BoxFacts(reasons={"height": why})).reasons["height"] is why
+
+
+def test_a_solved_box_becomes_an_object():
+    found = solve(PRIORS, [Seen(start(), everything(PRIORS.world(STILL)))])
+    thing = from_box(found, 0, BoxFacts(OPEN))
+    np.testing.assert_allclose(thing.size_mm, [300, 200, 250], atol=0.02)
+    own = found.of_box(0)[1][len(Shared) :, len(Shared) :]
+    assert thing.std_mm == pytest.approx(np.sqrt(np.diag(own))[[Own.RIGHT, Own.LEFT, Own.HEIGHT]])
 
 
 def test_a_cylinder_s_volume_and_surface():
@@ -54,10 +112,8 @@ def test_a_cylinder_s_volume_and_surface():
     thing = MeasuredObject("circle", np.array([200.0, 200, 300]), C, nothing, np.eye(2), np.nan, np.nan, nothing[None])
     r = 100 + np.random.default_rng(1).normal(0, 0.5, 200_000)
     h = 300 + np.random.default_rng(2).normal(0, 2, 200_000)
-    for told, drawn_values in (
+    for told, drawn in (
         (thing.volume_l, np.pi * r**2 * h / 1e6),
         (thing.surface_m2, (2 * np.pi * r * h + np.pi * r**2) / 1e6),
     ):
-        assert told[0] == pytest.approx(drawn_values.mean(), rel=1e-3) and told[1] == pytest.approx(
-            drawn_values.std(), rel=0.02
-        )
+        assert told[0] == pytest.approx(drawn.mean(), rel=1e-3) and told[1] == pytest.approx(drawn.std(), rel=0.02)

@@ -15,10 +15,10 @@ def test_found_is_drawn_where_it_was_measured():
     tried = attempted("conditions/level")
     ax = plotting.plot_height_attempt(tried, plotting.panels(1)[1][0], "cube")
     lines = {line.get_label(): line.get_xydata() for line in ax.lines}
-    assert lines["near edge"] == pytest.approx(np.stack([tried.measured.foot_px, tried.measured.top_px]))
+    assert lines["near edge"] == pytest.approx(tried.edge_px)
     (x0, y0), (x1, y1) = lines["top line"]
-    at = (tried.measured.top_px[0] - x0) / (x1 - x0)
-    assert y0 + at * (y1 - y0) == pytest.approx(tried.measured.top_px[1], abs=1.5)
+    at = (tried.edge_px[1][0] - x0) / (x1 - x0)
+    assert y0 + at * (y1 - y0) == pytest.approx(tried.edge_px[1][1], abs=1.5)
     assert ax.texts[0].get_text() == f"{tried.height_mm / 10:.2f} ± {0.196 * tried.std_mm:.2f} cm"
     red, _, blue = np.moveaxis(ax.images[0].get_array().astype(int), -1, 0)
     cube, others = (recordings.load_truth("conditions/level").box == box for box in (1, 0))
@@ -29,7 +29,7 @@ def test_found_is_drawn_where_it_was_measured():
 
 
 def test_a_refused_attempt_is_its_picture_without_lines():
-    tried = attempted("conditions/poor_light")
+    tried = attempted("conditions/glare")
     ax = plotting.plot_height_attempt(tried, plotting.panels(1)[1][0], "poor light")
     assert not ax.lines and not ax.texts and ax.get_title() == "poor light"
     (shown,) = ax.images

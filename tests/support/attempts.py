@@ -10,5 +10,5 @@ from support.ground import RECT
 
 
 @cache
-def attempted(name, seed=0):
-    return attempt_height(*RECT.rectify(*recordings.load_pair(name)), RECT, seed=seed)
+def attempted(name):
+    return attempt_height(*RECT.rectify(*recordings.load_pair(name)), RECT)

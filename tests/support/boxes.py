@@ -1,58 +1,105 @@
-"""A box before the rig as the laser and the pair have it, and lines and ends without error."""
+"""A box before the rig, and what cameras and laser see of it by the model itself: exact, or drawn with its errors."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from stereolib.laser import LaserScan, find_segments, fit_footprint
-from stereolib.measurement import Face, LaserOnFloor, floor_from_pose
-from stereolib.measurement.fusion import Fused
+from stereolib.measurement import LaserOnFloor, floor_from_pose
+from stereolib.measurement.box import Box, Edge, Own, Shared, Side
+from stereolib.measurement.observations import EdgeSeen, EndBetweenBeams, PlaneSeen, RangesSeen, weak_priors, whitening
+from stereolib.measurement.outline import predicted
+from stereolib.measurement.scene_solver import Priors
 from stereolib.virtual import recordings
 
 RECT = recordings.rectified()
-FLOOR = floor_from_pose(RECT, recordings.setup())
-HERE = LaserOnFloor(np.eye(2), np.zeros(2), np.diag([0.5**2, 0.5**2, 1e-6]), bias_mm=0.0)
-
-#: Near corner at (700, 20), right side 300 mm under 40 degrees, left side 200 mm.
-X = np.array(
-    [np.radians(40), *(np.array([np.cos(np.radians(a)), np.sin(np.radians(a))]) @ [700, 20] for a in (40, -50))]
+FLOOR = floor_from_pose(
+    RECT, recordings.setup(), height_std_mm=0.5, pitch_std_rad=np.radians(0.03), roll_std_rad=np.radians(0.03)
 )
+HERE = LaserOnFloor(np.eye(2), np.zeros(2), np.diag([1.0, 1.0, np.radians(0.2) ** 2]), bias_mm=0.5)
+PRIORS = Priors(FLOOR, HERE, np.array([0.03, 0.03, 2e-4, 2e-4]))
+STILL = np.zeros(len(Shared))
+#: Near corner at (700, 20), right side 300 mm, left side 200 mm, height 250 mm.
+OWN = np.array([700.0, 20.0, np.radians(40), 300.0, 200.0, 250.0, 0.0, 0.0])
+OTHER = np.array([950.0, -180.0, np.radians(15), 150.0, 260.0, 180.0, 0.0, 0.0])
+PLANE_STD = np.array([2e-4, 2e-4, 0.02])
+EDGE_PX, SIGMA_MM, GAP_MM = 0.15, 3.0, 12.0
+EDGES = (Edge.CORNER, Edge.RIGHT_END, Edge.LEFT_END, Edge.TOP_RIGHT, Edge.TOP_LEFT)
 
 
-def drawn(rng, sigma_mm=1.5):
-    """A scan of that box: the true ranges of the beams that meet it, with noise."""
-    angles = np.radians(np.arange(360.0))
-    beam = np.stack([np.cos(angles), np.sin(angles)], axis=1)
-    ranges = np.full(360, 2500.0)
-    corner = np.array([700.0, 20.0])
-    for k, length in ((0, 300.0), (1, 200.0)):
-        a = X[0] - k * np.pi / 2
-        n, along = np.array([np.cos(a), np.sin(a)]), np.array([-np.sin(a), np.cos(a)]) * (-1 if k == 0 else 1)
-        r = X[1 + k] / np.maximum(beam @ n, 1e-9)
-        s = (beam * r[:, None] - corner) @ along
-        hit = (beam @ n > 0.05) & (s > 0) & (s < length)
-        ranges = np.where(hit & (r < ranges), r, ranges)
-    return LaserScan(np.rint(ranges + rng.normal(0, sigma_mm, 360)), np.full(360, 500.0))
+def shared(**values):
+    """Shared parameters by name, others 0."""
+    x = STILL.copy()
+    for name, value in values.items():
+        x[Shared[name.upper()]] = value
+    return x
 
 
-def the_footprint(seed):
-    parts = [part for part in find_segments(drawn(np.random.default_rng(seed)), max_mm=2000) if part.kind == "object"]
-    return fit_footprint(parts[0], bias_mm=0.0)
+def planes(world, own, rng=None, sides=Side):
+    found = []
+    for side in sides:
+        box = Box(own)
+        shares = np.array([[0, 0, 0], [1, 0, 0], [1, 0, 1], [0, 0, 1.0]])
+        centre = world.pixels(box.points(shares if side is Side.RIGHT else shares[:, [1, 0, 2]])).mean(axis=0)
+        plane = world.disparity_plane(np.append(box.normal(side), 0.0), box.distance(side))
+        coefficients = np.array([*plane[:2], plane[:2] @ centre + plane[2]])
+        coefficients = coefficients + (0 if rng is None else rng.normal(0, PLANE_STD))
+        found.append(PlaneSeen(centre, coefficients, whitening(np.diag(PLANE_STD**2)), side))
+    return found
 
 
-def the_faces(rng, std=1e-8):
-    lines = [np.array([np.cos(a), np.sin(a)]) / c for a, c in ((X[0], X[1]), (X[0] - np.pi / 2, X[2]))]
-    spans = ((-0.30, 0.0286), (0.0286, 0.22))
-    return tuple(
-        Face(line + rng.normal(0, std, 2), np.diag([std**2, std**2]), span, 900)
-        for line, span in zip(lines, spans, strict=True)
-    )
+def edges(world, own, rng=None, some=EDGES):
+    found = []
+    for edge in some:
+        at = predicted(edge, world, own)
+        off = 0.0 if rng is None else rng.normal(0, EDGE_PX)
+        found.append(EdgeSeen(edge, at.point_px + off * at.across, at.across, EDGE_PX))
+    return found
 
 
-def a_box(covariance=None):
-    right, left = (
-        np.array([700.0, 20.0]) + d
-        for d in (300 * np.array([np.sin(X[0]), -np.cos(X[0])]), 200 * np.array([np.cos(X[0]), np.sin(X[0])]))
-    )
-    x = np.append(X, [np.arctan2(*right[::-1]), np.arctan2(*left[::-1])])
-    return Fused(x, np.zeros((5, 5)) if covariance is None else covariance, {}, (False, False), "")
+def _in_laser_frame(world, points):
+    c, s = np.cos(float(world.laser_yaw)), np.sin(float(world.laser_yaw))
+    return (points - world.laser_place) @ np.array([[c, -s], [s, c]])
+
+
+def readings(world, own, rng=None, sides=Side):
+    """Fifteen readings on each face."""
+    found = []
+    for side in sides:
+        shares = np.zeros((15, 3))
+        shares[:, 0 if side is Side.RIGHT else 1] = np.linspace(0.05, 0.95, 15)
+        points = _in_laser_frame(world, Box(own).points(shares)[:, :2])
+        ranges = np.linalg.norm(points, axis=1)
+        error = 0.0 if rng is None else rng.normal(0, SIGMA_MM, 15)
+        beams, sigma = points / ranges[:, None], np.full(15, SIGMA_MM)
+        found.append(RangesSeen(side, np.zeros((15, 2)), beams, ranges + own[side.bias] + error, sigma))
+    return found
+
+
+def ends(world, own, rng=None, some=((Side.RIGHT, False), (Side.LEFT, False))):
+    """Two beams, 12 mm apart on the face's line, between which it ends."""
+    found = []
+    for side, at_corner in some:
+        middle = 0.0 if rng is None else rng.uniform(-0.5, 0.5) * GAP_MM
+        along = middle + np.array([-0.5, 0.5]) * GAP_MM
+        extent = own[side.extent]
+        shares = np.zeros((2, 3))
+        shares[:, 0 if side is Side.RIGHT else 1] = ((0.0 if at_corner else extent) + along) / extent
+        points = _in_laser_frame(world, Box(own).points(shares)[:, :2])
+        beams = points / np.linalg.norm(points, axis=1)[:, None]
+        found.append(EndBetweenBeams(side, at_corner, np.zeros((2, 2)), beams))
+    return found
+
+
+def start(own=OWN):
+    """About where a box is looked for."""
+    x = own + np.array([4.0, -3.0, 0.01, 5.0, -5.0, 4.0, 0.0, 0.0])
+    x[[Own.RIGHT_BIAS, Own.LEFT_BIAS]] = 0.0
+    return x
+
+
+def pictured(world, own=OWN, rng=None):
+    return [*weak_priors(start(own), HERE.bias_mm), *planes(world, own, rng), *edges(world, own, rng)]
+
+
+def everything(world, own=OWN, rng=None):
+    return [*pictured(world, own, rng), *readings(world, own, rng), *ends(world, own, rng)]

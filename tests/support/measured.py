@@ -20,7 +20,7 @@ def empty_scan() -> laser.LaserScan:
 def measured(name="conditions/texture", scan="conditions/texture", floor=None, lidar=LIDAR):
     readings = scan and (empty_scan() if scan == "empty" else recordings.scan(scan))
     pair = recordings.load_pair(name)
-    return measure_objects(*pair, readings, Instrument(RECT, lidar), rng=np.random.default_rng(0), floor=floor)
+    return measure_objects(*pair, readings, Instrument(RECT, lidar), floor=floor)
 
 
 def the_cube(found):

@@ -53,7 +53,7 @@ _LARGE = 1000  # from here on a text may leave its last zeros unmeasured: 71 100
 
 #: What carries a number that measures nothing: code, formulas, addresses, headings, numerals of lists, names, years.
 _NO_PROSE: tuple[tuple[re.Pattern[str], Any], ...] = (
-    (re.compile(r"<!-- (counts|finding|ledger|bench) -->.*?<!-- /\1 -->", re.DOTALL), " "),
+    (re.compile(r"<!-- (counts|finding|ledger|bench|rigs) -->.*?<!-- /\1 -->", re.DOTALL), " "),
     (re.compile(r"```.*?```|\$\$.*?\$\$|\$[^$\n]*\$", re.DOTALL), " § "),
     (re.compile(r"`[^`]*`"), lambda code: "§" + re.sub(r"[^A-Za-z_]+", " ", code[0]).strip() + "§"),  # its words stay
     (re.compile(r"\*\*Exercise \d+\.\*\*.*?(?=<details>|\Z)", re.DOTALL), " "),  # a question sets its numbers

@@ -8,8 +8,8 @@ import numpy as np
 
 from stereolib import laser
 from stereolib.mapping import Station
-from stereolib.measurement import MeasuredObject
-from stereolib.virtual import recordings, walk
+from stereolib.measurement import MeasuredObject, Reason, Source, Why
+from stereolib.virtual import VirtualLidar, recordings, walk
 
 #: Which boxes a station sees, and whether two of their faces.
 SEEN = {1: {3: 1}, 2: {2: 0, 4: 1}, 3: {0: 1, 1: 1, 3: 1}, 4: {2: 1, 4: 1}, 5: {0: 1, 1: 1}}
@@ -36,7 +36,7 @@ def box(size, centre, yaw, rng, *, std=STD_MM):
     yaw = (yaw + STD_RAD * rng.normal() + np.pi / 2) % np.pi - np.pi / 2
     return MeasuredObject(
         "box", size, np.eye(3) * std**2, centre, np.eye(2) * std**2, yaw, STD_RAD, corners(size, centre, yaw),
-        {"length": "image", "width": "both", "height": "image"}, {},
+        {"lines": Source.BOTH, "height": Source.IMAGE}, {},
     )  # fmt: skip
 
 
@@ -54,7 +54,7 @@ def face(size, centre, yaw, rng, *, std=STD_MM):
     return MeasuredObject(
         "face", np.array([np.nan, width, height]), covariance, middle, np.eye(2) * std**2,
         (along + np.pi / 2) % np.pi - np.pi / 2, STD_RAD, np.array([middle - half, middle + half]),
-        {"width": "both", "height": "image"}, {"length": "only one face is seen, its depth is hidden"},
+        {"lines": Source.BOTH, "height": Source.IMAGE}, {"length": Why(Reason.DEPTH_HIDDEN)},
     )  # fmt: skip
 
 
@@ -82,3 +82,9 @@ def station(k, rng, *, only=None, **fields):
 
 def walked(rng):
     return [station(k, rng) for k in SEEN]
+
+
+def more_scan_bytes(pose, seed=9):
+    """What the walk's laser sends from another place in its room."""
+    sensor = VirtualLidar(height_mm=walk.LASER_HEIGHT_MM)
+    return sensor.scan(walk.walk_scene(), pose, np.random.default_rng(seed), turns=5)

@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
+from stereolib import laser
 from stereolib.base import ROOT
 from stereolib.rig import read_image, rigid
 from stereolib.virtual import Scene, VirtualLidar, cube_scene, recordings, render_truth, walk
@@ -140,5 +141,7 @@ def test_pictures_agree_with_their_truth():
 
 def test_laser_stands_before_the_cube():
     ranges = VirtualLidar().truth_mm(cube_scene(), recordings.LASER_POSE)
-    walls = {90: 1900, 180: 1800, 270: 1700}  # left, behind, to the right
-    assert ranges[[0, *walls]] == pytest.approx([700, *walls.values()], abs=0.5)
+    x, y = laser.points_mm(laser.LaserScan(ranges, np.ones(360))).T
+    assert (y[90], x[180], y[270]) == pytest.approx((1900, -1800, -1700), abs=0.5)  # left, behind, to the right
+    cube = (x > 0) & (abs(y) < 200)  # its corner looks at the laser
+    assert (x - abs(y))[cube] == pytest.approx(700, abs=0.5)

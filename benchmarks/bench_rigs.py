@@ -1,0 +1,136 @@
+"""What real rigs do to the sizes: virtual boxes, each disturbance a row, refusals beside every accuracy.
+
+Pictures are rendered once, into ``benchmarks/.cache``: half an hour on two cores the first time, then some minutes.
+``--row NAME`` measures some rows, ``--quick`` 20 scenes of each; only a whole run writes ``results/rigs.json``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from common import PAPER_RIG, RESULTS, save
+from joblib import Parallel, delayed
+from scipy.stats import binomtest
+from support.box_scenes import NAMES
+from support.disturbances import ROWS, SCENES, Told, case, tell
+from tqdm.auto import tqdm
+
+from stereolib.base import write_atomic
+
+SCENES_A_ROW, QUICK = 160, 20
+ROOMS = ("base", "rig", "laser", "calibration", "matching", "measurement", *PAPER_RIG, "virtual")
+INTERVAL_STDS, INTERVAL_SHARE = 1.96, 0.95
+
+
+def of_scene(rows: tuple[str, ...], number: int) -> dict[str, Told]:
+    """Measure one scene with each disturbance."""
+    cv2.setNumThreads(1)
+    return {row: tell(*case(row, number)) for row in rows}
+
+
+def summary(told: list[Told], silent_pct: float) -> dict[str, Any]:
+    """What a row of the bench says."""
+    found = {name: np.array([t.off[name] for t in told if name in t.off]).reshape(-1, 2) for name in NAMES}
+    everything = np.concatenate(list(found.values()))
+    inside = int((np.abs(everything[:, 1]) < INTERVAL_STDS).sum())
+    measurable = [t for t in told if t.measurable]
+    lacking = [t for t in measurable if len(t.off) < len(NAMES)]
+    silent = [max((abs(pct) for pct, _ in t.off.values()), default=0.0) > silent_pct for t in told]
+    p = float(binomtest(inside, len(everything), INTERVAL_SHARE).pvalue) if len(everything) else np.nan
+    return {
+        "scenes": len(told),
+        "sizes": len(everything),
+        **_spread(everything),
+        "binomial_p": float(f"{p:.2g}") if len(everything) else None,
+        "silent": int(sum(silent)),
+        "silent_beyond_pct": silent_pct,
+        "refused": sum(t.nothing for t in told),
+        "lacking": sum(len(t.off) < len(NAMES) for t in told),
+        "measurable": len(measurable),
+        "measurable_lacking": len(lacking),
+        "measurable_lacking_pct": round(100 * len(lacking) / len(measurable), 1) if measurable else None,
+        "measurable_sizes_missing": sum(len(NAMES) - len(t.off) for t in measurable),
+        "because": dict(Counter(t.why for t in told if t.why).most_common()),
+        **{name: {"told": len(pairs), **_spread(pairs)} for name, pairs in found.items()},
+    }
+
+
+def _spread(pairs: np.ndarray) -> dict[str, float]:
+    if not len(pairs):
+        return {}
+    pct, z = np.abs(pairs).T
+    return {
+        "median_pct": round(float(np.median(pct)), 3),
+        "p95_pct": round(float(np.percentile(pct, 95)), 2),
+        "within_1_sigma_pct": round(100 * float((z < 1).mean()), 1),
+        "within_2_sigma_pct": round(100 * float((z < INTERVAL_STDS).mean()), 1),
+        "rms_z": round(float(np.sqrt((z**2).mean())), 2),
+    }
+
+
+def run(rows: list[str], scenes: int, jobs: int) -> dict[str, dict[str, Any]]:
+    """Measure rows, those of the same scenes together."""
+    groups = [tuple(row for row in rows if ROWS[row].scenes == kind) for kind in SCENES]
+    work = [(group, number) for group in groups if group for number in range(scenes)]
+    running = Parallel(n_jobs=jobs, return_as="generator")(delayed(of_scene)(*one) for one in work)
+    told: dict[str, list[Told]] = {row: [] for row in rows}
+    for of_rows in tqdm(running, "scenes", len(work), unit="scene"):
+        for row, one in of_rows.items():
+            told[row].append(one)
+    return {row: {"about": ROWS[row].about, **summary(told[row], ROWS[row].silent_pct)} for row in rows}
+
+
+def table(found: dict[str, dict[str, Any]]) -> str:
+    """Lay the rows out, one a line: medians in %, then coverage, then what was not told."""
+    head = f"{'row':<17}{'scenes':>7}{'sizes':>6}{'L':>7}{'W':>7}{'H':>7}{'V':>7}{'p95':>7}{'1s %':>6}{'2s %':>6}"
+    lines = [head + f"{'rms z':>7}{'p':>9}{'silent':>7}{'refused':>8}{'lack of measurable':>20}"]
+    for row, r in found.items():
+        medians = "".join(f"{r[name].get('median_pct', np.nan):7.2f}" for name in NAMES)
+        keys = (("p95_pct", "7.1f"), ("within_1_sigma_pct", "6.1f"), ("within_2_sigma_pct", "6.1f"), ("rms_z", "7.2f"))
+        spread = "".join(f"{r.get(key, np.nan):{layout}}" for key, layout in keys)
+        p = np.nan if r["binomial_p"] is None else r["binomial_p"]
+        missing = f"{r['measurable_lacking']} of {r['measurable']}"
+        lines.append(
+            f"{row:<17}{r['scenes']:>7}{r['sizes']:>6}{medians}{spread}{p:9.1g}{r['silent']:>7}{r['refused']:>8}{missing:>20}"
+        )
+    return "\n".join(lines)
+
+
+def arguments() -> argparse.Namespace:
+    """Read the command line."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--only", choices=("accuracy", "time"), help="as of the other benchmarks; here is no time")
+    parser.add_argument("--row", action="append", choices=list(ROWS), metavar="NAME", help=f"of {', '.join(ROWS)}")
+    parser.add_argument("--scenes", type=int, default=SCENES_A_ROW, help=f"of each row (default {SCENES_A_ROW})")
+    parser.add_argument("--quick", action="store_true", help=f"{QUICK} scenes of each row")
+    parser.add_argument("--jobs", type=int, default=2, help="processes (default 2)")
+    parser.add_argument("--out", type=Path, help="write the rows to this JSON file, whole run or not")
+    return parser.parse_args()
+
+
+def main() -> None:
+    """Measure, print the table, write ``results/rigs.json`` if all of it was measured."""
+    os.environ |= {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}  # of the processes to come
+    asked = arguments()
+    if asked.only == "time":
+        return
+    rows, scenes = asked.row or list(ROWS), QUICK if asked.quick else asked.scenes
+    found = run(rows, scenes, asked.jobs)
+    print(table(found))
+    if asked.out:
+        write_atomic(asked.out, json.dumps(found, indent=1) + "\n")
+    if rows == list(ROWS) and not asked.quick:
+        save("rigs", {"rows": found}, ROOMS)
+    else:
+        print(f"{RESULTS / 'rigs.json'} stays: it is written when all rows are measured")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,229 @@
+"""The command ``stereolib map``: recordings of several stations to one map, its files and pictures."""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import io
+import json
+import math
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from stereolib.base import plus_minus
+from stereolib.cli.command import Command
+from stereolib.cli.errors import DONE, REFUSED
+from stereolib.cli.outputs import check_outputs
+from stereolib.cli.told import object_details, object_facts, object_title, plain, wrapped
+
+if TYPE_CHECKING:
+    from stereolib.mapping import Map, RecordedMap, Station
+
+#: Files of a map, and what they are.
+_FILES = {
+    "map.json": "objects, walls, stations and warnings, as --json prints them",
+    "objects.csv": "the objects alone, for a spreadsheet",
+    "map.png": "the map from above",
+    "view.png": "the map in space",
+    "map.glb": "objects and walls as solids, y up, m",
+    "map.ply": "the same as one mesh, z up, m",
+    "points.ply": "coloured points of all pairs, m",
+    "grid.yaml": "free, taken and unknown cells, for ROS's map_server",
+    "grid.pgm": "their picture",
+}
+_WIDTH_IN, _MAP_IN = 9.5, 6.0  # of the picture, and of the map beside its legend
+_NOTES = """\
+FOLDER holds, for each place where the rig stood (its station):
+  1_left.png 1_right.png   the pair, as the cameras gave it (PNG, JPEG, ...)
+  1_scan.bin               the laser, as `stereolib lrf record` writes it, or 1_scan.csv: first line angle_deg,range_mm,
+                           then a turn in even steps, counter-clockwise, 0 ahead, range empty where nothing was
+                           measured; both of an XV-11, whose light starts 25 mm beside its axis
+  2_left.png ...           and so on; names may be words, as door_left.png. A pair or a scan alone is a station, too
+and for all of them:
+  calibration.json         the rig and its laser (stereolib calibrate, calibrate-laser)
+  poses.csv                if poses are known: first line station,x_mm,y_mm,yaw_deg, then a line a station: the place on
+                           the floor below its left camera and where that looks, counter-clockwise from x
+Without poses the first station with a scan is the origin, and the others are placed where their scans fit; given poses
+are taken as known to 50 mm and 3 degrees and refined by the scans. Who has neither pose nor scan, or fits in several
+places, is left out and named. Take stations a metre or so apart, each with a look at what the last one saw.
+
+written:
+""" + "\n".join(f"  {name:12} {what}" for name, what in _FILES.items()) + """
+
+exit code: 0 something was mapped, 1 nothing was, 2 wrong input
+no rig yet? stereolib data walk walk; stereolib map walk"""  # fmt: skip
+
+
+def _configure(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("folder", type=Path, metavar="FOLDER", help="with the recordings, as below")
+    parser.add_argument("--calibration", type=Path, metavar="FILE", help="default: FOLDER/calibration.json")
+    parser.add_argument("--poses", type=Path, metavar="CSV", help="default: FOLDER/poses.csv, if it is there")
+    parser.add_argument(
+        "--out", type=Path, metavar="DIR", help="where to write; default: FOLDER's name with _map, here"
+    )
+    parser.add_argument("--force", action="store_true", help="replace a map that is there")
+    parser.add_argument("--json", action="store_true", help="print one JSON object")
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    from stereolib.mapping import NothingToMap, list_stations, map_recordings
+    from stereolib.measurement import Instrument
+
+    out = arguments.out or Path(f"{arguments.folder.resolve().name}_map")
+    if in_the_way := [path for path in (out, *out.parents) if path.is_file()]:
+        raise ValueError(f"--out must name a folder, but {in_the_way[0]} is a file")
+    check_outputs([out / name for name in _FILES], force=arguments.force, option="--out")
+    found = list_stations(arguments.folder, arguments.poses)
+    instrument = Instrument.load(arguments.calibration or arguments.folder / "calibration.json")
+    try:
+        recorded = map_recordings(found.stations, instrument, progress=sys.stderr.isatty())
+    except NothingToMap as error:
+        print(wrapped([f"nothing was mapped: {error}"]), file=sys.stderr)
+        return REFUSED
+    facts = map_facts(recorded) | {"unused_files": list(found.unused)}
+    written = _write(out, recorded, facts)
+    if arguments.json:
+        print(json.dumps(facts | {"written": [str(path) for path in written]}, indent=1, allow_nan=False))
+        return DONE
+    print(map_text(recorded))
+    if found.unused:
+        print(wrapped([f"not used, as they belong to no station: {', '.join(found.unused)}"]))
+    print(f"written to {out}: {', '.join(path.name for path in written)}")
+    return DONE
+
+
+def map_facts(recorded: RecordedMap) -> dict[str, Any]:
+    """What is in the map, ready for JSON: None where a thing is not known."""
+    room = recorded.room
+    objects = [
+        {"name": name, **object_facts(each.fused), "seen_from": _seen_from(room, each.stations)}
+        for name, each in zip(room.names, room.objects, strict=True)
+    ]
+    walls = [
+        {
+            "ends_mm": [[plain(v) for v in end] for end in wall.ends_mm],
+            "ends": list(wall.ends),
+            "length_mm": plain(wall.length_mm),
+            "offset_std_mm": plain(wall.offset_std_mm),
+        }
+        for wall in room.walls
+    ]
+    return {
+        "frame": "x forward, y left, mm, rad; one standard deviation; origin and x as poses.csv has them, else on the "
+        "floor below the left camera of the first station with a scan, x ahead",
+        "objects": objects,
+        "walls": walls,
+        "stations": [_station_facts(recorded, station) for station in room.stations],
+        "left_out": recorded.left_out,
+        "warnings": [*room.warnings, *recorded.warnings],
+    }
+
+
+def _station_facts(recorded: RecordedMap, station: Station) -> dict[str, Any]:
+    x, y, yaw = station.pose
+    std = [math.sqrt(station.covariance[k, k]) for k in range(3)]
+    return {
+        "name": station.name,
+        "pose": {"x_mm": plain(x), "y_mm": plain(y), "yaw_rad": plain(yaw)},
+        "pose_std": {"x_mm": plain(std[0]), "y_mm": plain(std[1]), "yaw_rad": plain(std[2])},
+        "objects_seen": len(station.objects),
+        "readings": len(station.scan_mm),
+        "warnings": list(recorded.measured[station.name].warnings),
+    }
+
+
+def map_text(recorded: RecordedMap) -> str:
+    """A block for each object, their sums, and a line for each station with what is to be said of it."""
+    room = recorded.room
+    lines = [f"{len(room.objects)} objects, {len(room.walls)} walls, from {len(room.stations)} stations"]
+    for name, each in zip(room.names, room.objects, strict=True):
+        x, y = each.fused.position_mm
+        place = f"at x {x:.0f}, y {y:.0f} mm, seen from station {', '.join(_seen_from(room, each.stations))}"
+        lines += [object_title(name, each.fused), *(f"   {line}" for line in object_details(each.fused, place))]
+    whole = sum(math.isfinite(item.volume_l[0]) for item in room.measured)
+    if whole > 1:
+        (volume, std), (area, area_std) = room.volume_l, room.surface_m2
+        sums = f"{plus_minus(volume, std)} l, {plus_minus(area, area_std)} m2"
+        lines.append(f"the {whole} objects of which all sizes are known: {sums}")
+    for station in room.stations:
+        lines.append(f"station {station.name}: {_pose_text(station)}")
+        lines += [f"   warning: {text}" for text in recorded.measured[station.name].warnings]
+    lines += [f"station {name} is left out: {why}" for name, why in recorded.left_out.items()]
+    said = {
+        f"{name}: its {size}" for name, item in zip(room.names, room.measured, strict=True) for size in item.reasons
+    }
+    more = [text for text in room.warnings if not any(text.startswith(each) for each in said)]
+    return wrapped([*lines, *(f"warning: {text}" for text in (*more, *recorded.warnings))])
+
+
+def _pose_text(station: Station) -> str:
+    x, y, yaw = station.pose
+    place = f"x {x:.0f}, y {y:.0f} mm, looks {math.degrees(yaw):.1f} degrees"
+    if not station.covariance.any():
+        return place
+    dx, dy, turn = (math.sqrt(station.covariance[k, k]) for k in range(3))
+    return f"{place} (± {dx:.1f} mm, {dy:.1f} mm, {math.degrees(turn):.2f} degrees by its scan)"
+
+
+def _seen_from(room: Map, numbers: tuple[int, ...]) -> list[str]:
+    return [room.stations[k - 1].name for k in sorted(numbers)]
+
+
+def _write(out: Path, recorded: RecordedMap, facts: dict[str, Any]) -> list[Path]:
+    """Write all files that the map can fill; those of an older map that it cannot are taken away."""
+    import cv2
+
+    from stereolib.base import write_atomic
+    from stereolib.mapping import map_solids, occupancy_grid, view_map, write_cloud, write_grid, write_mesh
+    from stereolib.plotting import panels, plot_top_view, save_figure
+
+    room, solids, points = recorded.room, map_solids(recorded.room), recorded.cloud()
+    figure, ax = panels(1, width_in=_WIDTH_IN)
+    low, high = zip(*(plot_top_view(room, ax[0]).get_xlim(), ax[0].get_ylim()), strict=True)
+    figure.set_size_inches(_WIDTH_IN, 1 + _MAP_IN * max((high[1] - low[1]) / (high[0] - low[0]), 0.5))
+    view = cv2.imencode(".png", view_map(room, solids))[1].tobytes()
+    written = [
+        write_atomic(out / "map.json", json.dumps(facts, indent=1, allow_nan=False) + "\n"),
+        write_atomic(out / "objects.csv", _table(facts["objects"])),
+        write_atomic(out / "map.png", save_figure(None, figure).data),
+        write_atomic(out / "view.png", view),
+        *(write_mesh(out / f"map.{kind}", solids, overwrite=True) for kind in ("glb", "ply")),
+    ]
+    if points is not None and len(points.points_mm):
+        written.append(write_cloud(out / "points.ply", points, overwrite=True))
+    if len(room.readings_mm):
+        written += write_grid(out / "grid.yaml", occupancy_grid(room.stations, objects=room.measured), overwrite=True)
+    for name in _FILES:
+        if out / name not in written:
+            (out / name).unlink(missing_ok=True)
+    return written
+
+
+def _table(objects: list[dict[str, Any]]) -> str:
+    """Objects as CSV: a line each, lists and texts joined."""
+    stream = io.StringIO()
+    sizes = [f"{size}{kind}" for size in ("length", "width", "height") for kind in ("_mm", "_std_mm")]
+    sums = ("volume_l", "volume_std_l", "surface_m2", "surface_std_m2")
+    columns = ("name", "shape", *sizes, *sums, "x_mm", "y_mm", "yaw_rad", "seen_from", "unknown")
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(columns)
+    for each in objects:
+        x, y = each["position_mm"]
+        texts = {
+            "seen_from": " ".join(each["seen_from"]),
+            "unknown": "; ".join(map(": ".join, each["reasons"].items())),
+        }
+        row = each | {"x_mm": x, "y_mm": y} | texts
+        writer.writerow(["" if row[column] is None else row[column] for column in columns])
+    return stream.getvalue()
+
+
+MAP = Command(
+    "map",
+    "one map of several stations: objects with sizes, walls, free floor, from pairs of pictures and scans",
+    "stereolib map walk --out walk_map",
+    _run,
+    _configure,
+    notes=_NOTES,
+)

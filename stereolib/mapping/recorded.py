@@ -1,0 +1,144 @@
+"""From a folder of recordings to its map: every station measured, placed, and merged with the others."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from stereolib.base import UInt8
+from stereolib.laser import LaserScan
+from stereolib.mapping.assemble import Map, NothingToMap, merge_stations
+from stereolib.mapping.placing import place_stations
+from stereolib.mapping.shapes import Cloud, colored_cloud, join_clouds
+from stereolib.mapping.station_folder import RecordedStation
+from stereolib.mapping.stations import Station
+from stereolib.measurement import CannotMeasure, Instrument, Measurement, Reason, Why, measure_objects
+
+_CLOUD_STEP, _CLOUD_MM = 4, 2000.0  # every so many pixels; points farther ahead are left out
+_SEED = 8  # of the walls' search: the same recordings make the same map
+_NO_PICTURES = Why(Reason.NO_FLOOR, "the station has no pictures")
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedMap:
+    """The map of a folder, and what every station gave to it.
+
+    Attributes
+    ----------
+    room : Map
+        Of the stations that have a pose.
+    measured : dict of Measurement
+        By the stations' names, of those in the map.
+    left_out : dict of str
+        Why a station is not in the map, by its name.
+    warnings : tuple of str
+        Of poses.
+    """
+
+    room: Map
+    measured: dict[str, Measurement]
+    left_out: dict[str, str]
+    warnings: tuple[str, ...]
+
+    def cloud(self) -> Cloud | None:
+        """Make coloured points of all pairs that show the floor.
+
+        Returns
+        -------
+        Cloud or None
+            None if there is no such pair.
+        """
+        clouds = [
+            colored_cloud(each.disparity_px, each.left, each.floor, pose=pose, step=_CLOUD_STEP, max_mm=_CLOUD_MM)
+            for pose, each in ((s.pose, self.measured[s.name]) for s in self.room.stations)
+            if each.floor is not None
+        ]
+        return join_clouds(clouds) if clouds else None
+
+
+def map_recordings(
+    stations: Sequence[RecordedStation], instrument: Instrument, *, progress: bool = False
+) -> RecordedMap:
+    """Measure recorded stations, find their poses, and merge them.
+
+    Parameters
+    ----------
+    stations : sequence of RecordedStation
+    instrument : Instrument
+        The calibrated rig they were taken with.
+    progress : bool
+        Show a bar if it takes more than two seconds.
+
+    Returns
+    -------
+    RecordedMap
+
+    Raises
+    ------
+    ValueError
+        If a file cannot be read, or does not fit the calibration.
+    NothingToMap
+        If no station shows an object or a wall; the text says what each one says.
+    """
+    from tqdm.auto import tqdm
+
+    size = instrument.rectified.size
+    inputs = {each.name: (each.read_pair(size), each.read_scan()) for each in stations}  # all, before the work
+    measured, left_out = dict[str, Measurement](), dict[str, str]()
+    for each in tqdm(stations, "stations", unit="station", delay=2, disable=not progress, leave=False):
+        try:
+            measured[each.name] = measure_station(*inputs.pop(each.name), instrument)
+        except CannotMeasure as error:
+            left_out[each.name] = str(error)
+        except ValueError as error:
+            raise ValueError(f"station {each.name}: {error}") from error
+    known = {each.name: each.pose for each in stations if each.pose is not None}
+    somewhere = [Station.of(it, known.get(name, (0.0, 0.0, 0.0)), name=name) for name, it in measured.items()]
+    if not somewhere:
+        raise NothingToMap(f"no station could be measured. {_listed(left_out)}")
+    placing = place_stations(somewhere, known)
+    left_out |= placing.left_out
+    try:
+        room = merge_stations(placing.stations, rng=np.random.default_rng(_SEED))
+    except NothingToMap as error:
+        said = {name: "; ".join(it.warnings) for name, it in measured.items() if it.warnings}
+        raise NothingToMap(f"{error}. {_listed(said | left_out)}") from None
+    return RecordedMap(room, {s.name: measured[s.name] for s in room.stations}, left_out, placing.warnings)
+
+
+def measure_station(pair: tuple[UInt8, UInt8] | None, scan: LaserScan | None, instrument: Instrument) -> Measurement:
+    """Measure a pair and a scan, or one of them.
+
+    Parameters
+    ----------
+    pair : (left, right), (H, W, 3) uint8, or None
+        As the cameras gave them.
+    scan : LaserScan or None
+    instrument : Instrument
+
+    Returns
+    -------
+    Measurement
+        Without pictures it has no floor and no heights; their reason says why.
+
+    Raises
+    ------
+    CannotMeasure
+        If the pair shows no floor, and there is no scan.
+    """
+    if pair is not None:
+        return measure_objects(*pair, scan, instrument)
+    black = np.zeros((*instrument.rectified.size[::-1], 3), np.uint8)  # shows nothing: what is left is the scan's
+    measured = measure_objects(black, black, scan, instrument)
+    objects = [replace(item, reasons=_without_pictures(item.reasons)) for item in measured.objects]
+    return replace(measured, objects=tuple(objects), warnings=())
+
+
+def _without_pictures(reasons: Mapping[str, Why]) -> dict[str, Why]:
+    return {name: _NO_PICTURES if why.reason is Reason.NO_FLOOR else why for name, why in reasons.items()}
+
+
+def _listed(why: Mapping[str, str]) -> str:
+    return "; ".join(f"station {name}: {text}" for name, text in why.items())

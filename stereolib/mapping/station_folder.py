@@ -1,0 +1,251 @@
+"""A folder of one's own recordings: which files belong to which station, read and refused by name.
+
+``1_left.png`` and ``1_right.png`` are the pair of station 1, ``1_scan.bin`` or ``1_scan.csv`` its scan; one of both is
+enough. ``calibration.json`` describes the rig, ``poses.csv`` the poses that are known.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from stereolib.base import Float64, UInt8, read_text
+from stereolib.laser import LaserScan, average, read_recording, turns
+from stereolib.rig import read_pair
+
+CALIBRATION, POSES = "calibration.json", "poses.csv"
+_PART = re.compile(r"(?P<name>.+?)[_-](?P<part>left|right|scan)", re.IGNORECASE)
+_PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp")
+_SCANS = (".bin", ".csv")
+_POSE_COLUMNS, _SCAN_COLUMNS = ("station", "x_mm", "y_mm", "yaw_deg"), ("angle_deg", "range_mm")
+_LEAST_BEAMS = 30  # of a scan
+_UNEVEN = 0.01  # share of a step by which beams of a file may stand off their even places
+
+
+@dataclass(frozen=True)
+class RecordedStation:
+    """The files of one station.
+
+    Attributes
+    ----------
+    name : str
+    left, right : Path or None
+        Its pair, or neither.
+    scan : Path or None
+    pose : (x_mm, y_mm, yaw_rad) or None
+        Of its floor frame in the map, where it is known.
+    """
+
+    name: str
+    left: Path | None = None
+    right: Path | None = None
+    scan: Path | None = None
+    pose: tuple[float, float, float] | None = None
+
+    def read_pair(self, size: tuple[int, int]) -> tuple[UInt8, UInt8] | None:
+        """Read its pictures.
+
+        Parameters
+        ----------
+        size : (width, height), px
+            That of the calibration.
+
+        Returns
+        -------
+        left, right : (H, W, 3) uint8, or None
+
+        Raises
+        ------
+        ValueError
+            If they cannot be read, or are of another size.
+        """
+        if self.left is None or self.right is None:
+            return None
+        pair = read_pair(self.left, self.right)
+        if (found := pair[0].shape[1::-1]) != size:
+            which = f"{self.left} is {found[0]}x{found[1]}, the calibration is for {size[0]}x{size[1]}"
+            raise ValueError(f"{which}: take all pictures in that size, or calibrate again in this one")
+        return pair
+
+    def read_scan(self) -> LaserScan | None:
+        """Read its scan: the median of all turns of a recording.
+
+        Returns
+        -------
+        LaserScan or None
+
+        Raises
+        ------
+        ValueError
+            If it is no recording, holds no whole turn, or its columns are no scan.
+        """
+        if self.scan is None:
+            return None
+        if self.scan.suffix.lower() == ".csv":
+            return _scan_of_table(self.scan)
+        try:
+            return average(turns(read_recording(self.scan)))
+        except ValueError as error:
+            text = str(error)
+            raise ValueError(text if text.startswith(str(self.scan)) else f"{self.scan}: {text}") from None
+
+
+@dataclass(frozen=True)
+class StationFolder:
+    """What is in a folder of recordings.
+
+    Attributes
+    ----------
+    stations : tuple of RecordedStation
+        In the order of their numbers, or names.
+    unused : tuple of str
+        Files that belong to no station.
+    """
+
+    stations: tuple[RecordedStation, ...]
+    unused: tuple[str, ...] = field(default=())
+
+
+def list_stations(folder: Path, poses: Path | None = None) -> StationFolder:
+    """Find the stations of a folder.
+
+    Parameters
+    ----------
+    folder : Path
+    poses : Path, optional
+        Default: ``poses.csv`` in the folder, if it is there.
+
+    Returns
+    -------
+    StationFolder
+
+    Raises
+    ------
+    ValueError
+        If there is no folder or no station in it, a picture has no partner, a station has two files of one kind, or
+        the poses cannot be used.
+
+    Examples
+    --------
+    >>> from stereolib.base import data_path
+    >>> found = list_stations(data_path("virtual/room/1_scan.bin").parent)
+    >>> [station.name for station in found.stations], found.stations[0].left.name
+    (['1', '2', '3', '4', '5'], '1_left.jpg')
+    """
+    if not folder.is_dir():
+        raise ValueError(
+            f"{folder} is no folder: expected one with 1_left.png, 1_right.png, 1_scan.bin, 2_left.png, ..."
+        )
+    parts: dict[str, dict[str, Path]] = {}
+    unused = []
+    for path in sorted(path for path in folder.iterdir() if path.is_file() and not path.name.startswith(".")):
+        found = _PART.fullmatch(path.stem)
+        if found is None or path.suffix.lower() not in (*_PICTURES, *_SCANS):
+            unused += [path.name] if path.name not in (CALIBRATION, POSES) else []
+            continue
+        name, part = _plain(found["name"]), found["part"].lower()
+        if path.suffix.lower() not in (_SCANS if part == "scan" else _PICTURES):
+            kinds = " or ".join(_SCANS) if part == "scan" else "a picture (PNG, JPEG, ...)"
+            raise ValueError(f"{path}: the {part} of a station is {kinds}; name it so, or move it away")
+        other = parts.setdefault(name, {}).setdefault(part, path)
+        if other != path:
+            raise ValueError(f"station {name} has two files for its {part}, {other.name} and {path.name}: keep one")
+    if not parts:
+        raise ValueError(
+            f"{folder} holds no station: expected 1_left.png and 1_right.png (a pair), 1_scan.bin or 1_scan.csv (a "
+            f"scan), then 2_left.png, and so on"
+        )
+    stations = [_station(name, parts[name]) for name in sorted(parts, key=_by_number)]
+    if poses is not None or (folder / POSES).is_file():
+        known = _read_poses(poses or folder / POSES, [station.name for station in stations])
+        stations = [replace(station, pose=known.get(station.name)) for station in stations]
+    return StationFolder(tuple(stations), tuple(unused))
+
+
+def _plain(name: str) -> str:
+    """``"01"`` and ``"1"`` are one station."""
+    return str(int(name)) if name.isdecimal() else name
+
+
+def _by_number(name: str) -> list[tuple[int, int, str]]:
+    parts = re.findall(r"\d+|\D+", name)
+    return [(0, int(part), "") if part.isdecimal() else (1, 0, part) for part in parts]
+
+
+def _station(name: str, files: dict[str, Path]) -> RecordedStation:
+    for side, other in (("left", "right"), ("right", "left")):
+        if side in files and other not in files:
+            wanted = files[side].name.replace(side, other)
+            raise ValueError(f"{files[side]} has no {other} picture: add {wanted}, or move it away")
+    return RecordedStation(name, files.get("left"), files.get("right"), files.get("scan"))
+
+
+def _read_poses(path: Path, names: Iterable[str]) -> dict[str, tuple[float, float, float]]:
+    """Poses by station; every one of them must be there."""
+    found: dict[str, tuple[float, float, float]] = {}
+    names = list(names)
+    for line, row in _table(path, _POSE_COLUMNS):
+        name = _plain(row[0].strip())
+        if name not in names:
+            raise ValueError(f"{path}, line {line}: there is no station {name!r}, only {', '.join(names)}")
+        if name in found:
+            raise ValueError(f"{path}, line {line}: the pose of station {name} stands there twice: keep one")
+        x, y, yaw = _numbers(path, line, row[1:])
+        found[name] = (x, y, math.radians(yaw))
+    return found
+
+
+def _table(path: Path, columns: tuple[str, ...]) -> list[tuple[int, list[str]]]:
+    """Rows of a file with a known head, each with its line's number."""
+    lines = list(csv.reader(read_text(path).splitlines()))
+    head = tuple(cell.strip().lower() for cell in lines[0]) if lines else ()
+    if head != columns:
+        raise ValueError(f"{path}: its first line must be {','.join(columns)}; it is {','.join(head)!r}")
+    rows = [(k, row) for k, row in enumerate(lines[1:], start=2) if any(cell.strip() for cell in row)]
+    for line, row in rows:
+        if len(row) != len(columns):
+            raise ValueError(
+                f"{path}, line {line}: {len(columns)} values are expected ({','.join(columns)}), got {row}"
+            )
+    return rows
+
+
+def _numbers(path: Path, line: int, cells: Iterable[str], *, empty: float | None = None) -> list[float]:
+    values = []
+    for cell in cells:
+        try:
+            value = empty if empty is not None and not cell.strip() else float(cell)
+        except ValueError:
+            value = math.inf
+        if value is None or math.isinf(value) or (math.isnan(value) and empty is None):
+            raise ValueError(f"{path}, line {line}: {cell.strip()!r} is no number") from None
+        values.append(value)
+    return values
+
+
+def _scan_of_table(path: Path) -> LaserScan:
+    """A turn as angles, counter-clockwise from ahead, and ranges; 0 or nothing where none was measured."""
+    rows = [_numbers(path, line, row, empty=math.nan) for line, row in _table(path, _SCAN_COLUMNS)]
+    if len(rows) < _LEAST_BEAMS:
+        raise ValueError(f"{path}: {len(rows)} beams are too few for a scan; a turn of an XV-11 has 360")
+    angles, ranges = np.array(rows).T
+    start, step = _even_angles(path, np.radians(angles))
+    return LaserScan(ranges, np.full(len(ranges), np.nan), angle_min_rad=start, angle_increment_rad=step)
+
+
+def _even_angles(path: Path, angles: Float64) -> tuple[float, float]:
+    """First angle and step of a scan, rad."""
+    step = float(angles[-1] - angles[0]) / (len(angles) - 1)
+    off = np.abs(angles - angles[0] - step * np.arange(len(angles)))
+    if not (step > 0 and off.max() < _UNEVEN * step and step * (len(angles) - 1) < 2 * np.pi):
+        raise ValueError(
+            f"{path}: angle_deg must grow in even steps (counter-clockwise, 0 ahead) within one turn; leave range_mm "
+            f"empty where nothing was measured"
+        )
+    return float(angles[0]), step

@@ -1,0 +1,199 @@
+"""How well both pictures agree over a surface that was predicted: how far a face goes on, and whether there is one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from enum import Enum
+
+import cv2
+import numpy as np
+
+from stereolib.base import Bools, Float32, Float64, Floats
+from stereolib.measurement.box import World
+from stereolib.measurement.views import Views
+
+_WINDOW = 5  # neighbouring lines that are compared together
+_MARGIN = _WINDOW // 2  # lines by which a surface seems to go on for it
+_LEAST_SEEN = 0.5  # share of a line that both pictures must show
+_NEARER_PX, _NEARER = 2.0, 0.03  # what hides a surface has so much more disparity, px and share; what is behind, less
+_FIRST, _SECOND = (0.8, 0.55), (0.55, 0.35)  # correlations from which on pictures agree, and up to which they do not
+_QUIET, _TYPICAL = 0.3, 0.75  # what has less than this share of a surface's typical contrast (a quantile) is plain
+_LEAST_RUN = 9  # lines in a row that agree go on with a surface beyond a plain part
+_DISAGREE = 3  # lines in a row that disagree end a surface
+_LEAST_POWER = 1e-12  # of two lines' slopes: a correlation of nothing with nothing is 0
+_BESIDE = 12  # lines past an end that tell what is there
+
+
+class Past(Enum):
+    """What is where a surface seems to end."""
+
+    OPEN = "it ends there"
+    CUT = "the picture ends there"
+    HIDDEN = "something nearer hides it there"
+
+
+@dataclass(frozen=True)
+class Reach:
+    """How far a surface was followed.
+
+    Attributes
+    ----------
+    last : int
+        Number of the last line on which the pictures agree; -1: none.
+    stop : int
+        Number of the first line on which they disagree: in between all is too plain to tell.
+    past : Past
+    """
+
+    last: int
+    stop: int
+    past: Past
+
+
+@dataclass(frozen=True, eq=False)
+class Agreement:
+    """Both pictures compared along neighbouring lines of a surface.
+
+    Attributes
+    ----------
+    fine, whole : (lines,) float64
+        Correlation of the slopes along the rows, and of slopes and brightness together, each line with its neighbours:
+        -1 to 1; NaN where a picture does not show it.
+    contrast : (lines,) float64
+        Root mean square slope in the weaker picture.
+    predicted_px, matched_px : (lines,) float64
+        Disparity of the surface, and the median one that was matched there; NaN where none was.
+    """
+
+    fine: Float64
+    whole: Float64
+    contrast: Float64
+    predicted_px: Float64
+    matched_px: Float64
+
+    def part(self, some: slice) -> Agreement:
+        """Some of the lines.
+
+        Parameters
+        ----------
+        some : slice
+            Also backwards.
+
+        Returns
+        -------
+        Agreement
+        """
+        return Agreement(*(getattr(self, each.name)[some] for each in fields(self)))
+
+    def reach(self, known: int, *, second: bool = False) -> Reach:
+        """Follow the surface from the first line on, over what is too plain to tell, until the pictures disagree.
+
+        Parameters
+        ----------
+        known : int
+            So many lines from the first on lie on the surface, mostly: they tell its contrast.
+        second : bool
+            A surface whose place is only predicted agrees less well.
+
+        Returns
+        -------
+        Reach
+
+        Notes
+        -----
+        Lines agree from a correlation on and disagree below another; in between, and where the contrast is less than
+        0.3 of what is typical, they tell nothing, unless they disagree and something farther was matched there. Three
+        lines in a row that disagree, or one that a picture does not show, stop it.
+
+        Examples
+        --------
+        >>> alike, flat = np.array([1.0] * 6 + [0.0] * 6), np.ones(12)
+        >>> Agreement(alike, alike, flat, 50 * flat, 50 * flat).reach(4)
+        Reach(last=3, stop=5, past=<Past.OPEN: 'it ends there'>)
+        """
+        (least, most), values = (_SECOND, self.whole) if second else (_FIRST, self.fine)
+        plain = self.contrast < _QUIET * np.quantile(self.contrast[: max(known, 1)], _TYPICAL)
+        farther = self.matched_px < (1 - _NEARER) * self.predicted_px - _NEARER_PX
+        good, bad = (values > least) & ~plain, ~(values > most) & (~plain | farther)
+        run = np.convolve(bad, np.ones(_DISAGREE), "valid") == _DISAGREE
+        shown = np.isfinite(values)
+        stop = min(_first(run, len(values)), _first(~shown, len(values)))
+        last = _last(good[:stop])
+        cut = stop < len(values) and not shown[stop : stop + _MARGIN].all()
+        nearer = (1 + _NEARER) * self.predicted_px[max(last, 0)] + _NEARER_PX
+        beside = self.matched_px[last + 1 + _MARGIN : last + 1 + _BESIDE]
+        hidden = np.count_nonzero(beside > nearer) > len(beside) / 2
+        past = Past.HIDDEN if hidden else Past.CUT if cut else Past.OPEN
+        return Reach(max(last - _MARGIN, min(last, 0)), max(stop - 1, 0), past)
+
+
+def _last(good: Bools) -> int:
+    """Number of the last line of a surface: beyond a plain part some lines in a row must agree; a lone edge may."""
+    steps = np.flatnonzero(np.diff(good.astype(np.int8), prepend=0, append=0))
+    last = -1
+    for begin, end in steps.reshape(-1, 2).tolist():
+        if begin - last <= _DISAGREE or end - begin >= _LEAST_RUN or last < 0:
+            last = end - 1
+    return last
+
+
+def _first(flags: Bools, none: int) -> int:
+    """Number of the first that is true."""
+    return int(np.argmax(flags)) if flags.any() else none
+
+
+def agreement(views: Views, world: World, points_mm: Float64) -> Agreement:
+    """Compare both pictures along lines of a surface.
+
+    Parameters
+    ----------
+    views : Views
+    world : World
+        One, real.
+    points_mm : (lines, samples, 3) float64
+        In the world.
+
+    Returns
+    -------
+    Agreement
+
+    Notes
+    -----
+    ``sum a b / sqrt(sum a^2 sum b^2)`` over a line's samples and those of its two neighbours on either side, of what
+    `AlignedPair` keeps of each picture: brightness without its slow part, and its slope along the rows.
+    """
+    left, right = views.pair.levels[1]
+    (u, right_u, v, shift), inside = _projected(views, world, points_mm)
+    a, b = (cv2.remap(p, x, v, cv2.INTER_LINEAR) * inside[..., None] for p, x in ((left, u), (right, right_u)))
+    ab, aa, bb = _summed(a * b), _summed(a * a), _summed(b * b)
+    n = np.maximum(_summed(inside[..., None])[:, 0], 1)
+    alike = ab / np.sqrt(np.maximum(aa * bb, _LEAST_POWER))
+    shown = np.where(inside.mean(axis=1) > _LEAST_SEEN, 1.0, np.nan)
+    contrast = np.sqrt(np.minimum(aa, bb)[:, 1] / n)
+    matched = np.where(inside, views.disparity_px[v.astype(int), u.astype(int)], np.nan)
+    return Agreement(alike[:, 1] * shown, alike.mean(axis=1) * shown, contrast, shift.mean(axis=1), _medians(matched))
+
+
+def _projected(views: Views, world: World, points_mm: Float64) -> tuple[list[Float32], Bools]:
+    """Left and right column, row and disparity of points (lines, samples, 3); whether both pictures show them."""
+    (height, width), flat, shape = views.left.shape[:2], points_mm.reshape(-1, 3), points_mm.shape[:2]
+    ahead = (flat - [0.0, 0.0, float(world.camera_height)]) @ world.axes[:, 2]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        u, v = world.pixels(flat).T
+        shift = world.scale / ahead + world.offset
+        columns = (np.minimum(u, u - shift) > 1) & (np.maximum(u, u - shift) < width - 2)
+        seen = (ahead > 0) & columns & (v > 1) & (v < height - 2)
+    found = [np.where(seen, c, 0.0).astype(np.float32).reshape(shape) for c in (u, u - shift, v, shift)]
+    return found, seen.reshape(shape)
+
+
+def _summed(values: Floats | Bools) -> Float64:
+    """Sum over each line's samples and over neighbouring lines: (lines, samples, k) to (lines, k)."""
+    return np.stack([np.convolve(c, np.ones(_WINDOW), "same") for c in values.sum(axis=1).T], axis=-1)
+
+
+def _medians(values: Floats) -> Float64:
+    """Lower median of each row without its NaN; NaN where all are."""
+    known = np.count_nonzero(np.isfinite(values), axis=1)
+    middle = np.maximum(known[:, None] - 1, 0) // 2
+    return np.asarray(np.take_along_axis(np.sort(values, axis=1), middle, axis=1)[:, 0], np.float64)  # NaN last

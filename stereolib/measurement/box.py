@@ -1,0 +1,372 @@
+"""The one model: upright boxes on a floor, and what two cameras and a laser see of them.
+
+World frame: origin on the floor below the left camera, x forward along the optical axis laid flat, y left, z up, mm.
+
+A box has a near corner. From it the right face runs to the right end and the left face to the left end, as the camera
+sees them; a box of which one face is seen has the corner at one of that face's ends, and the other face is hidden.
+Every function takes any number of parameter vectors at once, complex ones too: derivatives are taken by a complex step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum, IntEnum, auto
+from functools import cached_property
+from typing import Any, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from stereolib.base import Float64
+from stereolib.measurement.floor import Floor
+
+Numbers: TypeAlias = npt.NDArray[Any]  # real, or complex for a derivative
+#: Of derivatives: ``df/dx = Im f(x + i h) / h``.
+COMPLEX_STEP = 1e-30
+_AHEAD = np.array([0.0, 0.0, 1.0])
+_NEXT, _LAST = [1, 2, 0], [2, 0, 1]
+
+
+class Shared(IntEnum):
+    """What all boxes of one pair and one scan share, by its place in the vector of parameters.
+
+    The camera's height (a share), pitch and roll (rad) are changes of the floor that was given; the laser's place (mm)
+    and yaw (rad) are changes of its pose; the disparities' offset and the rows' (px); focal length and baseline are
+    relative changes.
+    """
+
+    CAMERA_HEIGHT = 0
+    PITCH = auto()
+    ROLL = auto()
+    LASER_X = auto()
+    LASER_Y = auto()
+    LASER_YAW = auto()
+    OFFSET = auto()
+    ROWS = auto()
+    FOCAL = auto()
+    BASELINE = auto()
+
+
+class Own(IntEnum):
+    """What each box has of its own: place of its near corner (mm), turn (rad), extents (mm), the laser's bias (mm).
+
+    ``TURN`` is the angle of the right face's normal, pointing away from the camera; the left face's is a quarter turn
+    less.
+    """
+
+    X = 0
+    Y = auto()
+    TURN = auto()
+    RIGHT = auto()
+    LEFT = auto()
+    HEIGHT = auto()
+    RIGHT_BIAS = auto()
+    LEFT_BIAS = auto()
+
+
+class Side(Enum):
+    """A face of a box, right or left of the near corner."""
+
+    RIGHT = "right"
+    LEFT = "left"
+
+    @property
+    def other(self) -> Side:
+        """The other one."""
+        return Side.LEFT if self is Side.RIGHT else Side.RIGHT
+
+    @property
+    def extent(self) -> Own:
+        """Its width among a box's parameters."""
+        return Own.RIGHT if self is Side.RIGHT else Own.LEFT
+
+    @property
+    def bias(self) -> Own:
+        """The laser's bias on it."""
+        return Own.RIGHT_BIAS if self is Side.RIGHT else Own.LEFT_BIAS
+
+    @property
+    def end(self) -> Edge:
+        """The upright edge at its outer end."""
+        return Edge.RIGHT_END if self is Side.RIGHT else Edge.LEFT_END
+
+    @property
+    def top(self) -> Edge:
+        """Its upper edge."""
+        return Edge.TOP_RIGHT if self is Side.RIGHT else Edge.TOP_LEFT
+
+    @property
+    def back(self) -> Edge:
+        """The back edge of the top that runs parallel to it."""
+        return Edge.BACK_RIGHT if self is Side.RIGHT else Edge.BACK_LEFT
+
+
+class Edge(Enum):
+    """An edge of a box that a picture may show, from one end to the other: shares of (right, left, height)."""
+
+    CORNER = ((0.0, 0.0, 0.1), (0.0, 0.0, 0.9))
+    RIGHT_END = ((1.0, 0.0, 0.1), (1.0, 0.0, 0.9))
+    LEFT_END = ((0.0, 1.0, 0.1), (0.0, 1.0, 0.9))
+    TOP_RIGHT = ((0.04, 0.0, 1.0), (0.96, 0.0, 1.0))
+    TOP_LEFT = ((0.0, 0.04, 1.0), (0.0, 0.96, 1.0))
+    BACK_RIGHT = ((0.04, 1.0, 1.0), (0.96, 1.0, 1.0))
+    BACK_LEFT = ((1.0, 0.04, 1.0), (1.0, 0.96, 1.0))
+
+    @property
+    def upright(self) -> bool:
+        """It stands, the others are level."""
+        return self in (Edge.CORNER, Edge.RIGHT_END, Edge.LEFT_END)
+
+    @property
+    def is_top(self) -> bool:
+        """It is the upper edge of a face."""
+        return self in (Edge.TOP_RIGHT, Edge.TOP_LEFT)
+
+
+@dataclass(frozen=True, eq=False)
+class World:
+    """Cameras, floor and laser for one or many vectors of shared parameters.
+
+    Attributes
+    ----------
+    axes : (..., 3, 3)
+        World axes as rows, in the rectified left camera's frame.
+    camera_height, focal, scale : (...)
+        mm; px; focal length times baseline, px mm.
+    offset, rows : (...)
+        By which all disparities and all rows of the right picture are off, px.
+    laser_place, laser_yaw : (..., 2) and (...)
+        mm, rad.
+    centre_px : (2,)
+        Principal point of the left picture.
+    """
+
+    axes: Numbers
+    camera_height: Numbers
+    focal: Numbers
+    scale: Numbers
+    offset: Numbers
+    rows: Numbers
+    laser_place: Numbers
+    laser_yaw: Numbers
+    centre_px: Float64
+
+    @classmethod
+    def of(cls, floor: Floor, laser_place_mm: Float64, laser_yaw_rad: float, shared: Numbers) -> World:
+        """Build it about a floor and a laser's pose.
+
+        Parameters
+        ----------
+        floor : Floor
+        laser_place_mm : (2,) float64
+        laser_yaw_rad : float
+        shared : (..., 10) real or complex
+            In the order of `Shared`.
+
+        Returns
+        -------
+        World
+        """
+        rectified, (ahead, left, up) = floor.rectified, floor.axes
+        down = _unit(-up - _column(shared, Shared.PITCH) * ahead - _column(shared, Shared.ROLL) * left)
+        forward = _unit(_AHEAD - down[..., 2:] * down)
+        axes = np.empty((*down.shape[:-1], 3, 3), down.dtype)
+        axes[..., 0, :], axes[..., 1, :], axes[..., 2, :] = forward, _cross(forward, down), -down
+        focal = rectified.f_px * (1 + shared[..., Shared.FOCAL])
+        return cls(
+            axes=axes,
+            camera_height=floor.camera_height_mm * (1 + shared[..., Shared.CAMERA_HEIGHT]),
+            focal=focal,
+            scale=focal * rectified.baseline_mm * (1 + shared[..., Shared.BASELINE]),
+            offset=shared[..., Shared.OFFSET],
+            rows=shared[..., Shared.ROWS],
+            laser_place=laser_place_mm + shared[..., Shared.LASER_X : Shared.LASER_Y + 1],
+            laser_yaw=laser_yaw_rad + shared[..., Shared.LASER_YAW],
+            centre_px=rectified.P1[:2, 2],
+        )
+
+    def disparity_plane(self, normal: Numbers, distance: Numbers) -> Numbers:
+        """Disparity as the pair measures it on a plane ``normal . X = distance`` of the world: (..., 3), per (u, v, 1).
+
+        Parameters
+        ----------
+        normal : (..., 3)
+        distance : (...)
+
+        Returns
+        -------
+        (..., 3) px per px, px per px, px
+
+        Notes
+        -----
+        With ``X = axes X_c + h z`` the plane is ``m . X_c = 1``, ``m = axes' normal / (distance - h normal_z)``, and
+        the disparity ``f B m . K^-1 (u, v, 1)``; on it come the offset, and the rows' offset times the plane's slope.
+        """
+        m = (normal[..., None, :] @ self.axes)[..., 0, :]
+        m = m * (self.scale / (distance - self.camera_height * normal[..., 2]))[..., None]
+        a, b = m[..., 0] / self.focal, m[..., 1] / self.focal
+        c = m[..., 2] - a * self.centre_px[0] - b * self.centre_px[1]
+        plane = np.empty((*c.shape, 3), c.dtype)
+        plane[..., 0], plane[..., 1], plane[..., 2] = a, b, c + self.offset + self.rows * b
+        return plane
+
+    def pixels(self, points: Numbers) -> Numbers:
+        """Project points of the world into the left picture: (..., N, 3) mm to (..., N, 2) px.
+
+        Parameters
+        ----------
+        points : (..., N, 3)
+
+        Returns
+        -------
+        (..., N, 2) px
+        """
+        seen = points @ self.axes - (self.camera_height[..., None] * self.axes[..., 2, :])[..., None, :]
+        found: Numbers = seen[..., :2] / seen[..., 2:] * self.focal[..., None, None] + self.centre_px
+        return found
+
+    def from_laser(self, points_mm: Numbers) -> Numbers:
+        """Turn directions and points of the scan into the world, about the laser's place: (N, 2) to (..., N, 2).
+
+        Parameters
+        ----------
+        points_mm : (N, 2)
+
+        Returns
+        -------
+        (..., N, 2)
+        """
+        c, s = np.cos(self.laser_yaw)[..., None], np.sin(self.laser_yaw)[..., None]
+        x, y = points_mm[..., 0], points_mm[..., 1]
+        return np.stack([c * x - s * y, s * x + c * y], axis=-1)
+
+
+def _column(shared: Numbers, name: Shared) -> Numbers:
+    return shared[..., name, None]
+
+
+def _unit(v: Numbers) -> Numbers:
+    found: Numbers = v / np.sqrt((v * v).sum(axis=-1, keepdims=True))
+    return found
+
+
+def _cross(a: Numbers, b: Numbers) -> Numbers:
+    """As `np.cross`, which takes longer to look at its arguments than to multiply."""
+    found: Numbers = a[..., _NEXT] * b[..., _LAST] - a[..., _LAST] * b[..., _NEXT]
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class Box:
+    """One box, or many in its place.
+
+    Attributes
+    ----------
+    own : (..., 8) real or complex
+        In the order of `Own`.
+    """
+
+    own: Numbers
+
+    def normal(self, side: Side) -> Numbers:
+        """Unit normal of a face, away from the camera.
+
+        Parameters
+        ----------
+        side : Side
+
+        Returns
+        -------
+        (..., 2)
+        """
+        return self._normals[..., 0 if side is Side.RIGHT else 1, :]
+
+    @cached_property
+    def _normals(self) -> Numbers:
+        """Of the right and of the left face. (..., 2, 2)."""
+        normals = np.empty((*self.own.shape[:-1], 2, 2), self.own.dtype)
+        normals[..., 0, 0] = normals[..., 1, 1] = np.cos(self.own[..., Own.TURN])
+        normals[..., 0, 1] = normals[..., 1, 0] = np.sin(self.own[..., Own.TURN])
+        normals[..., 1, 1] *= -1
+        return normals
+
+    def distance(self, side: Side) -> Numbers:
+        """How far behind the origin a face's line ``normal . p = distance`` lies, mm.
+
+        Parameters
+        ----------
+        side : Side
+
+        Returns
+        -------
+        (...)
+        """
+        found: Numbers = (self.normal(side) * self.corner).sum(axis=-1)
+        return found
+
+    @property
+    def corner(self) -> Numbers:
+        """Place of the near corner on the floor. (..., 2) mm."""
+        return self.own[..., [Own.X, Own.Y]]
+
+    def points(self, shares: Float64) -> Numbers:
+        """Points of the box, by their shares of (right, left, height).
+
+        Parameters
+        ----------
+        shares : (N, 3) float64
+
+        Returns
+        -------
+        (..., N, 3) mm
+        """
+        found = np.empty((*self.own.shape[:-1], len(shares), 3), self.own.dtype)
+        sides = self.own[..., Own.LEFT : Own.RIGHT - 1 : -1, None] * self._normals  # along the left and the right face
+        found[..., :2] = shares[:, 1::-1] @ sides + self.corner[..., None, :]
+        found[..., 2] = self.own[..., Own.HEIGHT, None] * shares[:, 2]
+        return found
+
+    def edge(self, edge: Edge) -> Numbers:
+        """Both ends of an edge.
+
+        Parameters
+        ----------
+        edge : Edge
+
+        Returns
+        -------
+        (..., 2, 3) mm
+        """
+        return self.points(np.array(edge.value))
+
+
+def derivatives(function: Callable[[Numbers], Numbers], x: Float64) -> tuple[Float64, Float64]:
+    """Value and Jacobian of an analytic function of a parameter vector, exact to rounding.
+
+    Parameters
+    ----------
+    function : callable
+        Takes (K, n) complex to (K, m).
+    x : (n,) float64
+
+    Returns
+    -------
+    values : (m,) float64
+    J : (m, n) float64
+
+    Notes
+    -----
+    ``df/dx_k = Im f(x + i h e_k) / h`` with h = 1e-30: no difference is taken, so nothing cancels.
+
+    References
+    ----------
+    Squire, Trapp: Using complex variables to estimate derivatives of real functions. SIAM Rev. 40 (1998).
+
+    Examples
+    --------
+    >>> derivatives(lambda x: x[..., :1] ** 2 * x[..., 1:], np.array([3.0, 2.0]))
+    (array([18.]), array([[12.,  9.]]))
+    """
+    moved = function(x + 1j * COMPLEX_STEP * np.eye(len(x)))
+    return np.asarray(moved[0].real), np.asarray(moved.imag.T / COMPLEX_STEP)

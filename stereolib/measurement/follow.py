@@ -1,0 +1,391 @@
+"""How far the faces of a box go on, as both pictures agree about them: from the part that the disparity map shows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from stereolib.base import Float64
+from stereolib.measurement.agreement import Agreement, Past, Reach, agreement
+from stereolib.measurement.box import Box, Numbers, Own, Side, World, derivatives
+from stereolib.measurement.faces import Face
+from stereolib.measurement.views import Views
+
+_SAMPLES = 16  # of each line
+_BEYOND_PX = 160  # a face is followed so far beyond where the disparity map has it
+_CORNER_PX = np.arange(-4.0, 4.5, 0.5)  # a corner is tried at so many places about where a face ends
+_LEAST_SECOND_PX = 4  # a second face must be followed so far
+_FIRST_PX = 16  # the corner's place is told by so much of the second face
+_WIDEST_PX = 300
+_FIRST = (1.5, 2.5)  # px by which a first face goes on beyond where it was followed to, and the deviation
+_SECOND = (-5.0, 4.5)  # a second one, whose place was only predicted, ends before that
+_MOST_INSIDE = 0.4  # share of what was followed that an end may lie inside of
+_WINDOW_PX = 3.0  # over which an end is spread
+_BAND = 4  # samples of the lowest and of the highest part, whose ends tell a lean
+_LEAST_RISE_PX = 30.0  # between both parts
+_SIDEWAYS = (0.12, 0.88)  # shares of the height between which a face is followed sideways
+_UPWARDS = (0.1, 0.9)  # shares of its width between which it is followed upwards
+_FARTHEST_MM = 1200.0
+#: The camera must stand so far above a top to look down on it.
+LEAST_ABOVE_MM = 15.0
+_LEVEL = 1e-3  # fall of a ray that meets no top any more
+_HIGHEST_MM, _PAST_RIM = 1000.0, 1.05
+_FLOOR_SHARE = 0.4  # of a gap below a face: nearer to the floor all are alike
+_FARTHER_PX = 1.0  # of disparity: what stands before a gap
+_BELOW_PX = 10  # a face is followed so far below the floor, to see that it ends there
+
+
+@dataclass(frozen=True, eq=False)
+class UprightLine:
+    """An upright plane over its line ``normal . p = distance`` on the floor.
+
+    Attributes
+    ----------
+    normal : (2,) float64
+        Away from the camera.
+    distance_mm : float
+    """
+
+    normal: Float64
+    distance_mm: float
+
+    @property
+    def along(self) -> Float64:
+        """Unit vector along it, to the left as the camera sees it. (2,)."""
+        return np.array([-self.normal[1], self.normal[0]])
+
+    def at(self, t: Float64 | float) -> Float64:
+        """Its points in some directions.
+
+        Parameters
+        ----------
+        t : float or (...) float64
+            Tangents of their bearings, left positive.
+
+        Returns
+        -------
+        (..., 2) float64, mm
+            ``r (1, t)`` with ``normal . r (1, t) = distance``; NaN where it is not met.
+
+        Examples
+        --------
+        >>> UprightLine(np.array([1.0, 0.0]), 500.0).at(0.1)
+        array([500.,  50.])
+        """
+        ray = np.stack([np.ones_like(t), t], axis=-1)
+        facing = ray @ self.normal
+        return np.asarray(ray * (self.distance_mm / np.where(facing > 1e-3, facing, np.nan))[..., None])
+
+    def round_corner(self, t: float, outwards: int) -> UprightLine:
+        """The line at a right angle to it, round an end.
+
+        Parameters
+        ----------
+        t : float
+            Tangent of the end's bearing.
+        outwards : int
+            -1: its right end; 1: its left one.
+
+        Returns
+        -------
+        UprightLine
+        """
+        normal = -outwards * self.along
+        return UprightLine(normal, float(normal @ self.at(t)))
+
+
+@dataclass(frozen=True)
+class End:
+    """Where a surface was followed to.
+
+    Attributes
+    ----------
+    at : float
+        Where it ends, likely: the tangent of a bearing, or a height or depth in mm.
+    past : Past
+    inside_px, outside_px : float
+        It may end by so much before that, or beyond.
+    std_px : float
+        How well it is known.
+    """
+
+    at: float
+    past: Past
+    inside_px: float = 0.0
+    outside_px: float = 0.0
+    std_px: float = 0.0
+
+    @classmethod
+    def of(cls, reach: Reach, where: Float64, *, second: bool = False) -> End:
+        """Where a surface ends of which a reach tells.
+
+        Parameters
+        ----------
+        reach : Reach
+        where : (lines,) float64
+            Places of its lines, which stand a pixel from each other.
+        second : bool
+            Its place was only predicted.
+
+        Returns
+        -------
+        End
+        """
+        if reach.past is Past.CUT:
+            return cls(float(where[max(reach.stop - 1, 0)]), reach.past)
+        lean, spread = _SECOND if second else _FIRST
+        plain = max(float(reach.stop - reach.last) - _WINDOW_PX, 0.0)
+        at = int(np.clip(round(reach.last + max(lean, -0.5 * reach.last)), 0, len(where) - 1))
+        inside = min(2 * spread, _MOST_INSIDE * max(reach.last + lean, 1.0))
+        return cls(float(where[at]), reach.past, inside, 2 * spread + plain, float(np.hypot(spread, plain / 12**0.5)))
+
+
+@dataclass(frozen=True, eq=False)
+class Stretch:
+    """The part of an upright plane that both pictures show.
+
+    Attributes
+    ----------
+    line : UprightLine
+    right, left : End
+    low_mm : float
+        Height down to which it was followed.
+    foot_mm : float
+        Height below which the pictures disagree about it, other than for something nearer that hides it.
+    high : End
+    mm_per_px : float
+    lean_rad, lean_std_rad : float
+        How far its ends lean to the left, seen from the camera; NaN where that cannot be told.
+    """
+
+    line: UprightLine
+    right: End
+    left: End
+    low_mm: float
+    foot_mm: float
+    high: End
+    mm_per_px: float
+    lean_rad: float = np.nan
+    lean_std_rad: float = np.nan
+
+    @property
+    def heights_mm(self) -> Float64:
+        """Where it is compared sideways."""
+        return self.low_mm + (self.high.at - self.low_mm) * np.linspace(*_SIDEWAYS, _SAMPLES)
+
+
+def upright_line(world: World, face: Face, at_mm: float) -> tuple[UprightLine, float, float]:
+    """The line of a face's plane at a height, and the plane's tilt.
+
+    Parameters
+    ----------
+    world : World
+        One, real.
+    face : Face
+        Only its plane is used.
+    at_mm : float
+        Height above the floor.
+
+    Returns
+    -------
+    line : UprightLine
+    tilt_rad, tilt_std_rad : float
+        Positive where the face leans back.
+
+    Notes
+    -----
+    A disparity plane ``(a, b, c)`` per (u - u0, v - v0, 1) is the plane ``m . X = 1`` seen from the camera,
+    ``m = axes (a f, b f, c - offset) / (f B)``; its tilt is ``atan2(m_z, |m_xy|)``.
+    """
+    f, (u0, v0) = float(world.focal), world.centre_px
+
+    def normal(coefficients: Numbers) -> Numbers:
+        a, b, at_centre = (coefficients[..., k] for k in range(3))
+        c = at_centre + a * (u0 - face.centre_px[0]) + b * (v0 - face.centre_px[1]) - float(world.offset)
+        return np.stack([a * f, b * f, c], axis=-1) @ world.axes.T / float(world.scale)
+
+    m, J = derivatives(normal, face.coefficients)
+    size = float(np.hypot(*m[:2]))
+    tilt = np.array([-m[2] * m[0] / size, -m[2] * m[1] / size, size]) / (m @ m) @ J
+    distance = (1 + m[2] * (float(world.camera_height) - at_mm)) / size
+    std = float(np.sqrt(tilt @ face.plane_covariance @ tilt))
+    return UprightLine(m[:2] / size, float(distance)), float(np.arctan2(m[2], size)), std
+
+
+def follow_face(views: Views, world: World, face: Face, top_mm: float) -> Stretch:
+    """Follow a face to its ends, up and down.
+
+    Parameters
+    ----------
+    views : Views
+    world : World
+    face : Face
+    top_mm : float
+        Its height, roughly.
+
+    Returns
+    -------
+    Stretch
+    """
+    stretch, f = _upwards(views, world, face, top_mm), float(world.focal)
+    line, (a, b) = stretch.line, face.bearing
+
+    def sideways(outwards: int, heights: Float64) -> End:
+        seen = b if outwards > 0 else a
+        inside = round(f * (b - a) / 2)
+        t = seen + outwards * np.arange(-inside, _BEYOND_PX) / f
+        return End.of(_compare(views, world, line.at(t), heights).reach(inside), t)
+
+    shown = stretch.heights_mm
+    lower, upper = ([sideways(side, part) for side in (-1, 1)] for part in (shown[:_BAND], shown[-_BAND:]))
+    rise_px = (shown[-_BAND:].mean() - shown[:_BAND].mean()) / stretch.mm_per_px
+    both = [(foot, top) for foot, top in zip(lower, upper, strict=True) if foot.past is top.past is Past.OPEN]
+    stretch = replace(stretch, right=sideways(-1, shown), left=sideways(1, shown))
+    if not both or rise_px < _LEAST_RISE_PX:
+        return stretch
+    shift = float(np.mean([f * (top.at - foot.at) for foot, top in both]))
+    std = float(np.mean([foot.std_px for foot, _ in both]))
+    return replace(stretch, lean_rad=float(np.arctan(shift / rise_px)), lean_std_rad=std / rise_px)
+
+
+def _upwards(views: Views, world: World, face: Face, top_mm: float) -> Stretch:
+    """Follow a face down and up from its middle; its ends are left as the disparity map has them."""
+    line, *_ = upright_line(world, face, 0.5 * top_mm)
+    a, b = face.bearing
+    ground = line.at(a + (b - a) * np.linspace(*_UPWARDS, _SAMPLES))
+    per_px = float(ground[:, 0].mean()) / float(world.focal)
+    heights = np.arange(-_BELOW_PX * per_px, _height_at_rim(world, ground.mean(axis=0)), per_px)
+    middle = int(np.argmin(np.abs(heights - 0.5 * top_mm)))
+    flat = np.broadcast_to(ground[None], (len(heights), *ground.shape))
+    level = np.concatenate([flat, np.broadcast_to(heights[:, None, None], (*flat.shape[:2], 1))], axis=2)
+    along, known = agreement(views, world, level), round(0.4 * top_mm / per_px)
+    down, up = along.part(slice(middle, None, -1)).reach(known), along.part(slice(middle, None)).reach(known)
+    low, foot = (float(heights[max(middle - max(k, 0), 0)]) for k in (down.last, down.stop))
+    foot = 0.0 if down.past is Past.HIDDEN and foot > 0 and _nearer_below(along, heights, foot) else foot
+    high = End.of(up, heights[middle:])
+    return Stretch(line, End(a, Past.OPEN), End(b, Past.OPEN), low, foot, high, per_px)
+
+
+def _nearer_below(along: Agreement, heights: Float64, foot_mm: float) -> bool:
+    """Between a face's foot and the floor something nearer shows."""
+    gap = (heights > _FLOOR_SHARE * foot_mm) & (heights < foot_mm)
+    nearer = along.matched_px[gap] > along.predicted_px[gap] + _FARTHER_PX
+    return int(np.count_nonzero(nearer)) > 0.5 * max(int(np.count_nonzero(gap)), 1)
+
+
+@dataclass(frozen=True)
+class Corner:
+    """A second face, round a corner.
+
+    Attributes
+    ----------
+    t : float
+        Tangent of the corner's bearing.
+    end : End
+        Where the second face ends.
+    width_px : float
+    """
+
+    t: float
+    end: End
+    width_px: float
+
+
+def look_round(views: Views, world: World, stretch: Stretch, outwards: int) -> Corner | None:
+    """Look for a second face round an end of one: at a right angle to it, so that its place is predicted.
+
+    Parameters
+    ----------
+    views : Views
+    world : World
+    stretch : Stretch
+        The first face.
+    outwards : int
+        -1: round its right end; 1: round its left one.
+
+    Returns
+    -------
+    Corner or None
+        None where the end is not seen, or the pictures agree about no second face.
+    """
+    end = stretch.left if outwards > 0 else stretch.right
+    if end.past is not Past.OPEN:
+        return None
+    f, best, score = float(world.focal), np.nan, 0.0
+    for t0 in end.at - outwards * _FIRST[0] / f + _CORNER_PX / f:
+        found = _second(views, world, stretch, float(t0), outwards, _FIRST_PX)
+        if found is not None and (mine := float(np.nansum(found[1].whole))) > score:
+            best, score = float(t0), mine
+    whole = _second(views, world, stretch, best, outwards, _WIDEST_PX) if score > 0 else None
+    if whole is None:
+        return None
+    t, along = whole
+    reach = along.reach(_FIRST_PX, second=True)
+    if reach.last < _LEAST_SECOND_PX:
+        return None
+    return Corner(best, End.of(reach, t, second=True), float(reach.last + 1))
+
+
+def _second(
+    views: Views, world: World, stretch: Stretch, t0: float, outwards: int, most_px: int
+) -> tuple[Float64, Agreement] | None:
+    """Tangents beyond a corner, and the agreement over the second face that it would have; None where none is seen."""
+    second = stretch.line.round_corner(t0, outwards)
+    if not second.distance_mm > 0:
+        return None
+    t = t0 + outwards * np.arange(1.0, most_px) / float(world.focal)
+    ground = second.at(t)
+    near = np.linalg.norm(ground - stretch.line.at(t0), axis=1) < _FARTHEST_MM
+    count = len(t) if near.all() else int(np.argmin(near))
+    if count <= _LEAST_SECOND_PX:
+        return None
+    return t[:count], _compare(views, world, ground[:count], stretch.heights_mm)
+
+
+def follow_top(views: Views, world: World, own: Float64, front: Side) -> End | None:
+    """Follow the top of a box from the upper edge of a face backwards; None where the camera does not look down on it.
+
+    Parameters
+    ----------
+    views : Views
+    world : World
+    own : (8,) float64
+        The box, in the order of `Own`; how far it goes back is not used.
+    front : Side
+
+    Returns
+    -------
+    End or None
+        At a depth in mm.
+    """
+    box, f = Box(own), float(world.focal)
+    a, b = box.edge(front.top)
+    back, above = np.append(box.normal(front), 0.0), float(world.camera_height) - float(own[Own.HEIGHT])
+    u, v = world.pixels(((a + b) / 2)[None])[0]
+    rows = v - np.arange(1.0, _WIDEST_PX)
+    columns = np.full_like(rows, u)
+    rays = np.stack([(columns - world.centre_px[0]) / f, (rows - world.centre_px[1]) / f, np.ones_like(rows)], axis=-1)
+    rays = rays @ world.axes.T
+    meets = above / np.maximum(-rays[:, 2], _LEVEL)
+    depth = (meets[:, None] * rays[:, :2] - ((a + b) / 2)[:2]) @ back[:2]
+    depth = depth[: int(np.argmax(depth > _FARTHEST_MM)) or None]
+    if len(depth) <= _LEAST_SECOND_PX:
+        return None
+    along = a + (b - a) * np.linspace(0.0, 1.0, _SAMPLES)[:, None]
+    reach = agreement(views, world, along[None] + depth[:, None, None] * back).reach(_FIRST_PX)
+    return End.of(reach, depth) if reach.last >= _LEAST_SECOND_PX else None
+
+
+def _height_at_rim(world: World, place_mm: Float64) -> float:
+    """Height above a place on the floor beyond which no picture shows it, mm."""
+    (u, _), _ = world.pixels(np.array([[*place_mm, 0.0], [*place_mm, 1.0]]))
+    ray = world.axes @ [(u - world.centre_px[0]) / world.focal, -world.centre_px[1] / world.focal, 1.0]
+    height = float(world.camera_height) + ray[2] / np.hypot(*ray[:2]) * np.hypot(*place_mm)
+    return float(np.clip(_PAST_RIM * height, 0.0, _HIGHEST_MM))
+
+
+def _compare(views: Views, world: World, ground: Float64, heights: Float64) -> Agreement:
+    """Agreement over upright lines on points of the floor (N, 2)."""
+    up = np.broadcast_to(heights[None, :, None], (len(ground), len(heights), 1))
+    return agreement(views, world, np.concatenate([np.repeat(ground[:, None], len(heights), axis=1), up], axis=2))

@@ -1,0 +1,260 @@
+"""One box in both pictures: its faces followed, its edges located, and all that was seen of it."""
+
+from __future__ import annotations
+
+from collections.abc import Container
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from stereolib.base import Float64
+from stereolib.measurement.agreement import Past
+from stereolib.measurement.box import Edge, Own, Shared, Side, World
+from stereolib.measurement.edges import Peak
+from stereolib.measurement.faces import Face, align_face, find_faces
+from stereolib.measurement.follow import (
+    LEAST_ABOVE_MM,
+    Corner,
+    End,
+    Stretch,
+    follow_face,
+    follow_top,
+    look_round,
+    upright_line,
+)
+from stereolib.measurement.observations import EdgeSeen, Observation, PlaneSeen, weak_priors
+from stereolib.measurement.outline import Found, find_edge, predicted, predicted_stds_px
+from stereolib.measurement.reasons import Reason, Why
+from stereolib.measurement.regions import ObjectRegion
+from stereolib.measurement.scene_solver import Priors, Seen, Solution, solve
+from stereolib.measurement.views import Views
+
+_HIDDEN_MM = 100.0  # what an extent is taken as that nobody sees
+_UNLOCATED_PX = 6.0  # how well an edge is known that was not located, at best
+_LEAST_PLANE_PX = 20.0  # a second face must be so wide to have a plane of its own
+_ROUNDS = 2  # of edges and least squares
+_PRIOR_PX = (1.0, 4.0)  # how well an edge is taken to be known beforehand, at least and at most
+_CORNER_PX = 2.5  # how well a corner is known from looking round it
+_END_PRIOR_PX = 1.5  # beyond the stretch in which an end may lie
+_GAP_MM, _GAP_PX = 6.0, 4.0  # a face that ends so far above the floor may stand in the air
+_LEANING_RAD = np.radians(1.5)
+_LEANING_ASIDE_RAD = np.radians(3.0)
+_LEANING_PX = 1.5  # over the length of an edge
+_SURE = 4.0  # standard deviations
+_CONTRADICTION = 2.7  # of an edge, as `Solution.misfits` counts: four standard deviations
+
+
+@dataclass(frozen=True, eq=False)
+class Pictured:
+    """A box as the pair sees it.
+
+    Attributes
+    ----------
+    seen : Seen
+        What goes into the least squares of the whole scene.
+    solution : Solution
+        Of this pair's pictures alone, with this box alone.
+    past : dict
+        What is where its faces end, by edge; edges that nobody sees are not in it.
+    first : Side
+        The face that is known best.
+    faces : tuple of Face
+        That one, and the other if it was aligned too.
+    refused : Why or None
+        Why it is no upright box on the floor.
+    doubtful : frozenset of Edge
+        Edges that contradict the others.
+    """
+
+    seen: Seen
+    solution: Solution
+    past: dict[Edge, Past]
+    first: Side
+    faces: tuple[Face, ...]
+    refused: Why | None
+    doubtful: frozenset[Edge]
+
+    @property
+    def own(self) -> Float64:
+        """Its parameters, in the order of `Own`. (8,)."""
+        return self.solution.boxes[0]
+
+    @property
+    def edges(self) -> dict[Edge, EdgeSeen]:
+        """Those that were located in the pictures."""
+        return {o.edge: o for o in self.seen.observations if isinstance(o, EdgeSeen) and o.located}
+
+
+def see_box(views: Views, priors: Priors, region: ObjectRegion) -> Pictured:
+    """Find one box in both pictures.
+
+    Parameters
+    ----------
+    views : Views
+    priors : Priors
+    region : ObjectRegion
+        Where the disparity map shows it.
+
+    Returns
+    -------
+    Pictured
+
+    Raises
+    ------
+    CannotMeasure
+        "no texture", if no face was matched.
+
+    Notes
+    -----
+    The best face is aligned, and followed over both pictures to its ends, up and down. Round either end a second face
+    at a right angle is looked for: its place is predicted, so that a sliver is enough. Then its edges are located in
+    turn with the least squares that says how well each is known beforehand.
+    """
+    world = priors.world(np.zeros(len(Shared)))
+    face = max(find_faces(priors.floor, region, views.pair), key=lambda face: face.pixels)
+    stretch = follow_face(views, world, face, region.top_mm)
+    rough = _rough_box(stretch, look_round(views, world, stretch, 1), look_round(views, world, stretch, -1))
+    faces = [face]
+    if rough.second_px >= _LEAST_PLANE_PX:
+        faces += align_face(views.pair, world, rough.own, rough.first.other)
+    planes = [PlaneSeen.of(face, side) for face, side in zip(faces, (rough.first, rough.first.other), strict=False)]
+    fixed: list[Observation] = [*planes, *weak_priors(rough.own, priors.laser.bias_mm)]
+    peaks, solution, stds = dict[Edge, Peak](), None, dict[Edge, float]()
+    for _ in range(_ROUNDS):
+        if solution is not None:  # the height is known now
+            world = priors.world(solution.shared)
+            rough = _with_top(views, world, replace(rough, own=solution.boxes[0]), set(peaks))
+            stds = predicted_stds_px(rough.open, priors, *solution.at(rough.own).of_box(0))
+        found = _located(views, world, rough, peaks, stds)
+        peaks = {edge: each.peak for edge, each in found.items()}
+        located = [each.seen for each in found.values()]
+        seen = Seen(rough.own + _move(found), (*fixed, *rough.edges(world, found), *located))
+        solution = solve(priors, [seen], None if solution is None else solution.shared)
+    assert solution is not None
+    tilts = [upright_line(world, face, 0.0)[1:] for face in faces]
+    refused = _unfollowed(stretch) or _in_the_air(stretch) or _leaning(stretch, tilts, peaks)
+    refused = refused or _without_edges(rough, peaks)
+    misfits = zip(seen.observations, solution.misfits[0].tolist(), strict=True)
+    doubtful = frozenset(o.edge for o, misfit in misfits if isinstance(o, EdgeSeen) and misfit > _CONTRADICTION)
+    return Pictured(seen, solution, rough.past, rough.first, tuple(faces), refused, doubtful)
+
+
+@dataclass(frozen=True, eq=False)
+class _Rough:
+    """A box as its faces were followed."""
+
+    own: Float64
+    first: Side
+    ends: dict[Edge, End]
+    second_px: float
+
+    @property
+    def past(self) -> dict[Edge, Past]:
+        """What is where its faces end."""
+        return {edge: end.past for edge, end in self.ends.items()}
+
+    @property
+    def open(self) -> list[Edge]:
+        """Edges that the pictures show."""
+        return [edge for edge, end in self.ends.items() if end.past is Past.OPEN]
+
+    def edges(self, world: World, found: Container[Edge] = ()) -> list[EdgeSeen]:
+        """Edges that were not found, as they are known from the following alone."""
+        rest = [edge for edge in self.open if edge not in found]
+        stds = [max(self.ends[edge].std_px, _UNLOCATED_PX) for edge in rest]
+        return [EdgeSeen.near(predicted(edge, world, self.own), std) for edge, std in zip(rest, stds, strict=True)]
+
+
+def _rough_box(stretch: Stretch, left: Corner | None, right: Corner | None) -> _Rough:
+    """Put the corner where the wider second face is; without one, where the face's end is seen."""
+    line = stretch.line
+    at_left = left is not None and (right is None or left.width_px > right.width_px)
+    corner = left if at_left else right
+    if corner is None:
+        at_left = stretch.left.past is Past.OPEN or stretch.right.past is not Past.OPEN
+    inner, outer = (stretch.left, stretch.right) if at_left else (stretch.right, stretch.left)
+    first = Side.RIGHT if at_left else Side.LEFT
+    t = corner.t if corner else inner.at
+    place, own = line.at(t), np.zeros(len(Own))
+    turn = float(np.arctan2(line.normal[1], line.normal[0])) + (0.0 if first is Side.RIGHT else np.pi / 2)
+    own[[Own.X, Own.Y, Own.TURN, Own.HEIGHT]] = *place, turn, stretch.high.at
+    own[[first.extent, first.other.extent]] = np.linalg.norm(line.at(outer.at) - place), _HIDDEN_MM
+    ends = {first.end: outer, Edge.CORNER: inner, first.top: stretch.high}
+    if corner:
+        second = line.round_corner(t, 1 if at_left else -1)
+        own[first.other.extent] = np.linalg.norm(second.at(corner.end.at) - place)
+        ends |= {first.other.end: corner.end, Edge.CORNER: End(t, Past.OPEN), first.other.top: stretch.high}
+    return _Rough(own, first, ends, corner.width_px if corner else 0.0)
+
+
+def _with_top(views: Views, world: World, rough: _Rough, located: set[Edge]) -> _Rough:
+    """Add the back edges of a top face that the camera looks down on; they tell a depth that no face shows."""
+    own, ends = rough.own.copy(), dict(rough.ends)
+    is_open = any(end.past is Past.OPEN for edge, end in ends.items() if edge.is_top)
+    if not is_open or float(world.camera_height) - own[Own.HEIGHT] < LEAST_ABOVE_MM:
+        return rough
+    for side in Side:
+        depth = side.other
+        if depth.end in located:
+            ends[side.back] = End(0.0, Past.OPEN)
+        elif side.end in ends and (top := follow_top(views, world, own, side)) is not None:
+            own[depth.extent], ends[side.back] = top.at, top
+    return replace(rough, own=own, ends=ends)
+
+
+def _move(found: dict[Edge, Found]) -> Float64:
+    """By what a box's parameters change to meet the edges that were found, about."""
+    total, counts = np.zeros(len(Own)), np.zeros(len(Own))
+    for each in found.values():
+        total += each.move
+        counts += each.move != 0
+    return total / np.maximum(np.where(np.isin(np.arange(len(Own)), (Own.X, Own.Y)), 1, counts), 1)
+
+
+def _located(
+    views: Views, world: World, rough: _Rough, before: dict[Edge, Peak], stds_px: dict[Edge, float]
+) -> dict[Edge, Found]:
+    """Edges found in the pictures near where they are predicted; the rivals that some had before remain."""
+    found = dict[Edge, Found]()
+    for edge in rough.open:
+        end = rough.ends[edge]
+        std = float(np.clip(stds_px.get(edge, _CORNER_PX), *_PRIOR_PX))
+        is_new = edge not in before and end.inside_px > 0
+        prior = (_END_PRIOR_PX, end.inside_px, end.outside_px) if is_new else (std, 0.0, 0.0)
+        got = find_edge(views.pair.light, world, rough.own, edge, rough.first, prior)
+        if got is not None:
+            found[edge] = got.besides(before[edge].rivals_px) if edge in before else got
+    return found
+
+
+def _unfollowed(stretch: Stretch) -> Why | None:
+    """A face about which both pictures agree nowhere: nothing is known of its foot either."""
+    return Why(Reason.NO_TEXTURE) if stretch.high.at - stretch.low_mm < _GAP_PX * stretch.mm_per_px else None
+
+
+def _in_the_air(stretch: Stretch) -> Why | None:
+    """A face that ends above the floor, and nothing nearer hides its foot."""
+    gap = _GAP_MM + _GAP_PX * stretch.mm_per_px
+    if stretch.foot_mm < gap:
+        return None
+    if stretch.low_mm - stretch.foot_mm > gap:  # too plain in between to tell where it ends
+        return Why(Reason.NO_TEXTURE)
+    return Why(Reason.IN_THE_AIR, f"its lower edge is {stretch.foot_mm:.0f} mm above the floor")
+
+
+def _leaning(stretch: Stretch, tilts: list[tuple[float, float]], peaks: dict[Edge, Peak]) -> Why | None:
+    """Faces that are not upright (tilts with their deviations, rad), or whose ends or edges that are turned."""
+    for tilt, std in tilts:
+        if abs(tilt) > _LEANING_RAD + _SURE * std:
+            return Why(Reason.LEANS, f"by {np.degrees(abs(tilt)):.0f} degrees")
+    lean, unfooted = abs(stretch.lean_rad), stretch.low_mm > _GAP_MM + _GAP_PX * stretch.mm_per_px
+    if unfooted and lean > _LEANING_ASIDE_RAD + stretch.lean_std_rad:
+        return Why(Reason.LEANS, f"to the side, by about {np.degrees(lean):.0f} degrees")
+    turned = [p for p in peaks.values() if abs(p.turn_px) > max(_LEANING_PX, _SURE * p.turn_std_px)]
+    return Why(Reason.LEANS, "its edges are neither upright nor level") if len(turned) > len(peaks) / 2 else None
+
+
+def _without_edges(rough: _Rough, peaks: dict[Edge, Peak]) -> Why | None:
+    """Nothing of its outline stands out: what was followed may be any part of it."""
+    outer = [edge for edge in rough.open if edge is not Edge.CORNER]
+    return Why(Reason.NO_EDGE) if outer and not any(edge in peaks for edge in outer) else None

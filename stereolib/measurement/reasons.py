@@ -1,0 +1,67 @@
+"""Why something was not measured, and which sensor gave what: names for programs, texts for people."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+
+class Reason(Enum):
+    """Why a size, or a whole object, was not measured."""
+
+    DEPTH_HIDDEN = "only one face is seen, its depth is hidden: turn the object or move the rig to see a corner"
+    CUT = "an end lies outside of one of the pictures: step back, or turn the rig towards it"
+    TOP_CUT = "the object's top lies above the picture or on its border: step back or tilt the camera up"
+    HIDDEN = "an end is hidden by something nearer"
+    TOO_UNCERTAIN = "too uncertain; turn the object, light or texture it, or move the rig"
+    CONTRADICTION = "its edges contradict each other: see that it is a box, and that nothing touches it"
+    IN_THE_AIR = "it does not stand on the floor; put it down"
+    LEANS = "it leans; put it upright"
+    NO_EDGE = "its outline does not stand out; change light or background"
+    NO_FACE = "no straight face was found"
+    NO_TEXTURE = "no texture: the pair matched too little there; light or texture it"
+    NO_FLOOR = "no floor was seen"
+    NOT_IN_SCAN = "it is not in the scan (lower than its plane, or dark): its sizes come from the pair alone"
+    NOT_IN_PICTURE = "outside the picture: turn the rig towards it"
+    ONE_CAMERA = "only one camera sees it whole: turn the rig towards it"
+    TOO_FAR = "too far for the pair: go nearer"
+    ROUND = "its outline is round, and too uncertain"
+    IRREGULAR = "its outline is irregular"
+
+    @property
+    def short(self) -> str:
+        """Its short name, as "no texture"."""
+        return self.name.lower().replace("_", " ")
+
+
+@dataclass(frozen=True)
+class Why:
+    """A reason, and what was seen of it.
+
+    Attributes
+    ----------
+    reason : Reason
+    seen : str
+        Numbers of this case; may be empty.
+    """
+
+    reason: Reason
+    seen: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.seen}: {self.reason.value}" if self.seen else self.reason.value
+
+
+class Source(Enum):
+    """Which sensor something is known from."""
+
+    SCAN = "scan"
+    IMAGE = "image"
+    BOTH = "scan and image"
+
+    def __str__(self) -> str:
+        return self.value
+
+
+#: Reasons for which neither pictures nor scan tell any size.
+NOT_STANDING = (Reason.IN_THE_AIR, Reason.LEANS)

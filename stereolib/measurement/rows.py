@@ -1,0 +1,228 @@
+"""How far the rows of a rectified pair disagree: a rig that was knocked since its calibration.
+
+First roughly, by patches that are looked for in a few rows of the right picture; then, with the disparities known, to a
+few hundredths of a pixel over all that was matched.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import cv2
+import numpy as np
+
+from stereolib.base import Float32, Float64, Floats, Ints, UInt8, finite_array, set_frozen
+from stereolib.measurement.plane_alignment import clustered_covariance, median
+
+_CELL = 12  # px: its samples give one offset
+_BLOCK = 4  # neighbouring cells, each way, that err together
+_GRID_PX = 1 / 32  # to which OpenCV rounds where it looks a picture up
+_STEPS, _ROUNDS = 2, 3  # warps, and rounds of weights after each
+_TUKEY = 4.7 * 1.48
+_LEAST_CELLS = 12
+_LEAST_USED = 0.4  # share of a cell that must be matched
+_LEAST_WEIGHT = 4.0  # of a cell: squared grey levels per px
+_MOVED_PX, _CERTAIN = 0.3, 5.0  # an offset so large, in px and in standard deviations, is told
+_SURE_STDS, _LEAST_ROLL = 3.0, 1e-9  # a roll so many deviations from none counts by half
+_UNKNOWN_PX = 3.0  # standard deviation where nothing tells
+
+
+@dataclass(frozen=True, eq=False)
+class RowOffset:
+    """Rows of the right picture: what the left one shows in row v stands in row ``v + a + b u + c v`` there.
+
+    Attributes
+    ----------
+    coefficients : (3,) float64
+        b, c, a: px per px, px per px, px.
+    covariance : (3, 3) float64
+    centre : (u, v), px
+        The picture's.
+    """
+
+    coefficients: Float64
+    covariance: Float64
+    centre: tuple[float, float]
+
+    def __post_init__(self) -> None:
+        set_frozen(self, coefficients=finite_array(self.coefficients, (3,), "coefficients"))
+        set_frozen(self, covariance=finite_array(self.covariance, (3, 3), "covariance"))
+
+    @cached_property
+    def _middle(self) -> Float64:
+        return np.array([*self.centre, 1.0])
+
+    @property
+    def offset_px(self) -> float:
+        """Rows by which the right picture's middle is too low, px."""
+        return float(self.coefficients @ self._middle)
+
+    @property
+    def std_px(self) -> float:
+        """Standard deviation of what remains in the middle once it is corrected, px."""
+        return float(np.sqrt(self._middle @ self.covariance @ self._middle))
+
+    @property
+    def roll_rad(self) -> float:
+        """How far the right picture is turned, clockwise, rad."""
+        return float(np.arctan(self.coefficients[0]))
+
+    @property
+    def warp(self) -> Float64:
+        """Affine matrix (2, 3) that takes pixels of the corrected picture to those of the right one.
+
+        Rows that rise along the picture are a roll, which shears the columns about the middle as much.
+        """
+        b, c, a = self.coefficients
+        roll = b**3 / (b**2 + _SURE_STDS**2 * self.covariance[0, 0] + _LEAST_ROLL**2)  # nothing, if it may be chance
+        return np.array([[1.0, -roll, roll * self.centre[1]], [b, 1.0 + c, a]])
+
+    @property
+    def warning(self) -> str:
+        """What to tell of a rig that has moved; empty where the offset is small, or is not certain."""
+        if abs(self.offset_px) < max(_MOVED_PX, _CERTAIN * self.std_px):
+            return ""
+        off, which = abs(self.offset_px), "low" if self.offset_px > 0 else "high"
+        moved = f"the rig has moved by about {off:.1f} px since its calibration"
+        return f"{moved}: the rows of right are {off:.1f} px too {which}; corrected here; calibrate again"
+
+    def doubled(self) -> RowOffset:
+        """Tell the same offset in a picture of twice the size.
+
+        Returns
+        -------
+        RowOffset
+        """
+        to = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-0.5, -0.5, 2.0]])  # v' = 2 v + 1/2 in the larger one
+        centre = (2 * self.centre[0] + 0.5, 2 * self.centre[1] + 0.5)
+        return RowOffset(to @ self.coefficients, to @ self.covariance @ to.T, centre)
+
+    def after(self, first: RowOffset) -> RowOffset:
+        """Add an offset that had been corrected before this one was measured.
+
+        Parameters
+        ----------
+        first : RowOffset
+
+        Returns
+        -------
+        RowOffset
+            What takes pixels of the twice corrected picture to the right one as it came.
+        """
+        both = np.vstack([first.warp, [0.0, 0.0, 1.0]]) @ np.vstack([self.warp, [0.0, 0.0, 1.0]])
+        rounding = np.diag([0.0, 0.0, 2 * _GRID_PX**2 / 12])  # of either correction
+        return RowOffset(both[1] - [0.0, 1.0, 0.0], self.covariance + rounding, self.centre)
+
+    def correct(self, right: UInt8) -> UInt8:
+        """Shift the rows of the right picture to those of the left one.
+
+        Parameters
+        ----------
+        right : (H, W) or (H, W, 3) uint8
+            Rectified.
+
+        Returns
+        -------
+        uint8, shaped like `right`
+        """
+        flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+        return np.asarray(cv2.warpAffine(right, self.warp, right.shape[1::-1], flags=flags))
+
+
+def measure_rows(left: UInt8, right: UInt8, disparity_px: Float32) -> RowOffset:
+    """Row offset of a matched pair.
+
+    Parameters
+    ----------
+    left, right : (H, W) uint8
+        Of one exposure.
+    disparity_px : (H, W) float32, px
+        NaN where nothing was matched.
+
+    Returns
+    -------
+    RowOffset
+        Zero within 3 px where too little was matched.
+
+    Notes
+    -----
+    ``e = R(u - d, v + dv) - L(u, v)`` has the slopes Lu and Lv. In each cell of pixels the disparity may err by a shift
+    of its own; without it, ``dv = -(S_ve - S_uv S_ue / S_uu) / (S_vv - S_uv^2 / S_uu)`` of sums S over the cell. A
+    plane through the cells' offsets, with Tukey's weights, is the next ``dv``.
+    """
+    height, width = left.shape
+    centre, unknown = ((width - 1) / 2, (height - 1) / 2), [_UNKNOWN_PX / width, _UNKNOWN_PX / height, _UNKNOWN_PX]
+    cells = _Cells.of(left, right, disparity_px)
+    if len(cells.weight) < _LEAST_CELLS:
+        return RowOffset(np.zeros(3), np.diag(unknown) ** 2, centre)
+    plane = np.zeros(3)
+    for _ in range(_STEPS):
+        plane, covariance = cells.plane(cells.offsets(plane))
+    return RowOffset(plane, covariance, centre)
+
+
+@dataclass(frozen=True, eq=False)
+class _Cells:
+    """Sums over cells of a matched pair, for the N cells that tell something.
+
+    `x` is where each pixel of the left picture stands in the right one, `slopes` are the left one's along u and v, 0
+    where nothing was matched, `shape` is (columns, rows) of cells, `some` numbers those that tell something.
+    """
+
+    left: UInt8
+    right: UInt8
+    x: Floats
+    slopes: tuple[Floats, Floats]
+    shape: tuple[int, int]
+    some: Ints
+    oblique: Floats
+    weight: Float64
+    at: Float64
+
+    @classmethod
+    def of(cls, left: UInt8, right: UInt8, disparity_px: Float32) -> _Cells:
+        height, width = left.shape
+        matched = np.isfinite(disparity_px)
+        x = np.where(matched, np.arange(width, dtype=np.float32) - disparity_px, np.float32(-9))
+        used = (matched & (x > 1) & (x < width - 2)).astype(np.float32)
+        soft = [np.asarray(cv2.blur(image, (3, 3))) for image in (left, right)]
+        along, down = (cv2.Sobel(soft[0], cv2.CV_32F, i, 1 - i, ksize=1, scale=0.5) * used for i in (1, 0))
+        shape = width // _CELL, height // _CELL
+        uu, uv, vv = (_mean(a, shape) for a in (along * along, along * down, down * down))
+        oblique, share = uv / np.maximum(uu, 1e-6), _mean(used, shape)
+        weight = np.asarray(np.where(share < _LEAST_USED, 0, vv - oblique * uv), float).ravel()
+        columns = _mean(x * used, shape) / np.maximum(share, 1e-6)
+        rows = np.repeat((np.arange(shape[1]) + 0.5) * height / shape[1] - 0.5, shape[0])
+        some = np.flatnonzero(weight > _LEAST_WEIGHT)
+        at = np.stack([columns.ravel(), rows, np.ones(rows.size)], axis=1).astype(np.float64)[some]
+        return cls(soft[0], soft[1], x, (along, down), shape, some, oblique, weight[some], at)
+
+    def offsets(self, plane: Float64) -> Float64:
+        """Row offset of each cell, (N,), the pictures being compared at a plane that is nearly right."""
+        (b, c, a), v = plane.astype(np.float32), np.arange(len(self.left), dtype=np.float32)[:, None]
+        shift = np.rint((b * self.x + c * v + a) / _GRID_PX) * np.float32(_GRID_PX)  # as OpenCV does it
+        error = cv2.remap(self.right, self.x, v + shift, cv2.INTER_LINEAR).astype(np.float32) - self.left
+        by_u, by_v = (_mean(slope * error, self.shape) for slope in self.slopes)
+        here = (self.slopes[0] != 0).astype(np.float32)
+        mean = _mean(shift * here, self.shape) / np.maximum(_mean(here, self.shape), 1e-6)
+        return mean.ravel()[self.some] - (by_v - self.oblique * by_u).ravel()[self.some] / self.weight
+
+    def plane(self, offsets: Float64) -> tuple[Float64, Float64]:
+        """Plane (3,) through the cells' offsets, with Tukey's weights, and its covariance."""
+        plane, weight = np.linalg.lstsq(self.at, offsets, rcond=None)[0], np.sqrt(self.weight)
+        for _ in range(_ROUNDS):
+            rest = offsets - self.at @ plane
+            off = (rest / max(_TUKEY * median(np.abs(rest)), 0.01)) ** 2
+            root = np.maximum(1 - off, 0)
+            scaled = (self.at * (root**2 * weight)[:, None]).T
+            plane = np.linalg.solve(scaled @ self.at, scaled @ offsets)
+        column, row = self.some % self.shape[0] // _BLOCK, self.some // self.shape[0] // _BLOCK
+        cluster = row * self.shape[0] + column
+        bend = root * (1 - 5 * off) * weight
+        return np.asarray(plane), clustered_covariance(self.at, rest, root**2 * weight, cluster, bend)
+
+
+def _mean(values: Floats, shape: tuple[int, int]) -> Floats:
+    """Mean over each of so many (columns, rows) cells."""
+    return np.asarray(cv2.resize(values, shape, interpolation=cv2.INTER_AREA))

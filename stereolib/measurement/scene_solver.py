@@ -1,0 +1,298 @@
+"""The one least squares: all boxes of a scene, and what they share, from everything that was observed of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import cast
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from stereolib.base import Bools, Float64, Ints
+from stereolib.measurement.box import COMPLEX_STEP, Box, Numbers, Own, Shared, World
+from stereolib.measurement.floor import Floor
+from stereolib.measurement.laser_on_floor import LaserOnFloor
+from stereolib.measurement.observations import (
+    EdgeSeen,
+    Observation,
+    OwnPrior,
+    PlaneSeen,
+    edge_residuals,
+    prior_residuals,
+    whitening,
+)
+
+_REACH = 2.5  # standard deviations beyond which an observation that may be mistaken counts less and less
+_TOLERANCE = 1e-5  # relative: a thousandth of a standard deviation, about
+_MOST_STEPS = 40
+_LASER = slice(Shared.LASER_X, Shared.LASER_YAW + 1)
+_CAMERAS = slice(Shared.OFFSET, None)
+_FLOOR_ROUNDING = np.array([1e-5, 1e-5, 1e-3])  # of a floor's plane: one that is given is known so well at most
+#: About what the parameters are off at first.
+_SHARED_SCALE = np.array([1e-2, 1e-3, 1e-3, 1.0, 1.0, 1e-3, 0.1, 0.1, 1e-3, 1e-3])
+_OWN_SCALE = np.array([1.0, 1.0, 1e-3, 1.0, 1.0, 1.0, 0.5, 0.5])
+
+
+@dataclass(frozen=True, eq=False)
+class Priors:
+    """What is known beforehand of what all boxes share.
+
+    Attributes
+    ----------
+    floor : Floor
+        As it was seen.
+    laser : LaserOnFloor
+        As it was calibrated.
+    cameras_std : (4,) float64
+        Of `Shared`'s last four, from the calibration: offset and rows (px), focal length and baseline (shares).
+    """
+
+    floor: Floor
+    laser: LaserOnFloor
+    cameras_std: Float64
+
+    def world(self, shared: Numbers) -> World:
+        """Cameras, floor and laser for shared parameters.
+
+        Parameters
+        ----------
+        shared : (..., 10)
+
+        Returns
+        -------
+        World
+        """
+        return World.of(self.floor, self.laser.t, self.laser.yaw_rad, shared)
+
+    @cached_property
+    def roots(self) -> tuple[Float64, Float64]:
+        """What makes errors of the laser's pose and of the floor's plane independent: two (3, 3)."""
+        return whitening(self.laser.covariance), whitening(self.floor.covariance + np.diag(_FLOOR_ROUNDING**2))
+
+    def residuals(self, shared: Numbers, world: World) -> Numbers:
+        """Shared parameters minus what is known of them, and the floor, in standard deviations: (..., 10).
+
+        Parameters
+        ----------
+        shared : (..., 10)
+        world : World
+            Of them.
+
+        Returns
+        -------
+        (..., 10)
+        """
+        laser, floor = self.roots
+        seen = PlaneSeen(np.zeros(2), self.floor.plane, floor).residuals(world, Box(shared))
+        return np.concatenate([seen, shared[..., _LASER] @ laser, shared[..., _CAMERAS] / self.cameras_std], axis=-1)
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """What the least squares found.
+
+    Attributes
+    ----------
+    shared : (10,) float64
+    boxes : tuple of (8,) float64
+    covariance : (10 + 8 n, 10 + 8 n) float64
+        Of all, `shared` first.
+    cost : float
+        Half the sum of the squared residuals, in standard deviations; those that may be mistaken count less.
+    log_volume : float
+        Half the logarithm of the covariance's determinant.
+    misfits : tuple of (m,) float64
+        Of each box's observations: root mean square residual, far ones counting less.
+    excess : float
+        What the laser's readings and its pose, and what the pictures show of the boxes, cost more than they would on
+        average.
+    given : dict
+        What of the variances (10 + 8 n,) comes from ``"floor"``, ``"laser"``, ``"cameras"``, and from each kind of
+        observation, by the name of its class: they add up to the covariance's diagonal.
+    """
+
+    shared: Float64
+    boxes: tuple[Float64, ...]
+    covariance: Float64
+    cost: float
+    log_volume: float
+    misfits: tuple[Float64, ...]
+    excess: float
+    given: dict[str, Float64]
+
+    @property
+    def laser(self) -> Float64:
+        """Shift (mm) and turn (rad) of the laser from where it was calibrated. (3,)."""
+        return self.shared[_LASER]
+
+    @property
+    def laser_std(self) -> Float64:
+        """Standard deviations of `laser`. (3,)."""
+        return np.sqrt(np.diag(self.covariance))[_LASER]
+
+    def at(self, own: Float64) -> Solution:
+        """The same, with other parameters of its first box, (8,)."""
+        return replace(self, boxes=(own, *self.boxes[1:]))
+
+    def of_box(self, box: int) -> tuple[Float64, Float64]:
+        """Shared and own parameters of a box in one vector (18,), and their covariance (18, 18)."""
+        at = _places(box)
+        return np.concatenate([self.shared, self.boxes[box]]), self.covariance[np.ix_(at, at)]
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """One box before the least squares.
+
+    Attributes
+    ----------
+    start : (8,) float64
+        In the order of `Own`.
+    observations : sequence of Observation
+    """
+
+    start: Float64
+    observations: Sequence[Observation] = field(default_factory=tuple)
+
+
+def solve(priors: Priors, seen: Sequence[Seen], shared: Float64 | None = None) -> Solution:
+    """Find what all boxes and the shared parameters are.
+
+    Parameters
+    ----------
+    priors : Priors
+    seen : sequence of Seen
+    shared : (10,) float64, optional
+        Where to start.
+
+    Returns
+    -------
+    Solution
+
+    Notes
+    -----
+    Minimises ``sum rho(r^2)`` over all residuals r in standard deviations, by `scipy.optimize.least_squares` with the
+    Jacobian of `derivatives`. ``rho(s) = s`` for what is known, and ``C^2 log(1 + s / C^2)`` (Cauchy's, C = 2.5) for
+    observations that may be mistaken. The covariance is ``(J' W J)^-1``, ``W = rho'``.
+    """
+    problem = _Problem(priors, tuple(seen))
+    x0 = np.concatenate([np.zeros(len(Shared)) if shared is None else shared, *(s.start for s in seen)])
+    scale = np.concatenate([_SHARED_SCALE, *([_OWN_SCALE] * len(seen))])
+    found = least_squares(
+        lambda x: problem.at(x)[0],
+        x0,
+        jac=lambda x: problem.at(x)[1],
+        loss=problem.loss,
+        x_scale=scale,
+        xtol=_TOLERANCE,
+        ftol=_TOLERANCE,
+        max_nfev=_MOST_STEPS,
+    )
+    r, J = problem.at(found.x)
+    weight = problem.loss(r**2)[1]
+    unit = J * (np.sqrt(weight)[:, None] * scale)
+    precision = unit.T @ unit
+    covariance = np.linalg.inv(precision) * np.outer(scale, scale)
+    volume = float(np.log(scale).sum() - 0.5 * np.linalg.slogdet(precision)[1])
+    boxes = tuple(found.x[_places(k)[len(Shared) :]] for k in range(len(seen)))
+    given = problem.sorted_by_kind(weight * (covariance @ J.T) ** 2)
+    cost, of_scan = 0.5 * (problem.loss(r**2)[0] - 1), problem.of_scan
+    excess = sum(max(float(cost[some].sum()), 0.0) for some in (of_scan, problem.robust & ~of_scan))
+    shared = found.x[: len(Shared)]
+    return Solution(
+        shared, boxes, covariance, float(found.cost), volume, problem.misfits(problem.loss(r**2)[0]), excess, given
+    )
+
+
+def _places(box: int) -> Ints:
+    """Where shared and own parameters of a box stand in the vector of all."""
+    return np.concatenate([np.arange(len(Shared)), len(Shared) + len(Own) * box + np.arange(len(Own))])
+
+
+def _grouped(observations: Sequence[Observation]) -> list[tuple[Observation, ...]]:
+    """Edges together, priors together, all others alone: a group's residuals are taken at once."""
+    edges = tuple(o for o in observations if isinstance(o, EdgeSeen))
+    priors = tuple(o for o in observations if isinstance(o, OwnPrior))
+    rest: list[tuple[Observation, ...]] = [(o,) for o in observations if not isinstance(o, EdgeSeen | OwnPrior)]
+    together: list[tuple[Observation, ...]] = [group for group in (edges, priors) if group]
+    return together + rest
+
+
+def _residuals(group: tuple[Observation, ...], world: World, box: Box) -> Numbers:
+    if isinstance(group[0], EdgeSeen):
+        return edge_residuals(cast(tuple[EdgeSeen, ...], group), world, box)
+    if isinstance(group[0], OwnPrior):
+        return prior_residuals(cast(tuple[OwnPrior, ...], group), box)
+    return group[0].residuals(world, box)
+
+
+class _Problem:
+    """Residuals and Jacobian of a scene, kept for the last point: `least_squares` asks for them one after the other.
+
+    Their order: the shared ones, then box by box and group by group; `owners` tells whose each is.
+    """
+
+    def __init__(self, priors: Priors, seen: tuple[Seen, ...]) -> None:
+        self._priors, self._seen = priors, seen
+        self._groups = [_grouped(box.observations) for box in seen]
+        self._last: tuple[bytes, tuple[Float64, Float64]] = (b"", (np.zeros(0), np.zeros((0, 0))))
+        self.owners: list[Observation | None] = []
+        self.robust = np.zeros(0, bool)
+
+    def at(self, x: Float64) -> tuple[Float64, Float64]:
+        """Residuals (m,) and their Jacobian (m, n)."""
+        if self._last[0] != x.tobytes():
+            self._last = (x.tobytes(), self._evaluate(x))
+        return self._last[1]
+
+    def _evaluate(self, x: Float64) -> tuple[Float64, Float64]:
+        shared, own = len(Shared), len(Own)
+        step = 1j * COMPLEX_STEP * np.eye(shared + own)
+        world = self._priors.world(x[:shared] + step[:, :shared])
+        known = self._priors.residuals(x[:shared] + step[:, :shared], world)
+        values, rows = [known[0].real], [np.pad(known.imag[:shared].T, ((0, 0), (0, len(x) - shared)))]
+        owners: list[Observation | None] = [None] * known.shape[-1]
+        for k, groups in enumerate(self._groups):
+            at = _places(k)
+            model = Box(x[at[shared:]] + step[:, shared:])
+            for group in groups:
+                moved = _residuals(group, world, model)
+                wide = np.zeros((moved.shape[-1], len(x)))
+                wide[:, at] = moved.imag.T
+                values.append(moved[0].real)
+                rows.append(wide)
+                if not self.owners:
+                    owners += [o for o in group for _ in range(moved.shape[-1] // len(group))]
+        if not self.owners:
+            self.owners = owners
+            self.robust = np.array([o is not None and o.robust for o in owners])
+        return np.concatenate(values), np.concatenate(rows) / COMPLEX_STEP
+
+    def loss(self, s: Float64) -> Float64:
+        """Value and first two derivatives of rho: (3, m)."""
+        rho = np.stack([s, np.ones_like(s), np.zeros_like(s)])
+        t = 1 + s[self.robust] / _REACH**2
+        rho[:, self.robust] = _REACH**2 * np.log(t), 1 / t, -1 / (_REACH * t) ** 2
+        return rho
+
+    @property
+    def of_scan(self) -> Bools:
+        """Which residuals depend on the laser's pose."""
+        mine = np.array([o is not None and o.of_scan for o in self.owners])
+        mine[_LASER] = True
+        return mine
+
+    def sorted_by_kind(self, parts: Float64) -> dict[str, Float64]:
+        """Sum columns (one a residual) by what gave them."""
+        known = ["floor"] * 3 + ["laser"] * 3 + ["cameras"] * 4
+        names = known + [type(o).__name__ for o in self.owners[len(known) :]]
+        return {name: parts[:, [other == name for other in names]].sum(axis=1) for name in dict.fromkeys(names)}
+
+    def misfits(self, cost: Float64) -> tuple[Float64, ...]:
+        """Root of the mean cost of each observation of each box, in the order in which they were given."""
+        costs: dict[int, list[float]] = {}
+        for o, value in zip(self.owners, cost.tolist(), strict=True):
+            costs.setdefault(id(o), []).append(value)
+        return tuple(np.array([np.sqrt(np.mean(costs[id(o)])) for o in box.observations]) for box in self._seen)

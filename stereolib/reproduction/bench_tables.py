@@ -1,0 +1,186 @@
+"""What the README says of the benchmarks; ``benchmarks/readme.toml`` says which of their values, and the goals."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from functools import cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from stereolib.base import read_json, read_text, repository
+from stereolib.reproduction.code_hash import code_sha256
+
+_OLDER = "measured with older code"
+_HOLE = re.compile(r"{([\w.]+)}")
+_BY_CHANCE = 0.01  # a share of intervals misses its goal where chance alone is less probable than this
+_SIZES = ("length", "width", "height", "volume")
+
+
+class Line(NamedTuple):
+    """A line of the README: what stands in ``results/<file>.json`` under a key such as ``"height.median_pct"``."""
+
+    label: str
+    file: str
+    key: str
+    unit: str
+    goal: str
+
+
+@cache
+def _quoted() -> dict[str, Any]:
+    """What ``benchmarks/readme.toml`` says."""
+    return tomllib.loads(read_text(repository() / "benchmarks" / "readme.toml"))
+
+
+def bench_lines() -> tuple[Line, ...]:
+    """List what the README quotes of the benchmarks, in its order.
+
+    Returns
+    -------
+    tuple of Line
+
+    Examples
+    --------
+    >>> bench_lines()[0].goal
+    'at most 0.1'
+    """
+    return tuple(Line(*line) for line in _quoted()["lines"])
+
+
+def bench_table(results: Path) -> str:
+    """What the benchmarks wrote, as Markdown; what was not measured yet is left out.
+
+    Parameters
+    ----------
+    results : Path
+        Folder of the benchmarks' JSON files. Where the ``code`` of one has another hash than the same rooms have
+        today, or none, its rows say that they were measured with older code.
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> print(bench_table(Path("no/results/yet")))
+    | measured | value | goal |
+    |---|---|---|
+    """
+    lines = ["| measured | value | goal |", "|---|---|---|"]
+    found = {name: _result(results, name) for name in {line.file for line in bench_lines()}}
+    older = {name: f", {_OLDER}" * (not _is_of_today(result)) for name, result in found.items()}
+    for label, name, key, unit, goal in bench_lines():
+        value = _look_up(found[name], key)
+        if value is not None:
+            label, unit = (_fill_in(text, found[name]) for text in (label, unit))
+            missed = ", **missed**" * (not meets(value, goal))
+            lines.append(f"| {label} | {value:g} {unit}{older[name]} | {goal}{missed} |")
+    return "\n".join(lines)
+
+
+def rigs_table(results: Path) -> str:
+    """What disturbed rigs do to the sizes, as Markdown: a row each, goals in brackets, what was not told beside it.
+
+    Parameters
+    ----------
+    results : Path
+        As for `bench_table`; nothing is shown before ``rigs.json`` is there.
+
+    Returns
+    -------
+    str
+
+    Notes
+    -----
+    A share of intervals outside its goal misses it only where the two-sided binomial test against 95 % rejects at 1 %.
+    """
+    found = _result(results, "rigs")
+    if not found:
+        return ""
+    goals = _quoted()["rigs"]
+    inside, silent = goals["within_2_sigma_pct"], goals["silent"]
+    head = (
+        "what is wrong", "boxes refused", "lack a size, of those that could have all", "sizes told",
+        "median error of length / width / height / volume, %", f"in the 95 % interval, % ({inside})", "inside ± σ, %",
+        f"wrong, unsaid ({silent})",
+    )  # fmt: skip
+    lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
+    for name, row in found["rows"].items():
+        medians = " / ".join(f"{row[size]['median_pct']:.2g}" if row[size]["told"] else "-" for size in _SIZES)
+        off_goal = not meets(row.get("within_2_sigma_pct", 95.0), inside) and row["binomial_p"] < _BY_CHANCE
+        goal, lacking = goals["measurable_lacking_pct"].get(name, ""), row["measurable_lacking_pct"]
+        cells = (
+            row["about"], f"{row['refused']} of {row['scenes']}",
+            _marked(f"{lacking:g} % of {row['measurable']}" + f" ({goal})" * bool(goal), not meets(lacking, goal)),
+            f"{row['sizes']}", medians, _marked(f"{row.get('within_2_sigma_pct', '-')}", off_goal),
+            f"{row.get('within_1_sigma_pct', '-')}",
+            _marked(f"{row['silent']} beyond {row['silent_beyond_pct']:g} %", not meets(row["silent"], silent)),
+        )  # fmt: skip
+        lines.append("| " + " | ".join(cells) + " |")
+    return "\n".join([*lines, *([] if _is_of_today(found) else ["", f"All of it {_OLDER}."])])
+
+
+def _marked(text: str, missed: bool) -> str:
+    return f"{text}, **missed**" if missed else text
+
+
+def _result(results: Path, name: str) -> dict[str, Any]:
+    """What a benchmark wrote; empty if it was never run."""
+    path = results / f"{name}.json"
+    return read_json(path) if path.is_file() else {}
+
+
+def meets(value: float, goal: str) -> bool:
+    """Whether a value reaches a goal as the README words it.
+
+    Parameters
+    ----------
+    value : float
+    goal : str
+        Such as "at most 3", "under 3", "at least 3", "3 or more", "3 to 5", "3"; "" is always reached.
+
+    Returns
+    -------
+    bool
+
+    Raises
+    ------
+    ValueError
+        If the goal is worded in another way.
+
+    Examples
+    --------
+    >>> [meets(3.0, goal) for goal in ("at most 3", "under 3", "-1 or more", "4 to 5", "")]
+    [True, False, True, False, True]
+    """
+    match = re.fullmatch(r"(at most |under |at least |)(-?[\d.]+)(?: (or more)| to ([\d.]+))?", goal)
+    if not goal:
+        return True
+    if match is None:
+        raise ValueError(f"a goal is worded as in the examples, got {goal!r}")
+    first, low, more, high = match.groups()
+    limit = float(low)
+    if high:
+        return limit <= value <= float(high)
+    if first == "under ":
+        return value < limit
+    return value >= limit if first == "at least " or more else value <= limit
+
+
+def _look_up(result: dict[str, Any], key: str) -> Any:
+    """What stands in a result under a key such as ``"height.median_pct"``; None where nothing does."""
+    for part in key.split("."):
+        result = result.get(part, {})
+    return None if result == {} else result
+
+
+def _fill_in(text: str, result: dict[str, Any]) -> str:
+    """Put a result's values for the keys in braces, 400,000 as ``400 000``."""
+    return _HOLE.sub(lambda hole: f"{_look_up(result, hole[1]) or 0:,}".replace(",", " "), text)
+
+
+def _is_of_today(result: dict[str, Any]) -> bool:
+    """Whether a result was measured with the code that its rooms have today."""
+    code = result.get("code")
+    return code is not None and code["sha256"] == code_sha256(code["rooms"])

@@ -1,0 +1,136 @@
+"""The command `map`, and `data walk` that writes something to try it on."""
+
+from __future__ import annotations
+
+import csv
+import json
+
+import cv2
+import numpy as np
+import pytest
+import trimesh
+import yaml
+from support import walks
+
+from stereolib.cli import commands
+from stereolib.virtual import walk
+
+
+#: Five turns without a reading.
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """Stations 1 and 3 of the walk, and a third by its scan alone; their map."""
+    folder = tmp_path_factory.mktemp("map")
+    assert run("data", "walk", folder / "walk") == 0
+    for name in (f"{k}_{part}" for k in "245" for part in ("left.jpg", "right.jpg", "scan.bin")):
+        (folder / "walk" / name).unlink()
+    (folder / "walk" / "4_scan.bin").write_bytes(walks.more_scan_bytes((-300.0, 700.0, -0.6)))
+    assert run("map", folder / "walk", "--out", folder / "out") == 0
+    return folder
+
+
+def run(*words):
+    return commands.main([str(word) for word in words])
+
+
+def test_files_of_the_map_agree(made):
+    facts = json.loads((made / "out" / "map.json").read_text())
+    rows = list(csv.DictReader((made / "out" / "objects.csv").read_text().splitlines()))
+    assert [row["name"] for row in rows] == [thing["name"] for thing in facts["objects"]]
+    cube = next(thing for thing in facts["objects"] if thing["volume_l"] and abs(thing["volume_l"] - 30) < 1)
+    row = next(row for row in rows if row["name"] == cube["name"])
+    for name, true in zip(("length", "width", "height"), (400, 250, 300), strict=True):
+        assert abs(cube[f"{name}_mm"] - true) < 4 * cube[f"{name}_std_mm"] < 20
+        assert float(row[f"{name}_mm"]) == cube[f"{name}_mm"]
+    assert set(cube["seen_from"]) >= {"3"} and row["seen_from"].split() == cube["seen_from"]
+    unknown = next(thing for thing in facts["objects"] if thing["height_mm"] is None)
+    assert unknown["reasons"]["height"] and unknown["height_std_mm"] is None
+    assert [each["name"] for each in facts["stations"]] == ["1", "3", "4"]
+    assert facts["stations"][0]["pose"] == {"x_mm": 0.0, "y_mm": 0.0, "yaw_rad": 0.0} and len(facts["walls"]) == 4
+    grid = yaml.safe_load((made / "out" / "grid.yaml").read_text())
+    assert (made / "out" / grid["image"]).read_bytes().startswith(b"P5")
+    assert set(trimesh.load(made / "out" / "map.glb").geometry) >= {cube["name"], "wall 1"}
+    for name in ("map.png", "view.png"):
+        picture = cv2.imread(str(made / "out" / name))
+        assert picture is not None and np.ptp(picture) > 200
+
+
+def test_a_map_is_not_written_over(made, capsys):
+    before = (made / "out" / "map.json").read_bytes()
+    assert run("map", made / "walk", "--out", made / "out") == 2
+    said = capsys.readouterr().err
+    assert "map.json" in said and "would be overwritten" in said and "--force" in said
+    assert (made / "out" / "map.json").read_bytes() == before
+
+
+def test_pictures_alone_make_a_map(made, tmp_path, capsys):
+    """One pair, no scan: no walls, no grid; the grid of an older map does not stay."""
+    for name in ("3_left.jpg", "3_right.jpg", "calibration.json"):
+        (tmp_path / name).write_bytes((made / "walk" / name).read_bytes())
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "grid.yaml").write_text("old")
+    (tmp_path / "notes.txt").write_text("mine")
+    assert run("map", tmp_path, "--out", tmp_path / "out", "--force", "--json") == 0
+    facts = json.loads(capsys.readouterr().out)
+    assert {round(thing["length_mm"], -1) for thing in facts["objects"] if thing["length_mm"]} >= {400.0, 300.0}
+    assert not facts["walls"] and not any("grid" in name for name in facts["written"])
+    assert not (tmp_path / "out" / "grid.yaml").exists() and facts["unused_files"] == ["notes.txt"]
+
+
+def test_text_names_sizes_stations_and_what_is_unknown(made, capsys):
+    assert run("map", made / "walk", "--out", made / "again", "--poses", made / "walk" / "true_poses.csv") == 2
+    assert "there is no station '2', only 1, 3, 4" in capsys.readouterr().err
+    assert run("map", made / "walk", "--out", made / "again") == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "4 walls, from 3 stations" in said and "station 1: x 0, y 0 mm" in said and "by its scan)" in said
+    assert (
+        "no height: " in said and "± one standard deviation" in said and "objects of which all sizes are known" in said
+    )
+    assert "not used, as they belong to no station: true_poses.csv" in said
+
+
+def test_nothing_mapped_is_exit_code_1(made, tmp_path, capsys):
+    (tmp_path / "calibration.json").write_bytes((made / "walk" / "calibration.json").read_bytes())
+    for side in ("left", "right"):
+        cv2.imwrite(str(tmp_path / f"1_{side}.png"), np.full((480, 640, 3), 90, np.uint8))
+    assert run("map", tmp_path, "--out", tmp_path / "out") == 1
+    assert "nothing was mapped: no station could be measured. station 1: no floor" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("name", "data", "message"),
+    [
+        ("3_right.jpg", None, "3_left.jpg has no right picture: add 3_right.jpg"),
+        ("3_scan.bin", b"no laser" * 99, "3_scan.bin (792 bytes) is no XV-11 recording"),
+        ("3_scan.bin", walk.scan_bytes("room/3")[:900], "3_scan.bin: none of the 1 turns is complete"),
+        ("03_scan.bin", b"", "station 3 has two files for its scan, 03_scan.bin and 3_scan.bin"),
+        ("poses.csv", b"station,x_mm,y_mm,yaw_deg\n8,0,0,0\n", "line 2: there is no station '8', only 1, 3, 4"),
+        ("1_left.jpg", cv2.imencode(".jpg", np.zeros((240, 320, 3), np.uint8))[1].tobytes(), "must have one size"),
+        ("calibration.json", None, "calibration.json: no such file"),
+    ],
+)
+def test_bad_input_is_named_and_nothing_is_written(made, tmp_path, capsys, name, data, message):
+    for path in (made / "walk").iterdir():
+        (tmp_path / path.name).write_bytes(path.read_bytes())
+    if data is None:
+        (tmp_path / name).unlink()
+    else:
+        (tmp_path / name).write_bytes(data)
+    assert run("map", tmp_path, "--out", tmp_path / "out") == 2
+    said = capsys.readouterr().err
+    assert message in said and not (tmp_path / "out").exists()
+
+
+def test_pictures_of_another_size_than_the_calibration(made, tmp_path, capsys):
+    small = cv2.imencode(".png", np.zeros((240, 320, 3), np.uint8))[1].tobytes()
+    for side in ("left", "right"):
+        (tmp_path / f"1_{side}.png").write_bytes(small)
+    calibration = made / "walk" / "calibration.json"
+    assert run("map", tmp_path, "--out", tmp_path / "out", "--calibration", calibration) == 2
+    assert "1_left.png is 320x240, the calibration is for 640x480" in capsys.readouterr().err
+
+
+def test_the_walk_is_not_written_over(made, capsys):
+    assert run("data", "walk", made / "walk") == 2
+    assert "would be overwritten: name another place with FOLDER" in capsys.readouterr().err

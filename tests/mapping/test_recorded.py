@@ -1,0 +1,124 @@
+"""Folders of recordings to one map: pairs and scans, one of both, and what lies below the laser's plane."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+from support import walks
+
+from stereolib.mapping import OCCUPIED, NothingToMap, list_stations, map_recordings, occupancy_grid
+from stereolib.measurement import Instrument, Reason, Source
+from stereolib.paper import paper_rig
+from stereolib.virtual import (
+    Material,
+    Scene,
+    VirtualLidar,
+    Webcam,
+    box_on_floor,
+    recordings,
+    render_pair,
+    walk,
+    walk_folder,
+    walk_laser,
+)
+
+INSTRUMENT = Instrument(recordings.rectified(), walk_laser())
+LOW, HIGH = ((220.0, 160.0, 40.0), (820.0, 60.0)), ((200.0, 150.0, 180.0), (900.0, -190.0))
+
+
+@pytest.fixture
+def walked(tmp_path):
+    walk_folder.write_walk(tmp_path)
+    return tmp_path
+
+
+MORE = (-300.0, 700.0, -0.6)  # one more place in the room of the walk
+
+
+def remove(folder, *names):
+    for name in names:
+        (folder / name).unlink()
+
+
+def mapped(folder, poses=None):
+    return map_recordings(list_stations(folder, poses).stations, INSTRUMENT)
+
+
+def true_sizes(recorded, to_room):
+    return [walk.nearest_box(to_room(thing.position_mm)).size_mm for thing in recorded.room.measured]
+
+
+def test_scans_place_pairs_and_scans_alone(walked):
+    """Stations 1 and 3 with pictures, another by its scan alone, 2 without a scan: where it stood nobody knows."""
+    remove(walked, "2_scan.bin", *(f"{k}_{part}" for k in "45" for part in ("left.jpg", "right.jpg", "scan.bin")))
+    (walked / "more_scan.bin").write_bytes(walks.more_scan_bytes(MORE))
+    recorded = mapped(walked)
+    assert [s.name for s in recorded.room.stations] == ["1", "3", "more"]
+    assert recorded.left_out == {"2": "it has no scan to be placed by: give its pose"}
+    c, s = np.cos(walk.POSES["room/1"][2]), np.sin(walk.POSES["room/1"][2])
+    boxes = true_sizes(recorded, lambda p: np.array([[c, -s], [s, c]]) @ p + walk.POSES["room/1"][:2])
+    whole = [(thing, true) for thing, true in zip(recorded.room.measured, boxes, strict=True) if thing.shape == "box"]
+    assert {true for _, true in whole} >= {(400, 250, 300), (300, 200, 200), (200, 160, 100)}
+    for thing, true in whole:
+        assert (np.abs(thing.size_mm - true) < 4 * thing.std_mm)[np.isfinite(thing.size_mm)].all()
+    scanned = recorded.room.stations[2]
+    assert scanned.objects and all(np.isnan(thing.size_mm[2]) for thing in scanned.objects)
+    assert {thing.reasons["height"].reason for thing in scanned.objects} == {Reason.NO_FLOOR}
+    assert {str(thing.reasons["height"]) for thing in scanned.objects} == {
+        f"the station has no pictures: {Reason.NO_FLOOR.value}"
+    }
+    assert recorded.measured["more"].warnings == () and recorded.measured["more"].floor is None
+    assert len(recorded.cloud().points_mm) > 1000
+
+
+def test_given_poses_bring_pictures_alone_into_the_map(walked):
+    parts = ("left.jpg", "right.jpg", "scan.bin")
+    remove(walked, "1_left.jpg", "1_right.jpg", "3_scan.bin", *(f"{k}_{part}" for k in "245" for part in parts))
+    poses = walked / "true_poses.csv"
+    poses.write_text("\n".join(line for line in poses.read_text().splitlines() if line[0] in "s13"))
+    recorded = mapped(walked, poses)
+    assert not recorded.left_out and len(recorded.room.stations[1].scan_mm) == 0
+    boxes = true_sizes(recorded, lambda p: p)
+    thing = recorded.room.measured[boxes.index((400.0, 250.0, 300.0))]
+    assert thing.size_mm == pytest.approx((400, 250, 300), abs=4)
+    assert thing.sources["station 3"] is Source.IMAGE
+
+
+@pytest.fixture
+def low(tmp_path):
+    """A station before a box that is lower than the laser's plane, and one that is not."""
+    material = Material((0.34, 0.46, 0.58), 0.4, 6.0, 3)
+    boxes = [box_on_floor(size, *place, 0.5, material) for size, place in (LOW, HIGH)]
+    room = walk.walk_scene()
+    scene = Scene((room.boxes[0], *boxes), room.lights, ambient=0.3)
+    lights = render_pair(scene, paper_rig(), recordings.setup(), samples=1, light_samples=1)
+    for side, light in zip(("left", "right"), lights, strict=True):
+        cv2.imwrite(str(tmp_path / f"a_{side}.png"), Webcam().shoot(light, np.random.default_rng(len(side))))
+    sensor = VirtualLidar(height_mm=walk.LASER_HEIGHT_MM)
+    (tmp_path / "a_scan.bin").write_bytes(sensor.scan(scene, (0.0, 0.0, 0.0), np.random.default_rng(2), turns=5))
+    return tmp_path
+
+
+def test_a_box_below_the_laser_is_measured_by_the_pair(low):
+    recorded = mapped(low)
+    found = {tuple(np.rint(thing.position_mm / 50)): thing for thing in recorded.room.measured}
+    assert len(found) == 2
+    for (size, place), below in ((LOW, True), (HIGH, False)):
+        thing = min(found.values(), key=lambda each: float(np.linalg.norm(each.position_mm - place)))
+        told = np.isfinite(thing.size_mm)
+        assert told[1:].all() and (told[0] or not below)
+        assert thing.size_mm[told] == pytest.approx(np.array(size)[told], abs=3)
+        assert thing.sources["lines"] is (Source.IMAGE if below else Source.BOTH)
+        assert ("object" in thing.reasons) is below
+        for objects, taken in (((), False), (recorded.room.measured, bool(told[0]))):  # beams pass over the low one
+            grid = occupancy_grid(recorded.room.stations, objects=objects)
+            assert (grid.at(np.array([place]))[0] == OCCUPIED) is np.bool_(taken)
+
+
+def test_nothing_to_map_is_said_with_its_reasons(tmp_path):
+    grey = np.full((480, 640, 3), 90, np.uint8)
+    for side in ("left", "right"):
+        cv2.imwrite(str(tmp_path / f"hall_{side}.png"), grey)
+    with pytest.raises(NothingToMap, match=r"no station could be measured\. station hall: no floor"):
+        mapped(tmp_path)

@@ -1,0 +1,104 @@
+"""Folders of recordings: what belongs together, and what is wrong with files."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+
+from stereolib.mapping import list_stations
+from stereolib.virtual import walk
+
+GREY = np.full((48, 64, 3), 90, np.uint8)
+
+
+@pytest.fixture
+def folder(tmp_path):
+    for name in ("1_left", "1_right", "10_left", "10_right"):
+        cv2.imwrite(str(tmp_path / f"{name}.png"), GREY)
+    for name in ("1", "02"):
+        (tmp_path / f"{name}_scan.bin").write_bytes(walk.scan_bytes("room/1"))
+    return tmp_path
+
+
+def test_files_are_told_apart_by_their_names(folder):
+    for name in ("door_left.JPG", "door-right.jpg"):
+        cv2.imwrite(str(folder / name), GREY)
+    for name in ("calibration.json", "1_scan.bin.json", ".hidden_left.png", "notes.txt"):
+        (folder / name).write_text("{}")
+    (folder / "poses.csv").write_text("station, x_mm,y_mm,yaw_deg\n01,10,-20.5,90\n\ndoor,0,0,0\n")
+    found = list_stations(folder)
+    assert [s.name for s in found.stations] == ["1", "2", "10", "door"]
+    kinds = [(s.left is not None, s.scan is not None) for s in found.stations]
+    assert kinds == [(True, True), (False, True), (True, False), (True, False)]
+    assert found.unused == ("1_scan.bin.json", "notes.txt")
+    assert found.stations[0].pose == pytest.approx((10, -20.5, np.pi / 2)) and found.stations[1].pose is None
+    assert found.stations[0].read_pair((64, 48))[1].shape == (48, 64, 3) and found.stations[1].read_pair((1, 1)) is None
+    assert list_stations(folder, _poses(folder, "2,1,2,3")).stations[1].pose == pytest.approx((1, 2, np.radians(3)))
+
+
+def test_scan_as_a_table_is_the_recorded_one(folder):
+    recorded = list_stations(folder).stations[0].read_scan()
+    rows = [f"{k},{'' if np.isnan(r) else r}" for k, r in enumerate(recorded.ranges_mm)]
+    rows[7] = "7,0"
+    (folder / "3_scan.csv").write_text("\n".join(["angle_deg,range_mm", *rows]))
+    table = list_stations(folder).stations[2].read_scan()
+    expected = np.where(np.arange(360) == 7, np.nan, recorded.ranges_mm)
+    np.testing.assert_array_equal(table.ranges_mm, expected)
+    np.testing.assert_allclose(table.angles_rad, recorded.angles_rad, atol=1e-12)
+    assert table.emitter_offset_mm == recorded.emitter_offset_mm
+
+
+def _poses(folder, *rows, head="station,x_mm,y_mm,yaw_deg"):
+    path = folder / "other.csv"
+    path.write_text("\n".join([head, *rows]))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("spoil", "message"),
+    [
+        (lambda f: (f / "1_right.png").unlink(), r"1_left\.png has no right picture: add 1_right\.png"),
+        (lambda f: (f / "1_scan.csv").touch(), "station 1 has two files for its scan, 1_scan.bin and 1_scan.csv"),
+        (lambda f: (f / "2_scan.bin").touch(), "station 2 has two files for its scan, 02_scan.bin and 2_scan.bin"),
+        (lambda f: (f / "1_scan.bin").rename(f / "1_scan.png"), r"1_scan\.png: the scan of a station is .bin or .csv"),
+        (lambda f: [path.unlink() for path in f.iterdir()], "holds no station: expected 1_left.png"),
+    ],
+)
+def test_folders_that_make_no_sense_are_refused(folder, spoil, message):
+    spoil(folder)
+    with pytest.raises(ValueError, match=message):
+        list_stations(folder)
+
+
+@pytest.mark.parametrize(
+    ("rows", "message"),
+    [
+        (["7,0,0,0"], r"line 2: there is no station '7', only 1, 2, 10"),
+        (["1,0,0,0", "", "01,0,0,0"], "line 4: the pose of station 1 stands there twice"),
+        (["1,0,nowhere,0"], "line 2: 'nowhere' is no number"),
+        (["1,0,nan,0"], "line 2: 'nan' is no number"),
+        (["1,0,0"], "line 2: 4 values are expected"),
+    ],
+)
+def test_poses_that_make_no_sense_are_refused(folder, rows, message):
+    with pytest.raises(ValueError, match=message):
+        list_stations(folder, _poses(folder, *rows))
+    with pytest.raises(ValueError, match="first line must be station,x_mm,y_mm,yaw_deg"):
+        list_stations(folder, _poses(folder, *rows, head="name,x,y"))
+
+
+@pytest.mark.parametrize(
+    ("rows", "message"),
+    [
+        ([f"{k},500" for k in range(20)], "20 beams are too few"),
+        ([f"{-k},500" for k in range(100)], "grow in even steps"),
+        ([f"{k**1.01},500" for k in range(100)], "grow in even steps"),
+        ([f"{4 * k},500" for k in range(100)], "within one turn"),
+        ([f"{k},far" for k in range(100)], "line 2: 'far' is no number"),
+    ],
+)
+def test_tables_that_are_no_scan_are_refused(folder, rows, message):
+    (folder / "5_scan.csv").write_text("\n".join(["angle_deg,range_mm", *rows]))
+    with pytest.raises(ValueError, match=message):
+        list_stations(folder).stations[2].read_scan()

@@ -1,0 +1,113 @@
+"""How far pictures agree: surfaces that end, are cut, are hidden, are plain in between; and over a drawn plane."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+from support.boxes import FLOOR, RECT
+
+from stereolib.measurement import Views
+from stereolib.measurement.agreement import Agreement, Past, agreement
+from stereolib.measurement.box import World
+
+N = 60
+
+
+def lines(alike, contrast=None, matched=50.0):
+    """Correlations, one a line, on a surface of 50 px."""
+    alike = np.asarray(alike, float)
+    contrast = np.ones(N) if contrast is None else contrast
+    return Agreement(alike, alike, contrast, np.full(N, 50.0), np.broadcast_to(matched, N).astype(float))
+
+
+def until(last, then):
+    return np.where(np.arange(N) < last, 0.95, then)
+
+
+def test_a_surface_that_ends():
+    reach = lines(until(30, 0.1)).reach(16)
+    assert reach.past is Past.OPEN and reach.last == 27 and reach.stop == 29  # two lines of the window go on
+    assert lines(until(30, 0.7)).reach(16).last == 27  # in between nothing is told
+    assert lines(until(0, 0.1)).reach(16).last < 0
+
+
+def test_a_surface_that_the_picture_cuts():
+    reach = lines(until(30, np.nan)).reach(16)
+    assert reach.past is Past.CUT and reach.stop == 29
+
+
+def test_a_surface_that_something_nearer_hides():
+    matched = np.where(np.arange(N) < 30, 50.0, 70.0)
+    assert lines(until(30, 0.1), matched=matched).reach(16).past is Past.HIDDEN
+    farther = np.where(np.arange(N) < 30, 50.0, 30.0)
+    assert lines(until(30, 0.1), matched=farther).reach(16).past is Past.OPEN
+    unknown = np.where(np.arange(N) < 30, 50.0, np.nan)
+    assert lines(until(30, 0.1), matched=unknown).reach(16).past is Past.OPEN
+
+
+def test_a_plain_part_is_bridged():
+    at = np.arange(N)
+    plain = (at >= 20) & (at < 35)
+    alike, contrast = np.where(plain, 0.0, until(50, 0.1)), np.where(plain, 0.05, 1.0)
+    assert lines(alike, contrast).reach(16).last == 47
+    assert lines(alike).reach(16).last == 17  # with contrast it is another surface
+    ends_plain = lines(np.where(at >= 20, 0.0, 0.95), np.where(at < 40, np.where(at >= 20, 0.05, 1.0), 1.0)).reach(16)
+    assert ends_plain.last == 17 and ends_plain.stop == 39  # somewhere in between
+
+
+def test_single_lines_that_disagree_end_nothing():
+    alike = until(40, 0.1)
+    alike[[10, 11, 20, 30]] = 0.0
+    assert lines(alike).reach(16).last == 37
+
+
+def test_a_surface_that_is_only_predicted_may_agree_less():
+    alike = until(30, 0.1) - 0.35
+    assert lines(alike).reach(16).last < 0 and lines(alike).reach(16, second=True).last == 27
+
+
+def test_parts_may_run_backwards():
+    alike = until(30, 0.1)[::-1]
+    assert lines(alike).part(slice(None, None, -1)).reach(16) == lines(alike[::-1]).reach(16)
+
+
+@pytest.fixture(scope="module")
+def wall():
+    """A textured wall 800 mm ahead, to the left of column 400 of the left picture; beside it another moment."""
+    world = World.of(FLOOR, np.zeros(2), 0.0, np.zeros(10))
+    plane = world.disparity_plane(np.array([1.0, 0.0, 0.0]), np.array(800.0))
+    texture = cv2.GaussianBlur(np.random.default_rng(3).normal(0, 1, (480, 900)), (0, 0), 1.5)
+    texture = np.clip(128 + 45 * texture / texture.std(), 0, 255).astype(np.float32)
+    u, v = np.meshgrid(np.arange(640, dtype=np.float32), np.arange(480, dtype=np.float32))
+    source = (u + plane[1] * v + plane[2]) / (1 - plane[0])
+    right = cv2.remap(texture, source.astype(np.float32), v, cv2.INTER_CUBIC)
+    other = cv2.GaussianBlur(np.random.default_rng(4).normal(0, 1, (480, 640)), (0, 0), 1.5)
+    right[source >= 400] = (128 + 45 * other / other.std())[source >= 400]
+    left, right = (np.clip(picture, 0, 255).round().astype(np.uint8) for picture in (texture[:, :640], right))
+    return Views.of_rectified(left, right), world, plane
+
+
+def test_over_a_wall_pictures_agree_until_it_ends(wall):
+    views, world, plane = wall
+    columns = np.arange(300.0, 500.0)
+    t = (world.centre_px[0] - columns) / RECT.f_px
+    points = np.empty((len(t), 16, 3))
+    points[..., 0], points[..., 1] = 800.0, 800.0 * t[:, None] * np.hypot(1, world.axes[0, 1] / world.axes[0, 2])
+    points[..., 2] = np.linspace(50, 250, 16)
+    found = agreement(views, world, points)
+    u = world.pixels(points[:, 8])
+    assert found.predicted_px == pytest.approx(plane[0] * u[:, 0] + plane[1] * u[:, 1] + plane[2], abs=1.0)
+    inside = u[:, 0] < 395
+    assert found.fine[inside].min() > 0.9 and np.nanmax(found.fine[u[:, 0] > 405]) < 0.6
+    assert found.matched_px[inside] == pytest.approx(found.predicted_px[inside], abs=2)
+    reach = found.reach(40)
+    assert u[reach.last, 0] == pytest.approx(397, abs=2.5)
+
+
+def test_behind_the_camera_and_outside_of_the_pictures_nothing_is_told(wall):
+    views, world, _ = wall
+    behind = np.tile([-500.0, 0.0, 100.0], (6, 16, 1))
+    aside = np.tile([500.0, 900.0, 100.0], (6, 16, 1))
+    for points in (behind, aside):
+        assert np.isnan(agreement(views, world, points).fine).all()

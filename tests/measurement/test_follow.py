@@ -1,0 +1,116 @@
+"""Faces and tops followed to their ends: against boxes of the virtual rig, to the stretch in which an end may lie."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from support.boxes import OWN, PRIORS, STILL, planes
+from support.pictured import HIGH, recorded, rendered, true_box
+
+from stereolib.measurement import Face
+from stereolib.measurement.agreement import Past, Reach
+from stereolib.measurement.box import Box, Own, Side
+from stereolib.measurement.follow import End, UprightLine, follow_top, look_round, upright_line
+
+SLIVER = (700.0, (260.0, 260.0, 220.0), -13.0)
+FROM_ABOVE = (620.0, (220.0, 330.0, 130.0), -25.0)
+
+
+def tangent(point):
+    return point[1] / point[0]
+
+
+def holds(end, true, f_px):
+    """The true end lies within what is stated."""
+    return abs(end.at - true) * f_px < max(end.inside_px, end.outside_px)
+
+
+def test_a_line_and_its_points():
+    line = UprightLine(np.array([0.8, 0.6]), 500.0)
+    points = line.at(np.array([-0.3, 0.0, 0.4]))
+    assert points @ line.normal == pytest.approx(500) and points[:, 1] / points[:, 0] == pytest.approx([-0.3, 0, 0.4])
+    assert np.isnan(line.at(-1.5)).all()  # behind the camera
+    shown, hidden = line.round_corner(0.1, 1), line.round_corner(0.1, -1)
+    assert (shown.normal @ line.normal, hidden.normal @ line.normal) == pytest.approx((0, 0))
+    assert shown.at(0.1) == pytest.approx(line.at(0.1))
+    assert (
+        hidden.distance_mm == pytest.approx(-shown.distance_mm) and hidden.distance_mm < 0
+    )  # it is turned away from the camera
+
+
+@pytest.mark.parametrize("side", Side)
+def test_the_line_of_a_face_is_that_of_its_plane(side):
+    world = PRIORS.world(STILL)
+    (seen,) = planes(world, OWN, sides=[side])
+    face = Face(seen.centre_px, seen.coefficients, np.diag([1e-8, 1e-8, 1e-4]), (-0.1, 0.1), 900)
+    for height in (0.0, 200.0):
+        line, tilt, std = upright_line(world, face, height)
+        assert line.normal == pytest.approx(Box(OWN).normal(side))
+        assert line.distance_mm == pytest.approx(Box(OWN).distance(side)) and tilt == pytest.approx(0, abs=1e-9)
+        assert 1e-4 < std < 0.1
+
+
+def test_a_face_that_leans_back_is_told():
+    world = PRIORS.world(STILL)
+    lean = np.radians(5)
+    normal = np.array([np.cos(lean), 0.0, np.sin(-lean)])
+    plane = world.disparity_plane(normal, np.array(700.0))
+    face = Face(np.zeros(2), plane, np.diag([1e-8, 1e-8, 1e-4]), (-0.1, 0.1), 900)
+    low, tilt, _ = upright_line(world, face, 0.0)
+    assert abs(tilt) == pytest.approx(lean)
+    assert upright_line(world, face, 100.0)[0].distance_mm - low.distance_mm == pytest.approx(100 * np.tan(lean))
+
+
+def test_ends_of_reaches():
+    where = np.arange(100.0)
+    end = End.of(Reach(40, 42, Past.OPEN), where)
+    assert end.at == pytest.approx(41.5, abs=1) and end.inside_px == end.outside_px and end.std_px == 2.5
+    plain = End.of(Reach(40, 80, Past.OPEN), where)
+    assert plain.outside_px > 36 and plain.std_px > 10 and plain.at == end.at
+    assert End.of(Reach(40, 50, Past.CUT), where) == End(49.0, Past.CUT)
+    second = End.of(Reach(40, 42, Past.OPEN), where, second=True)
+    assert second.at < 40 and second.std_px > end.std_px
+
+
+def test_the_recorded_cube_s_faces():
+    shown = recorded("series/fine_700")
+    stretch, f = shown.stretch(), float(shown.world.focal)
+    own = np.array([700.0, 0.0, np.pi / 4, 300.0, 300.0, 300.0, 0.0, 0.0])
+    corner, right, left = Box(own).points(np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]))
+    assert abs(stretch.low_mm) < 12 and stretch.foot_mm < 0 and abs(stretch.high.at - 300) < 8
+    assert abs(stretch.lean_rad) < 0.05
+    on_right = stretch.line.normal[1] > 0
+    outer, inner = (stretch.right, stretch.left) if on_right else (stretch.left, stretch.right)
+    assert holds(outer, tangent(right if on_right else left), f) and holds(inner, tangent(corner), f)
+    round_corner = look_round(shown.views, shown.world, stretch, 1 if on_right else -1)
+    assert round_corner.t == pytest.approx(0, abs=4 / f)
+    assert holds(round_corner.end, tangent(left if on_right else right), f) and round_corner.width_px > 100
+    assert look_round(shown.views, shown.world, stretch, -1 if on_right else 1) is None
+
+
+def test_a_sliver_round_the_corner_is_found():
+    """Twenty pixels wide, and less in the right picture: no disparity map shows it as a face."""
+    shown, own = rendered(*SLIVER), true_box(*SLIVER)
+    stretch, f = shown.stretch(), float(shown.world.focal)
+    corner, right = Box(own).points(np.array([[0.0, 0, 0], [1, 0, 0]]))
+    found = look_round(shown.views, shown.world, stretch, -1)
+    assert found.t == pytest.approx(tangent(corner), abs=4 / f) and holds(found.end, tangent(right), f)
+    assert 4 < found.width_px < 30
+    assert look_round(shown.views, shown.world, stretch, 1) is None
+    assert follow_top(shown.views, shown.world, own, Side.LEFT) is None  # the camera stands below it
+
+
+def test_tops_are_followed_backwards_from_above():
+    shown, own = rendered(*FROM_ABOVE, camera=HIGH), true_box(*FROM_ABOVE)
+    for side, depth in ((Side.RIGHT, own[Own.LEFT]), (Side.LEFT, own[Own.RIGHT])):
+        unknown = own.copy()
+        unknown[side.other.extent] = 100.0
+        end = follow_top(shown.views, shown.world, unknown, side)
+        assert end.past is Past.OPEN and end.at == pytest.approx(depth, abs=12)
+
+
+def test_what_the_picture_cuts():
+    shown = rendered(520.0, (260.0, 260.0, 220.0), 30.0, lateral=230.0)
+    stretch = shown.stretch()
+    assert stretch.left.past is Past.CUT and stretch.right.past is Past.OPEN
+    assert look_round(shown.views, shown.world, stretch, 1) is None

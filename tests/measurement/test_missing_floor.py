@@ -1,0 +1,65 @@
+"""Why there is no floor: each cause made, and told."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from support.disturbed import exposed, noisy, rows_moved
+from support.ground import RECT
+
+from stereolib.measurement import CannotMeasure, NoFloor, Views, find_floor, floor_from_pose, why_no_floor
+from stereolib.virtual import recordings
+
+PAIR = RECT.rectify(*recordings.load_pair("conditions/texture"))
+
+
+def cause(left, right):
+    return why_no_floor(Views.of_rectified(left, right), RECT)
+
+
+def test_too_dark_and_too_bright():
+    assert cause(*(exposed(picture, 0.02) for picture in PAIR))[0] is NoFloor.DARK
+    assert cause(PAIR[0], exposed(PAIR[1], 0.02))[0] is NoFloor.DARK
+    assert cause(*(exposed(picture, 8.0) for picture in PAIR))[0] is NoFloor.BRIGHT
+
+
+def test_no_texture():
+    plain = np.full_like(PAIR[0], 120)
+    assert cause(noisy(plain, 2, 1), noisy(plain, 2, 2))[0] is NoFloor.PLAIN
+
+
+@pytest.mark.parametrize("rows", [16, -20])
+def test_rows_that_disagree_by_more_than_can_be_corrected(rows):
+    found, value = cause(PAIR[0], rows_moved(PAIR[1], rows))
+    assert found is NoFloor.ROWS and value == pytest.approx(rows, abs=4)
+
+
+def test_nearer_than_the_window():
+    """A surface 0.2 m away: 360 px."""
+    texture = np.kron(np.random.default_rng(0).integers(40, 220, (80, 200)), np.ones((6, 6))).astype(np.uint8)
+    found, near_mm = cause(texture[:480, :640].copy(), texture[:480, 360:1000].copy())
+    assert found is NoFloor.NEAR and near_mm == pytest.approx(RECT.f_px * RECT.baseline_mm / 256)
+
+
+def test_a_floor_that_both_see_differently():
+    """Two moments: below, the pictures have nothing in common."""
+    draw = np.random.default_rng(1)
+    spoilt = PAIR[1].copy()
+    spoilt[200:] = np.kron(draw.integers(40, 220, (70, 160, 1)), np.ones((4, 4, 3))).astype(np.uint8)
+    assert cause(PAIR[0], spoilt)[0] is NoFloor.GLOSSY
+
+
+def test_a_camera_that_looks_at_a_wall():
+    wall = np.kron(np.random.default_rng(2).integers(40, 220, (120, 200)), np.ones((4, 4))).astype(np.uint8)
+    left, right = wall[:480, :640].copy(), wall[:480, 60:700].copy()
+    assert cause(left, right)[0] is NoFloor.UNSEEN
+    with pytest.raises(CannotMeasure, match=r"no floor: nothing below the camera is a plane.*--floor"):
+        find_floor(Views.of_rectified(left, right), RECT)
+
+
+def test_the_floor_that_is_seen_is_found():
+    true = floor_from_pose(RECT, recordings.setup("pitched"))
+    for level in (1.0, 0.1, 0.05):  # dark ones too, with larger deviations
+        floor = find_floor(Views.of_rectified(*(exposed(picture, level) for picture in PAIR)), RECT)
+        off = floor.plane - true.plane
+        assert off @ np.linalg.solve(floor.covariance, off) < 16.3

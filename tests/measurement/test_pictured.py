@@ -1,0 +1,82 @@
+"""One box in both pictures: sizes and place against the virtual rig's truth; what does not stand is refused."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+from support.boxes import OWN
+from support.pictured import HIGH, recorded, rendered, true_box
+
+from stereolib.measurement import CannotMeasure, ObjectRegion, Reason
+from stereolib.measurement.agreement import Past
+from stereolib.measurement.box import Edge, Own, Shared, Side
+from stereolib.measurement.pictured import see_box
+from stereolib.virtual import recordings
+
+SERIES = [f"series/{kind}_{mm}" for kind in recordings.TEXTURES_MM for mm in recordings.DISTANCES_MM[1::2]]
+CUBE = np.array([0.0, 0.0, np.pi / 4, 300.0, 300.0, 300.0, 0.0, 0.0])
+SIX = slice(0, Own.RIGHT_BIAS)
+
+
+def z(seen, true):
+    std = np.sqrt(np.diag(seen.solution.covariance))[len(Shared) :]
+    return ((seen.own - true) / std)[SIX]
+
+
+def test_the_recorded_cubes_within_their_deviations():
+    scores = []
+    for name in SERIES:
+        seen, true = recorded(name).box(), CUBE.copy()
+        true[Own.X] = float(name.split("_")[1])
+        assert not seen.refused and not seen.doubtful and len(seen.faces) == 2
+        assert np.abs(seen.own - true)[[Own.RIGHT, Own.LEFT, Own.HEIGHT]].max() < 1.5
+        assert {Edge.CORNER, Edge.RIGHT_END, Edge.LEFT_END, Edge.TOP_RIGHT, Edge.TOP_LEFT} == set(seen.past)
+        assert set(seen.past.values()) == {Past.OPEN} and len(seen.edges) == 5
+        scores.append(z(seen, true))
+    assert 0.4 < np.sqrt(np.mean(np.square(scores))) < 1.6 and np.abs(scores).max() < 4.5
+
+
+def test_a_sliver_tells_the_depth():
+    case = (700.0, (260.0, 260.0, 220.0), -13.0)
+    seen, true = rendered(*case).box(), true_box(*case)
+    assert seen.first is Side.LEFT and np.abs(z(seen, true)).max() < 4
+    assert 0 < seen.solution.covariance[-5, -5] < 1000.0**2  # known better than from nothing, if only just
+
+
+def test_a_top_from_above_tells_the_depth():
+    case = (620.0, (220.0, 330.0, 130.0), -25.0)
+    seen, true = rendered(*case, camera=HIGH).box(), true_box(*case)
+    assert np.abs(z(seen, true)).max() < 4 and {Edge.BACK_RIGHT, Edge.BACK_LEFT} & set(seen.edges)
+
+
+def test_an_end_outside_of_the_picture_is_not_told():
+    seen = rendered(520.0, (260.0, 260.0, 220.0), 30.0, lateral=230.0).box()
+    side = seen.first
+    assert seen.past[side.end] is Past.CUT and side.end not in seen.edges
+    std = np.sqrt(np.diag(seen.solution.covariance))[len(Shared) :]
+    assert std[side.extent] > 500 and std[Own.HEIGHT] < 1  # its height is known
+
+
+@pytest.mark.parametrize(
+    ("how", "reasons"),
+    [
+        ({"up_mm": 60.0}, {Reason.IN_THE_AIR}),
+        ({"lean_deg": 8.0}, {Reason.LEANS, Reason.IN_THE_AIR, Reason.NO_TEXTURE}),
+        ({"lean_deg": -8.0}, {Reason.LEANS, Reason.IN_THE_AIR, Reason.NO_TEXTURE}),
+    ],
+)
+def test_what_does_not_stand_is_refused(how, reasons):
+    refused = rendered(700.0, (260.0, 260.0, 220.0), 30.0, **how).box().refused
+    assert refused.reason in reasons
+    if "up_mm" in how:
+        assert re.search(r"\b(59|60|61) mm above the floor", refused.seen)
+
+
+def test_without_pixels_there_is_no_face():
+    shown = recorded(SERIES[0])
+    few = {name: getattr(shown.regions[0], name)[:30] for name in ("u", "v", "disparity_px", "height_mm")}
+    with pytest.raises(CannotMeasure, match="no texture"):
+        see_box(shown.views, shown.priors, ObjectRegion(**few, position_mm=(700.0, 0.0), bounds=(0, 0, 9, 9)))
+    assert len(OWN) == len(CUBE)

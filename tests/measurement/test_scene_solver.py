@@ -1,0 +1,116 @@
+"""The least squares: exact boxes from exact observations, stated deviations against draws, mistaken edges."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from support.boxes import FLOOR, HERE, OTHER, OWN, PRIORS, STILL, everything, pictured, shared, start
+
+from stereolib.measurement import LaserOnFloor
+from stereolib.measurement.box import Edge, Own, Shared
+from stereolib.measurement.observations import EdgeSeen
+from stereolib.measurement.scene_solver import Seen, solve
+
+SIZES = [Own.RIGHT, Own.LEFT, Own.HEIGHT]
+
+
+def test_exact_observations_give_the_exact_box():
+    world = PRIORS.world(STILL)
+    found = solve(PRIORS, [Seen(start(), everything(world))])
+    assert found.boxes[0][SIZES] == pytest.approx([300, 200, 250], abs=0.01)
+    assert found.boxes[0][: Own.RIGHT] == pytest.approx(OWN[: Own.RIGHT], abs=0.02)
+    assert found.cost < 1e-2 and np.abs(found.shared[:3]).max() < 1e-4
+    assert np.linalg.eigvalsh(found.covariance).min() > 0
+
+
+def test_what_gave_the_variance_adds_up_to_it():
+    found = solve(PRIORS, [Seen(start(), everything(PRIORS.world(STILL)))])
+    assert sum(found.given.values()) == pytest.approx(np.diag(found.covariance), rel=1e-6)
+    assert set(found.given) == {
+        "floor", "laser", "cameras", "OwnPrior", "PlaneSeen", "EdgeSeen", "RangesSeen", "EndBetweenBeams"
+    }  # fmt: skip
+
+
+def test_the_floor_s_share_is_the_derivative():
+    """Against numerical derivatives of the boxes, the floor's plane moved by a part of its deviations each way."""
+    seen, slopes = [Seen(start(), pictured(PRIORS.world(STILL)))], []
+    for column in np.linalg.cholesky(FLOOR.covariance).T:
+        high, low = (
+            solve(replace(PRIORS, floor=replace(FLOOR, plane=FLOOR.plane + sign * column)), seen).boxes[0]
+            for sign in (0.1, -0.1)
+        )
+        slopes.append((high - low) / 0.2)
+    share = np.sqrt(solve(PRIORS, seen).given["floor"][len(Shared) :])
+    assert np.linalg.norm(slopes, axis=0)[SIZES] == pytest.approx(share[SIZES], rel=0.03, abs=1e-3)
+
+
+@pytest.mark.parametrize("see", [pictured, everything])
+def test_stated_deviations_are_those_of_draws(see):
+    """What all boxes share is drawn too: floor, laser, cameras; two boxes, so that they tell it to each other."""
+    rng, z = np.random.default_rng(11), []
+    laser_std = np.sqrt(np.diag(HERE.covariance))
+    for _ in range(25):
+        x = STILL.copy()
+        x[3:6], x[6:] = rng.normal(0, laser_std), rng.normal(0, PRIORS.cameras_std)
+        floor = rng.multivariate_normal(FLOOR.plane, FLOOR.covariance, method="eigh")  # as it was seen
+        priors = replace(PRIORS, floor=replace(FLOOR, plane=floor))
+        seen, boxes = [], []
+        for own in (OWN, OTHER):
+            box = own.copy()
+            box[[Own.RIGHT_BIAS, Own.LEFT_BIAS]] = rng.normal(0, HERE.bias_mm, 2)
+            seen.append(Seen(start(own), see(PRIORS.world(x), box, rng)))
+            boxes.append(box)
+        found = solve(priors, seen)
+        for k, box in enumerate(boxes):
+            std = np.sqrt(np.diag(found.of_box(k)[1]))[len(Shared) :]
+            z.append(((found.boxes[k] - box) / std)[:6])
+    rms = np.sqrt(np.mean(np.square(z)))
+    assert 0.85 < rms < 1.15 and np.sqrt(np.mean(np.square(z), axis=0)).max() < 1.35
+
+
+def test_a_second_box_tells_the_first_where_the_laser_is():
+    world = PRIORS.world(STILL)
+    one = solve(PRIORS, [Seen(start(), everything(world))])
+    two = solve(PRIORS, [Seen(start(), everything(world)), Seen(start(OTHER), everything(world, OTHER))])
+    assert (two.laser_std < one.laser_std).all()
+    assert two.boxes[1][SIZES] == pytest.approx(OTHER[SIZES], abs=0.02)
+
+
+def mistaken(px):
+    seen = everything(PRIORS.world(STILL))
+    return [
+        replace(o, point_px=o.point_px + px * o.across) if isinstance(o, EdgeSeen) and o.edge is Edge.TOP_LEFT else o
+        for o in seen
+    ]
+
+
+def test_an_edge_far_off_hardly_matters():
+    """The higher of two upper edges is another thing's: it counts less, not linearly more."""
+    true, std = OWN[Own.HEIGHT], 0.0
+    heights = []
+    for px in (0.3, 3.0, 12.0):
+        found = solve(PRIORS, [Seen(start(), mistaken(px))])
+        heights.append(abs(found.boxes[0][Own.HEIGHT] - true))
+        std = float(np.sqrt(found.of_box(0)[1][-3, -3]))
+    assert heights[1] < 5 * heights[0] and heights[2] < heights[1] and heights[2] < 1.5 * std
+    misfits = dict(zip(mistaken(12.0), found.misfits[0], strict=True))
+    worst = max(misfits, key=misfits.get)
+    assert isinstance(worst, EdgeSeen) and worst.edge is Edge.TOP_LEFT and misfits[worst] > 4
+
+
+def test_what_is_known_beforehand_is_kept_where_nothing_is_seen():
+    """The pair alone says nothing of the laser."""
+    found = solve(PRIORS, [Seen(start(), pictured(PRIORS.world(shared(laser_x=30.0))))])
+    assert found.laser == pytest.approx([0, 0, 0], abs=1e-6)
+    assert found.laser_std == pytest.approx(np.sqrt(np.diag(HERE.covariance)))
+
+
+def test_a_scene_without_boxes_is_its_priors():
+    found = solve(PRIORS, [])
+    assert found.boxes == () and found.shared == pytest.approx(STILL, abs=1e-9)
+    std = np.sqrt(np.diag(found.covariance))
+    assert std[Shared.OFFSET] == pytest.approx(PRIORS.cameras_std[0])
+    assert std[0] * FLOOR.camera_height_mm == pytest.approx(0.5, rel=0.01)
+    assert isinstance(PRIORS.laser, LaserOnFloor)

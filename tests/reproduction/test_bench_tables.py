@@ -1,0 +1,98 @@
+"""What the README says of the benchmarks: with its goal, of today's code or not, and what was not told beside it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from stereolib.base import ROOT
+from stereolib.reproduction import bench_tables, code_sha256
+
+RESULTS = ROOT / "benchmarks" / "results"
+FILES = sorted({line.file for line in bench_tables.bench_lines()})
+
+
+def the_row(folder: Path, code: dict[str, object] | None, value: float = 0.02) -> str:
+    (folder / "accuracy.json").write_text(json.dumps({"focal_error_pct": value} | ({"code": code} if code else {})))
+    (row,) = bench_tables.bench_table(folder).splitlines()[2:]
+    return row
+
+
+def test_a_row_says_when_the_code_has_changed_since(tmp_path: Path) -> None:
+    rooms = ["base", "rig"]
+    today = {"rooms": rooms, "sha256": code_sha256(rooms)}
+    assert the_row(tmp_path, today) == "| focal lengths, virtual boards calibrated | 0.02 % off | at most 0.1 |"
+    for older in (None, today | {"sha256": "0" * 64}, today | {"rooms": ["base"]}):
+        assert "| 0.02 % off, measured with older code |" in the_row(tmp_path, older)
+
+
+def test_a_row_says_when_its_goal_is_missed(tmp_path: Path) -> None:
+    assert the_row(tmp_path, None, 0.11).endswith("| at most 0.1, **missed** |")
+
+
+def test_every_goal_can_be_missed() -> None:
+    goals = {line.goal for line in bench_tables.bench_lines() if line.goal}
+    for goal in goals:
+        assert not all(bench_tables.meets(value, goal) for value in (-1e9, 1e9)), goal
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_every_result_is_there_with_the_values_that_labels_quote(name: str) -> None:
+    result = json.loads((ROOT / "benchmarks" / "results" / f"{name}.json").read_text(encoding="utf-8"))
+    for label, file, key, unit, _ in bench_tables.bench_lines():
+        if file == name and bench_tables._look_up(result, key) is not None:
+            for hole in bench_tables._HOLE.findall(label + unit):
+                assert bench_tables._look_up(result, hole) is not None, (label, hole)
+
+
+def test_virtual_stands_where_a_figure_comes_from_the_virtual_rig() -> None:
+    from_pictures = ("accuracy", "dimensions", "study")
+    for label, name, *_ in bench_tables.bench_lines():
+        if name in from_pictures:
+            assert any(word in label for word in ("virtual", "their ", "the same", "its price", "the other")), label
+
+
+def a_rig(**changed: object) -> dict[str, object]:
+    """A row as `benchmarks/bench_rigs.py` writes it."""
+    row = {
+        "about": "nothing is wrong", "scenes": 200, "sizes": 500, "within_1_sigma_pct": 68.0,
+        "within_2_sigma_pct": 95.0, "binomial_p": 1.0, "silent": 0, "silent_beyond_pct": 10.0, "refused": 3,
+        "measurable": 150, "measurable_lacking_pct": 6.0,
+        **{size: {"told": 100, "median_pct": 0.1} for size in ("length", "width", "height")}, "volume": {"told": 0},
+    }  # fmt: skip
+    return row | changed
+
+
+def the_rig(folder: Path, name: str = "undisturbed", **changed: object) -> str:
+    (folder / "rigs.json").write_text(json.dumps({"rows": {name: a_rig(**changed)}}))
+    return bench_tables.rigs_table(folder).splitlines()[2]
+
+
+def test_a_disturbed_rig_has_its_refusals_beside_its_errors(tmp_path: Path) -> None:
+    row = the_rig(tmp_path)
+    assert row == (
+        "| nothing is wrong | 3 of 200 | 6 % of 150 (at most 10) | 500 | 0.1 / 0.1 / 0.1 / - | 95.0 | 68.0 "
+        "| 0 beyond 10 % |"
+    )
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [{"silent": 1}, {"measurable_lacking_pct": 10.1}, {"within_2_sigma_pct": 89.9, "binomial_p": 0.009},
+     {"within_2_sigma_pct": 99.5, "binomial_p": 0.001}],
+)  # fmt: skip
+def test_a_disturbed_rig_says_which_goal_it_misses(tmp_path: Path, changed: dict[str, object]) -> None:
+    assert the_rig(tmp_path, **changed).count("**missed**") == 1
+    assert "missed" not in the_rig(tmp_path, within_2_sigma_pct=89.9, binomial_p=0.011)  # chance alone does that
+
+
+def test_a_row_without_a_size_is_shown(tmp_path: Path) -> None:
+    nothing = {size: {"told": 0} for size in ("length", "width", "height", "volume")}
+    row = a_rig(sizes=0, binomial_p=None, refused=200, **nothing)
+    del row["within_1_sigma_pct"], row["within_2_sigma_pct"]
+    (tmp_path / "rigs.json").write_text(json.dumps({"rows": {"undisturbed": row}}))
+    assert "| 200 of 200 |" in bench_tables.rigs_table(tmp_path) and "- / - / - / -" in bench_tables.rigs_table(
+        tmp_path
+    )

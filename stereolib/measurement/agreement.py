@@ -18,7 +18,7 @@ _LEAST_SEEN = 0.5  # share of a line that both pictures must show
 _NEARER_PX, _NEARER = 2.0, 0.03  # what hides a surface has so much more disparity, px and share; what is behind, less
 _FIRST, _SECOND = (0.8, 0.55), (0.55, 0.35)  # correlations from which on pictures agree, and up to which they do not
 _QUIET, _TYPICAL = 0.3, 0.75  # what has less than this share of a surface's typical contrast (a quantile) is plain
-_LEAST_RUN = 9  # lines in a row that agree go on with a surface beyond a plain part
+_COST = 0.2  # of a line that does not agree, in lines that do: so many must follow on a plain part
 _DISAGREE = 3  # lines in a row that disagree end a surface
 _LEAST_POWER = 1e-12  # of two lines' slopes: a correlation of nothing with nothing is 0
 _BESIDE = 12  # lines past an end that tell what is there
@@ -118,23 +118,14 @@ class Agreement:
         run = np.convolve(bad, np.ones(_DISAGREE), "valid") == _DISAGREE
         shown = np.isfinite(values)
         stop = min(_first(run, len(values)), _first(~shown, len(values)))
-        last = _last(good[:stop])
+        gained = np.cumsum(good[:stop] - _COST * ~good[:stop])
+        last = int(np.argmax(gained)) if good[:stop].any() else -1
         cut = stop < len(values) and not shown[stop : stop + _MARGIN].all()
         nearer = (1 + _NEARER) * self.predicted_px[max(last, 0)] + _NEARER_PX
         beside = self.matched_px[last + 1 + _MARGIN : last + 1 + _BESIDE]
         hidden = np.count_nonzero(beside > nearer) > len(beside) / 2
         past = Past.HIDDEN if hidden else Past.CUT if cut else Past.OPEN
         return Reach(max(last - _MARGIN, min(last, 0)), max(stop - 1, 0), past)
-
-
-def _last(good: Bools) -> int:
-    """Number of the last line of a surface: beyond a plain part some lines in a row must agree; a lone edge may."""
-    steps = np.flatnonzero(np.diff(good.astype(np.int8), prepend=0, append=0))
-    last = -1
-    for begin, end in steps.reshape(-1, 2).tolist():
-        if begin - last <= _DISAGREE or end - begin >= _LEAST_RUN or last < 0:
-            last = end - 1
-    return last
 
 
 def _first(flags: Bools, none: int) -> int:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from stereolib.base import Float32, Float64
+from stereolib.base import Float32, Float64, Floats
 from stereolib.measurement.plane_alignment import median
 
 #: Neighbouring lines are so far apart in the picture, px.
@@ -15,9 +15,9 @@ STEP_PX = 0.25
 _SPAN_PX = 1.5  # lines are compared at this distance from each other: the width of a webcam's edge
 _GROUPS = 8  # of samples, each located by itself: their scatter is the edge's
 _LEAST_SAMPLES = 8
-_RIVALRY = 16  # power of two peaks' ratio that is their odds
+_RIVALRY = 12  # power of two peaks' ratio that is their odds
 _LEAST = 1e-3  # of a difference: what is less is none
-_FLOOR_PX = 0.10  # least standard deviation of an edge: its own blur and staircase
+_FLOOR_PX = 0.06  # least standard deviation of an edge: its own blur and staircase
 
 
 @dataclass(frozen=True)
@@ -99,8 +99,9 @@ def locate_edge(light: tuple[Float32, ...], lines: ParallelLines, belief: Float6
     start = max(best - 3 * half, 0)
     best = start + int(strength[start : best + 3 * half + 1].argmax())  # the prior chooses the peak, it moves none
     first = max(best - 2 * half, 0)
-    own = middle[first + groups[first : best + 2 * half + 1].argmax(axis=0)]
-    position = float(middle[best]) + STEP_PX * _parabola(strength, best)
+    own = middle[first] + STEP_PX * _highest(groups[first : best + 2 * half + 1])
+    beside = max(best - 1, 0)
+    position = float(middle[beside] + STEP_PX * _highest(strength[beside : best + 2, None])[0])
     scatter = 1.48 * median(np.abs(own - median(own))) / (_GROUPS / 1.57) ** 0.5
     rivals = _rivals(strength * belief[half:-half], middle, best)
     std = float(np.sqrt(scatter**2 + _FLOOR_PX**2 + rivals))
@@ -150,10 +151,15 @@ def _turn(own: Float64) -> tuple[float, float]:
     return centre, float(scatter * np.sqrt(12 / len(own)))
 
 
-def _parabola(values: Float64, at: int) -> float:
-    """Offset of the peak from its highest sample, -0.5..0.5."""
-    if not 0 < at < len(values) - 1:
-        return 0.0
-    a, b, c = values[at - 1 : at + 2]
-    bend = a - 2 * b + c
-    return float(np.clip(0.5 * (a - c) / bend, -0.5, 0.5)) if bend < 0 else 0.0
+def _highest(values: Float32) -> Float64:
+    """Where each column (N, k) is highest, by the parabola through its highest sample and both beside: (k,)."""
+    columns, at = np.arange(values.shape[1]), values.argmax(axis=0)
+    before, after = (values[np.clip(at + step, 0, len(values) - 1), columns] for step in (-1, 1))
+    inside = (at > 0) & (at < len(values) - 1)
+    return at + np.where(inside, _parabola(before, values[at, columns], after), 0.0)
+
+
+def _parabola(a: Floats, b: Floats, c: Floats) -> Float64:
+    """Offset of the peak of the parabola through three samples from the middle one, -0.5..0.5."""
+    bend = np.maximum(2 * b - a - c, 1e-9)
+    return np.asarray(np.clip(0.5 * (c - a) / bend, -0.5, 0.5))

@@ -175,6 +175,22 @@ class Stretch:
         return self.low_mm + (self.high.at - self.low_mm) * np.linspace(*_SIDEWAYS, _SAMPLES)
 
 
+def face_line(box: Box, side: Side) -> UprightLine:
+    """The line of a box's face.
+
+    Parameters
+    ----------
+    box : Box
+        One, real.
+    side : Side
+
+    Returns
+    -------
+    UprightLine
+    """
+    return UprightLine(box.normal(side), float(box.distance(side)))
+
+
 def upright_line(world: World, face: Face, at_mm: float) -> tuple[UprightLine, float, float]:
     """The line of a face's plane at a height, and the plane's tilt.
 
@@ -341,6 +357,35 @@ def _second(
     if count <= _LEAST_SECOND_PX:
         return None
     return t[:count], _compare(views, world, ground[:count], stretch.heights_mm)
+
+
+def follow_again(views: Views, world: World, own: Float64, side: Side) -> End | None:
+    """Follow a face of a box from the corner to its end, now that its place is known.
+
+    Parameters
+    ----------
+    views : Views
+    world : World
+    own : (8,) float64
+        The box, in the order of `Own`; how wide the face is is not used.
+    side : Side
+
+    Returns
+    -------
+    End or None
+        At a tangent of a bearing; None where it cannot be followed.
+    """
+    box, f = Box(own), float(world.focal)
+    line = face_line(box, side)
+    t0, outwards = float(own[Own.Y] / own[Own.X]), -1 if side is Side.RIGHT else 1
+    t = t0 + outwards * np.arange(1.0, _WIDEST_PX) / f
+    ground = line.at(t)
+    near = np.linalg.norm(ground - box.corner, axis=1) < _FARTHEST_MM
+    t, ground = t[: int(np.argmin(near)) or None], ground[: int(np.argmin(near)) or None]
+    if len(t) <= _LEAST_SECOND_PX:
+        return None
+    reach = _compare(views, world, ground, float(own[Own.HEIGHT]) * np.linspace(*_SIDEWAYS, _SAMPLES)).reach(_FIRST_PX)
+    return End.of(reach, t) if reach.last >= _LEAST_SECOND_PX else None
 
 
 def follow_top(views: Views, world: World, own: Float64, front: Side) -> End | None:

@@ -178,7 +178,7 @@ def find_edge(
     beyond = np.maximum(np.maximum(off - high, -low - off), 0.0)
     lean = np.maximum(outwards * off - inside, 0.0) / _NEARER_PX  # over a plain part to its first edge
     shown = light if _right_sees(world, Box(own), edge) else light[:1]
-    peak = locate_edge(shown, lines, np.exp(-0.5 * (beyond / std) ** 2 - lean))
+    peak = locate_edge(shown, lines, np.exp(-lean) / (1 + (beyond / std) ** 2))
     if peak is None or peak.contrast < (_CLEAR if outside else _STILL_CLEAR):
         return None
     seen = EdgeSeen(edge, at.point_px + peak.position_px * at.across, at.across, peak.std_px)

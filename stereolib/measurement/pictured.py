@@ -9,7 +9,7 @@ import numpy as np
 
 from stereolib.base import Float64
 from stereolib.measurement.agreement import Past
-from stereolib.measurement.box import Edge, Own, Shared, Side, World
+from stereolib.measurement.box import Box, Edge, Own, Shared, Side, World
 from stereolib.measurement.edges import Peak
 from stereolib.measurement.faces import Face, align_face, find_faces
 from stereolib.measurement.follow import (
@@ -17,6 +17,8 @@ from stereolib.measurement.follow import (
     Corner,
     End,
     Stretch,
+    face_line,
+    follow_again,
     follow_face,
     follow_top,
     look_round,
@@ -123,7 +125,8 @@ def see_box(views: Views, priors: Priors, region: ObjectRegion) -> Pictured:
     for _ in range(_ROUNDS):
         if solution is not None:  # the height is known now
             world = priors.world(solution.shared)
-            rough = _with_top(views, world, replace(rough, own=solution.boxes[0]), set(peaks))
+            rough, lost = _followed_again(views, world, replace(rough, own=solution.boxes[0]))
+            rough, peaks = _with_top(views, world, rough), {edge: p for edge, p in peaks.items() if edge is not lost}
             stds = predicted_stds_px(rough.open, priors, *solution.at(rough.own).of_box(0))
         found = _located(views, world, rough, peaks, stds)
         peaks = {edge: each.peak for edge, each in found.items()}
@@ -187,7 +190,21 @@ def _rough_box(stretch: Stretch, left: Corner | None, right: Corner | None) -> _
     return _Rough(own, first, ends, corner.width_px if corner else 0.0)
 
 
-def _with_top(views: Views, world: World, rough: _Rough, located: set[Edge]) -> _Rough:
+def _followed_again(views: Views, world: World, rough: _Rough) -> tuple[_Rough, Edge | None]:
+    """Follow the second face again, whose place is known now; and its end, if that was located elsewhere."""
+    side = rough.first.other
+    if side.end not in rough.open or (end := follow_again(views, world, rough.own, side)) is None:
+        return rough, None
+    box, own = Box(rough.own), rough.own.copy()
+    x, y = box.edge(side.end)[0, :2]
+    outside_px = (y / x - end.at) * float(world.focal) * (1 if side is Side.LEFT else -1)
+    if end.past is not Past.OPEN or -end.inside_px <= outside_px <= end.outside_px:
+        return rough, None
+    own[side.extent] = np.linalg.norm(face_line(box, side).at(end.at) - box.corner)
+    return replace(rough, own=own, ends=rough.ends | {side.end: end}), side.end
+
+
+def _with_top(views: Views, world: World, rough: _Rough) -> _Rough:
     """Add the back edges of a top face that the camera looks down on; they tell a depth that no face shows."""
     own, ends = rough.own.copy(), dict(rough.ends)
     is_open = any(end.past is Past.OPEN for edge, end in ends.items() if edge.is_top)
@@ -195,7 +212,7 @@ def _with_top(views: Views, world: World, rough: _Rough, located: set[Edge]) -> 
         return rough
     for side in Side:
         depth = side.other
-        if depth.end in located:
+        if depth.end in ends and ends[depth.end].past is Past.OPEN:
             ends[side.back] = End(0.0, Past.OPEN)
         elif side.end in ends and (top := follow_top(views, world, own, side)) is not None:
             own[depth.extent], ends[side.back] = top.at, top

@@ -18,7 +18,7 @@ from typing import Any, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from stereolib.base import Float64
+from stereolib.base import Bools, Float64
 from stereolib.measurement.floor import Floor
 
 Numbers: TypeAlias = npt.NDArray[Any]  # real, or complex for a derivative
@@ -211,12 +211,14 @@ class World:
         plane[..., 0], plane[..., 1], plane[..., 2] = a, b, c + self.offset + self.rows * b
         return plane
 
-    def pixels(self, points: Numbers) -> Numbers:
-        """Project points of the world into the left picture: (..., N, 3) mm to (..., N, 2) px.
+    def pixels(self, points: Numbers, right: Bools | bool = False) -> Numbers:
+        """Project points of the world into either picture: (..., N, 3) mm to (..., N, 2) px.
 
         Parameters
         ----------
         points : (..., N, 3)
+        right : bool or (N,) bool
+            Which of them into the right one, ``u - f B / Z - offset``; its rows are taken to be the left one's.
 
         Returns
         -------
@@ -224,6 +226,8 @@ class World:
         """
         seen = points @ self.axes - (self.camera_height[..., None] * self.axes[..., 2, :])[..., None, :]
         found: Numbers = seen[..., :2] / seen[..., 2:] * self.focal[..., None, None] + self.centre_px
+        if np.any(right):
+            found[..., 0] -= np.where(right, self.scale[..., None] / seen[..., 2] + self.offset[..., None], 0.0)
         return found
 
     def from_laser(self, points_mm: Numbers) -> Numbers:
@@ -326,6 +330,25 @@ class Box:
         found[..., :2] = shares[:, 1::-1] @ sides + self.corner[..., None, :]
         found[..., 2] = self.own[..., Own.HEIGHT, None] * shares[:, 2]
         return found
+
+    def from_other_end(self, first: Side) -> Box:
+        """The same box with its corner at the other end of a face, which so becomes the other side's.
+
+        Parameters
+        ----------
+        first : Side
+            The face.
+
+        Returns
+        -------
+        Box
+        """
+        own = self.own.copy()
+        own[..., [Own.X, Own.Y]] += self.own[..., first.extent, None] * self.normal(first.other)
+        own[..., Own.TURN] += np.pi / 2 if first is Side.RIGHT else -np.pi / 2
+        own[..., [Own.RIGHT, Own.LEFT]] = self.own[..., [Own.LEFT, Own.RIGHT]]
+        own[..., [Own.RIGHT_BIAS, Own.LEFT_BIAS]] = self.own[..., [Own.LEFT_BIAS, Own.RIGHT_BIAS]]
+        return Box(own)
 
     def edge(self, edge: Edge) -> Numbers:
         """Both ends of an edge.

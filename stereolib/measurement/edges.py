@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import cv2
 import numpy as np
@@ -18,6 +19,10 @@ _LEAST_SAMPLES = 8
 _RIVALRY = 12  # power of two peaks' ratio that is their odds
 _LEAST = 1e-3  # of a difference: what is less is none
 _FLOOR_PX = 0.06  # least standard deviation of an edge: its own blur and staircase
+
+
+#: Left and right picture; None for one that is not looked at.
+Light: TypeAlias = tuple[Float32 | None, Float32 | None]
 
 
 @dataclass(frozen=True)
@@ -46,7 +51,7 @@ class Peak:
 
 @dataclass(frozen=True, eq=False)
 class ParallelLines:
-    """Lines in the left picture, `STEP_PX` apart, and how far the right one shows them to the left.
+    """Lines in a picture, `STEP_PX` apart, where the left one has them, and how far to the left the right one.
 
     Attributes
     ----------
@@ -62,13 +67,13 @@ class ParallelLines:
     off_px: Float64
 
 
-def locate_edge(light: tuple[Float32, ...], lines: ParallelLines, belief: Float64, *, samples: int = 96) -> Peak | None:
+def locate_edge(light: Light, lines: ParallelLines, belief: Float64, *, samples: int = 96) -> Peak | None:
     """Find the one of many parallel lines along which the pictures have an edge.
 
     Parameters
     ----------
-    light : (left, right) or (left,), (H, W, 3) or (H, W) float32
-        Rectified pictures as light (`stereolib.rig.to_light`).
+    light : (left, right), each (H, W, 3) or (H, W) float32 or None
+        Rectified pictures as light (`stereolib.rig.to_light`); None for one that is not looked at.
     lines : ParallelLines
     belief : (lines,) float64
         How likely each of them is the edge, before the pictures are looked at.
@@ -109,9 +114,9 @@ def locate_edge(light: tuple[Float32, ...], lines: ParallelLines, belief: Float6
     return Peak(position, std, contrast, float(np.sqrt(rivals)), *_turn(own))
 
 
-def _differences(light: tuple[Float32, ...], lines: ParallelLines, samples: int, half: int) -> list[Float32]:
+def _differences(light: Light, lines: ParallelLines, samples: int, half: int) -> list[Float32]:
     """How much neighbouring lines differ, in either picture that shows them: (lines - 2 half, groups)."""
-    height, width = light[0].shape[:2]
+    height, width = next(picture.shape[:2] for picture in light if picture is not None)
     share = ((np.arange(samples, dtype=np.float32) + 0.5) / samples)[None]
 
     def along(ends: Float64) -> Float32:
@@ -120,7 +125,9 @@ def _differences(light: tuple[Float32, ...], lines: ParallelLines, samples: int,
 
     u, v, shift = along(lines.ends_px[..., 0]), along(lines.ends_px[..., 1]), along(lines.shift_px)
     found: list[Float32] = []
-    for picture, x in zip(light, (u, u - shift), strict=False):
+    for picture, x in zip(light, (u, u - shift), strict=True):
+        if picture is None:
+            continue
         first, last = (np.array([c[k] for c in (x, v)]) for k in (0, -1))  # between them lie all others
         limits = np.array([[width - 2], [height - 2]])
         inside = np.all((np.minimum(first, last) > 1) & (np.maximum(first, last) < limits), axis=0)

@@ -298,12 +298,16 @@ class Corner:
     ----------
     t : float
         Tangent of the corner's bearing.
+    depth_mm : float
+        How far it goes back.
     end : End
-        Where the second face ends.
+        Where it ends.
     width_px : float
+        0: it was not followed, only its end was found.
     """
 
     t: float
+    depth_mm: float
     end: End
     width_px: float
 
@@ -340,7 +344,8 @@ def look_round(views: Views, world: World, stretch: Stretch, outwards: int) -> C
     reach = along.reach(_FIRST_PX, second=True)
     if reach.last < _LEAST_SECOND_PX:
         return None
-    return Corner(best, End.of(reach, t, second=True), float(reach.last + 1))
+    end, second = End.of(reach, t, second=True), stretch.line.round_corner(best, outwards)
+    return Corner(best, float(np.linalg.norm(second.at(end.at) - stretch.line.at(best))), end, float(reach.last + 1))
 
 
 def _second(

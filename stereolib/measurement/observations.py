@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -103,7 +103,7 @@ class PlaneSeen:
 
 @dataclass(frozen=True, eq=False)
 class EdgeSeen:
-    """An edge in the left picture: a point on it, and across which direction it was located.
+    """An edge in a picture: a point on it, and across which direction it was located.
 
     Attributes
     ----------
@@ -113,6 +113,8 @@ class EdgeSeen:
     std_px : float
     located : bool
         In the pictures themselves; else only as the disparity map has it.
+    right : bool
+        The point lies in the right picture.
     """
 
     edge: Edge
@@ -120,11 +122,12 @@ class EdgeSeen:
     across: Float64
     std_px: float
     located: bool = True
+    right: bool = False
 
     @classmethod
     def near(cls, at: EdgeSeen, std_px: float) -> EdgeSeen:
         """An edge that was not located: it is where it was predicted, roughly."""
-        return cls(at.edge, at.point_px, at.across, std_px, located=False)
+        return replace(at, std_px=std_px, located=False)
 
     @property
     def robust(self) -> bool:
@@ -155,7 +158,8 @@ def edge_residuals(edges: Sequence[EdgeSeen], world: World, box: Box) -> Numbers
     (..., n)
         In standard deviations.
     """
-    ends = world.pixels(box.points(np.concatenate([edge.edge.value for edge in edges])))
+    right = np.repeat([edge.right for edge in edges], 2)
+    ends = world.pixels(box.points(np.concatenate([edge.edge.value for edge in edges])), right)
     ends = ends.reshape(*ends.shape[:-2], len(edges), 2, 2)
     point, across = np.array([edge.point_px for edge in edges]), np.array([edge.across for edge in edges])
     along = ends[..., 1, :] - ends[..., 0, :]

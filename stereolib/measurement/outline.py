@@ -7,19 +7,23 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from stereolib.base import Float32, Float64
+from stereolib.base import Float64
 from stereolib.measurement.box import Box, Edge, Own, Shared, Side, World, derivatives
-from stereolib.measurement.edges import STEP_PX, ParallelLines, Peak, locate_edge
+from stereolib.measurement.edges import STEP_PX, Light, ParallelLines, Peak, locate_edge
 from stereolib.measurement.observations import EdgeSeen, edge_residuals
 from stereolib.measurement.scene_solver import Priors
 
 _CLEAR = 1.5  # least contrast of an edge that is looked for afar, against the lines around it
 _STILL_CLEAR = 1.15  # and of one whose place is known
+_CLEAR_ALONE = 2.5  # and of one that ends a face about which nothing else is known
 _NEARER_PX = 20.0  # by so much nearer edges are e times as likely, where a surface ends in a plain part
 _LEAST_PX_PER_MM = 1e-3
 _LEAST_REACH_PX, _MOST_REACH_PX = 4.0, 120.0
+_FAR_MM, _EARLY = np.arange(0.0, 1000.0, 2.0), 10  # depths that are tried; a tenth of them is a likely one
+_LEAST_SLIVER_PX, _WIDEST_SLIVER_PX = 1.5, 60.0
 _LEAST_AHEAD_MM = 1.0  # of the camera
-_GRAZING = 0.05  # share of a face's distance: a camera sees no face whose plane it stands nearer to
+_WIDER = 1.5  # the right picture measures an end where it shows the face by so much wider
+_SHOWN = 0.3  # a picture that shows a face by less than this share of the other's width tells nothing of its end
 _MOVED_BY = {
     Edge.RIGHT_END: Own.RIGHT,
     Edge.LEFT_END: Own.LEFT,
@@ -52,7 +56,7 @@ def edge_direction(edge: Edge, own: Float64, first: Side) -> Float64:
     return step
 
 
-def predicted(edge: Edge, world: World, own: Float64) -> EdgeSeen:
+def predicted(edge: Edge, world: World, own: Float64, *, right: bool = False) -> EdgeSeen:
     """Where the model has an edge.
 
     Parameters
@@ -62,23 +66,28 @@ def predicted(edge: Edge, world: World, own: Float64) -> EdgeSeen:
         One, real.
     own : (8,) float64
         The box, in the order of `Own`.
+    right : bool
+        In the right picture.
 
     Returns
     -------
     EdgeSeen
-        Its middle in the left picture, with a standard deviation of 1 px.
+        Its middle in the picture, with a standard deviation of 1 px.
     """
-    a, b = world.pixels(Box(own).edge(edge))
+    a, b = world.pixels(Box(own).edge(edge), right)
     along = (b - a) / np.linalg.norm(b - a)
-    return EdgeSeen(edge, (a + b) / 2, np.array([-along[1], along[0]]), 1.0)
+    return EdgeSeen(edge, (a + b) / 2, np.array([-along[1], along[0]]), 1.0, right=right)
 
 
-def predicted_stds_px(edges: Sequence[Edge], priors: Priors, x: Float64, covariance: Float64) -> dict[Edge, float]:
-    """How well a solution knows where edges are, across them.
+def predicted_stds_px(
+    edges: Sequence[Edge], first: Side, priors: Priors, x: Float64, covariance: Float64
+) -> dict[Edge, float]:
+    """How well a solution knows where edges are, across them, in the picture that measures them.
 
     Parameters
     ----------
     edges : sequence of Edge
+    first : Side
     priors : Priors
     x : (18,) float64
         Shared parameters, then the box's own.
@@ -91,7 +100,7 @@ def predicted_stds_px(edges: Sequence[Edge], priors: Priors, x: Float64, covaria
     """
     n = len(Shared)
     world = priors.world(x[:n])
-    at = [predicted(edge, world, x[n:]) for edge in edges]
+    at = [_Eye.of(world, edge, x[n:], edge_direction(edge, x[n:], first)).at for edge in edges]
     _, J = derivatives(lambda y: edge_residuals(at, priors.world(y[..., :n]), Box(y[..., n:])), x)
     return dict(zip(edges, np.sqrt(np.einsum("ij,jk,ik->i", J, covariance, J)).tolist(), strict=True))
 
@@ -129,7 +138,7 @@ class Found:
 
 
 def find_edge(
-    light: tuple[Float32, ...],
+    light: Light,
     world: World,
     own: Float64,
     edge: Edge,
@@ -140,7 +149,7 @@ def find_edge(
 
     Parameters
     ----------
-    light : (left, right), (H, W, 3) or (H, W) float32
+    light : (left, right), each (H, W, 3) or (H, W) float32
         Rectified pictures as light.
     world : World
     own : (8,) float64
@@ -162,10 +171,10 @@ def find_edge(
     looked at: b is how far it lies beyond the stretch from `inside` to `outside`, o how far outside of the surface,
     of which the first edge beyond a plain part is the end.
     """
-    step, at = edge_direction(edge, own, first), predicted(edge, world, own)
-    per_mm = float((predicted(edge, world, own + step).point_px - at.point_px) @ at.across)
-    if not abs(per_mm) > _LEAST_PX_PER_MM:
+    eye = _Eye.of(world, edge, own, edge_direction(edge, own, first))
+    if not abs(eye.per_mm) > _LEAST_PX_PER_MM:
         return None
+    at, step, per_mm = eye.at, eye.step, eye.per_mm
     std, inside, outside = prior_px
     reach = max(3.0 * std, _LEAST_REACH_PX)
     outwards = 1 if (per_mm > 0) != (edge is Edge.CORNER) else -1
@@ -177,12 +186,95 @@ def find_edge(
         return None
     beyond = np.maximum(np.maximum(off - high, -low - off), 0.0)
     lean = np.maximum(outwards * off - inside, 0.0) / _NEARER_PX  # over a plain part to its first edge
-    shown = light if _right_sees(world, Box(own), edge) else light[:1]
-    peak = locate_edge(shown, lines, np.exp(-lean) / (1 + (beyond / std) ** 2))
+    peak = locate_edge(eye.looks_at(light), lines, np.exp(-lean) / (1 + (beyond / std) ** 2))
     if peak is None or peak.contrast < (_CLEAR if outside else _STILL_CLEAR):
         return None
-    seen = EdgeSeen(edge, at.point_px + peak.position_px * at.across, at.across, peak.std_px)
+    seen = replace(at, point_px=at.point_px + peak.position_px * at.across, std_px=peak.std_px)
     return Found(seen, peak, peak.position_px / per_mm * step)
+
+
+def find_far_end(light: Light, world: World, own: Float64, first: Side) -> tuple[float, Peak] | None:
+    """Look for the upright edge that ends the face round the corner, be it in one picture alone.
+
+    Parameters
+    ----------
+    light : (left, right), each (H, W, 3) or (H, W) float32
+        Rectified pictures as light.
+    world : World
+    own : (8,) float64
+        The box, in the order of `Own`; how far it goes back is not used.
+    first : Side
+        The face that was followed.
+
+    Returns
+    -------
+    (depth_mm, Peak) or None
+        How far that face goes back, and its end, across from the corner; None where no camera shows the face, or no
+        edge stands out clearly.
+
+    Notes
+    -----
+    A sliver that one camera sees cannot be followed, but its place is known: it goes back from the corner at a right
+    angle. Nearer edges are likelier, as ``exp(-x / 20 px)``.
+    """
+    side = first.other
+    boxes = np.repeat(own[None], len(_FAR_MM), axis=0)
+    boxes[:, side.extent] = _FAR_MM
+    eye = _Eye.of(world, side.end, boxes[len(boxes) // _EARLY], edge_direction(side.end, own, first))
+    u = world.pixels(Box(boxes).edge(side.end).mean(axis=1), eye.at.right)[:, 0]
+    width = (u - u[0]) * (1 if side is Side.RIGHT else -1)
+    if not width[-1] > 2 * _LEAST_REACH_PX:
+        return None
+    off = np.arange(_LEAST_SLIVER_PX, min(float(width[-1]), _WIDEST_SLIVER_PX), STEP_PX)
+    lines = _lines(world, side.end, np.column_stack(
+        [np.interp(off, width, _FAR_MM) if k == side.extent else np.full(len(off), own[k]) for k in Own]
+    ), off)  # fmt: skip
+    peak = None if lines is None else locate_edge(eye.looks_at(light), lines, np.exp(-off / _NEARER_PX))
+    if peak is None or peak.contrast < _CLEAR_ALONE:
+        return None
+    return float(np.interp(peak.position_px, width, _FAR_MM)), peak
+
+
+@dataclass(frozen=True, eq=False)
+class _Eye:
+    """How the pictures show an edge: which of them measures it, and which show it at all.
+
+    Attributes
+    ----------
+    at : EdgeSeen
+        Where it is predicted, in the picture in which it moves most.
+    step : (8,) float64
+        The change of the box's parameters that moves it.
+    per_mm : float
+        By how much that does across it, px.
+    shown : (2,) bool
+        Left, right: an outer end shows where it moves outwards, and not much less than in the other picture; there the
+        face itself is hidden, and another edge shows.
+    """
+
+    at: EdgeSeen
+    step: Float64
+    per_mm: float
+    shown: tuple[bool, bool]
+
+    @classmethod
+    def of(cls, world: World, edge: Edge, own: Float64, step: Float64) -> _Eye:
+        """How the pictures show an edge of a box."""
+        both = [predicted(edge, world, own, right=right) for right in (False, True)]
+        moved = [predicted(edge, world, own + step, right=at.right) for at in both]
+        left, right = (float((b.point_px - a.point_px) @ a.across) for a, b in zip(both, moved, strict=True))
+        if edge not in (Edge.RIGHT_END, Edge.LEFT_END):
+            return cls(both[0], step, left, (True, True))
+        outwards = 1 if (edge is Edge.RIGHT_END) == (both[0].across[0] > 0) else -1
+        in_left, in_right = outwards * left, outwards * right
+        if in_right > _WIDER * max(in_left, 0.0):
+            return cls(both[1], step, right, (in_left > _SHOWN * in_right, True))
+        return cls(both[0], step, left, (True, in_right > _SHOWN * in_left))
+
+    def looks_at(self, light: Light) -> Light:
+        """The pictures, None for one that does not show it."""
+        left, right = light
+        return left if self.shown[0] else None, right if self.shown[1] else None
 
 
 def _lines(world: World, edge: Edge, moved: Float64, off_px: Float64) -> ParallelLines | None:
@@ -193,13 +285,3 @@ def _lines(world: World, edge: Edge, moved: Float64, off_px: Float64) -> Paralle
         return None
     pixels = world.pixels(ends.reshape(-1, 3)).reshape(*ends.shape[:2], 2)
     return ParallelLines(pixels, world.scale / ahead + world.offset, off_px)
-
-
-def _right_sees(world: World, box: Box, edge: Edge) -> bool:
-    """The right camera sees the face that an outer edge ends; else it shows another edge there."""
-    if edge not in (Edge.RIGHT_END, Edge.LEFT_END):
-        return True
-    side = Side.RIGHT if edge is Edge.RIGHT_END else Side.LEFT
-    baseline = float(world.scale / world.focal)
-    distance = float(box.distance(side))
-    return bool(distance + box.normal(side)[1] * baseline > _GRAZING * distance)

@@ -25,7 +25,7 @@ from stereolib.measurement.follow import (
     upright_line,
 )
 from stereolib.measurement.observations import EdgeSeen, Observation, PlaneSeen, weak_priors
-from stereolib.measurement.outline import Found, find_edge, predicted, predicted_stds_px
+from stereolib.measurement.outline import Found, find_edge, find_far_end, predicted, predicted_stds_px
 from stereolib.measurement.reasons import Reason, Why
 from stereolib.measurement.regions import ObjectRegion
 from stereolib.measurement.scene_solver import Priors, Seen, Solution, solve
@@ -37,6 +37,7 @@ _LEAST_PLANE_PX = 20.0  # a second face must be so wide to have a plane of its o
 _ROUNDS = 2  # of edges and least squares
 _PRIOR_PX = (1.0, 4.0)  # how well an edge is taken to be known beforehand, at least and at most
 _CORNER_PX = 2.5  # how well a corner is known from looking round it
+_FAR_END_PX = 2.0  # how well the end of a sliver is known
 _END_PRIOR_PX = 1.5  # beyond the stretch in which an end may lie
 _GAP_MM, _GAP_PX = 6.0, 4.0  # a face that ends so far above the floor may stand in the air
 _LEANING_RAD = np.radians(1.5)
@@ -115,23 +116,22 @@ def see_box(views: Views, priors: Priors, region: ObjectRegion) -> Pictured:
     world = priors.world(np.zeros(len(Shared)))
     face = max(find_faces(priors.floor, region, views.pair), key=lambda face: face.pixels)
     stretch = follow_face(views, world, face, region.top_mm)
-    rough = _rough_box(stretch, look_round(views, world, stretch, 1), look_round(views, world, stretch, -1))
+    rough = _rough_box(stretch, *(look_round(views, world, stretch, outwards) for outwards in (1, -1)))
     faces = [face]
     if rough.second_px >= _LEAST_PLANE_PX:
         faces += align_face(views.pair, world, rough.own, rough.first.other)
-    planes = [PlaneSeen.of(face, side) for face, side in zip(faces, (rough.first, rough.first.other), strict=False)]
-    fixed: list[Observation] = [*planes, *weak_priors(rough.own, priors.laser.bias_mm)]
     peaks, solution, stds = dict[Edge, Peak](), None, dict[Edge, float]()
     for _ in range(_ROUNDS):
         if solution is not None:  # the height is known now
             world = priors.world(solution.shared)
-            rough, lost = _followed_again(views, world, replace(rough, own=solution.boxes[0]))
-            rough, peaks = _with_top(views, world, rough), {edge: p for edge, p in peaks.items() if edge is not lost}
-            stds = predicted_stds_px(rough.open, priors, *solution.at(rough.own).of_box(0))
+            rough, lost = _seen_again(views, world, stretch, replace(rough, own=solution.boxes[0]))
+            rough, peaks = _with_top(views, world, rough), {edge: p for edge, p in peaks.items() if edge not in lost}
+            stds = predicted_stds_px(rough.open, rough.first, priors, *solution.at(rough.own).of_box(0))
         found = _located(views, world, rough, peaks, stds)
         peaks = {edge: each.peak for edge, each in found.items()}
         located = [each.seen for each in found.values()]
-        seen = Seen(rough.own + _move(found), (*fixed, *rough.edges(world, found), *located))
+        known = [*rough.planes(faces), *weak_priors(rough.own, priors.laser.bias_mm), *rough.edges(world, found)]
+        seen = Seen(rough.own + _move(found), (*known, *located))
         solution = solve(priors, [seen], None if solution is None else solution.shared)
     assert solution is not None
     tilts = [upright_line(world, face, 0.0)[1:] for face in faces]
@@ -150,6 +150,10 @@ class _Rough:
     first: Side
     ends: dict[Edge, End]
     second_px: float
+
+    def planes(self, faces: list[Face]) -> list[PlaneSeen]:
+        """Its faces as they were aligned."""
+        return [PlaneSeen.of(face, side) for face, side in zip(faces, (self.first, self.first.other), strict=False)]
 
     @property
     def past(self) -> dict[Edge, Past]:
@@ -184,24 +188,52 @@ def _rough_box(stretch: Stretch, left: Corner | None, right: Corner | None) -> _
     own[[first.extent, first.other.extent]] = np.linalg.norm(line.at(outer.at) - place), _HIDDEN_MM
     ends = {first.end: outer, Edge.CORNER: inner, first.top: stretch.high}
     if corner:
-        second = line.round_corner(t, 1 if at_left else -1)
-        own[first.other.extent] = np.linalg.norm(second.at(corner.end.at) - place)
+        own[first.other.extent] = corner.depth_mm
         ends |= {first.other.end: corner.end, Edge.CORNER: End(t, Past.OPEN), first.other.top: stretch.high}
     return _Rough(own, first, ends, corner.width_px if corner else 0.0)
 
 
-def _followed_again(views: Views, world: World, rough: _Rough) -> tuple[_Rough, Edge | None]:
-    """Follow the second face again, whose place is known now; and its end, if that was located elsewhere."""
+def _seen_again(views: Views, world: World, stretch: Stretch, rough: _Rough) -> tuple[_Rough, set[Edge]]:
+    """Look at the second face again, now that its place is known; and its edges that must be located anew."""
+    if rough.second_px > 0:
+        return _followed_again(views, world, rough)
+    return _with_far_end(views, world, stretch, rough) if rough.first.other.end not in rough.ends else (rough, set())
+
+
+def _followed_again(views: Views, world: World, rough: _Rough) -> tuple[_Rough, set[Edge]]:
+    """Follow the second face again; it ends elsewhere if that contradicts where its end was located."""
     side = rough.first.other
     if side.end not in rough.open or (end := follow_again(views, world, rough.own, side)) is None:
-        return rough, None
+        return rough, set()
     box, own = Box(rough.own), rough.own.copy()
     x, y = box.edge(side.end)[0, :2]
     outside_px = (y / x - end.at) * float(world.focal) * (1 if side is Side.LEFT else -1)
     if end.past is not Past.OPEN or -end.inside_px <= outside_px <= end.outside_px:
-        return rough, None
+        return rough, set()
     own[side.extent] = np.linalg.norm(face_line(box, side).at(end.at) - box.corner)
-    return replace(rough, own=own, ends=rough.ends | {side.end: end}), side.end
+    return replace(rough, own=own, ends=rough.ends | {side.end: end}), {side.end}
+
+
+def _with_far_end(views: Views, world: World, stretch: Stretch, rough: _Rough) -> tuple[_Rough, set[Edge]]:
+    """Look round either end of the first face for the end of a second one that could not be followed."""
+    box, first = Box(rough.own), rough.first
+    rooted = {first: box, first.other: box.from_other_end(first)}
+    ends = {Side.RIGHT: stretch.left, Side.LEFT: stretch.right}
+    found = {
+        side: got
+        for side, at in rooted.items()
+        if ends[side].past is Past.OPEN and (got := find_far_end(views.pair.light, world, at.own, side))
+    }
+    if not found:
+        return rough, set()
+    side = max(found, key=lambda side: found[side][1].contrast)
+    own = rooted[side].own.copy()
+    own[side.other.extent] = found[side][0]
+    shown = {
+        side.end: ends[side.other], Edge.CORNER: ends[side], side.top: stretch.high,
+        side.other.end: End(np.nan, Past.OPEN, *[_FAR_END_PX] * 3),
+    }  # fmt: skip
+    return replace(rough, own=own, first=side, ends=shown), set() if side is first else set(shown)
 
 
 def _with_top(views: Views, world: World, rough: _Rough) -> _Rough:

@@ -17,10 +17,11 @@ _CLEAR = 1.5  # least contrast of an edge that is looked for afar, against the l
 _STILL_CLEAR = 1.15  # and of one whose place is known
 _CLEAR_ALONE = 2.5  # and of one that ends a face about which nothing else is known
 _NEARER_PX = 20.0  # by so much nearer edges are e times as likely, where a surface ends in a plain part
+_BEFORE = 0.2  # how likely an edge is where it was located, if its face was followed elsewhere since
 _LEAST_PX_PER_MM = 1e-3
 _LEAST_REACH_PX, _MOST_REACH_PX = 4.0, 120.0
 _FAR_MM, _EARLY = np.arange(0.0, 1000.0, 2.0), 10  # depths that are tried; a tenth of them is a likely one
-_LEAST_SLIVER_PX, _WIDEST_SLIVER_PX = 1.5, 60.0
+_LEAST_SLIVER_PX, _WIDEST_SLIVER_PX = 3.0, 60.0
 _LEAST_AHEAD_MM = 1.0  # of the camera
 _WIDER = 1.5  # the right picture measures an end where it shows the face by so much wider
 _SHOWN = 0.3  # a picture that shows a face by less than this share of the other's width tells nothing of its end
@@ -105,6 +106,60 @@ def predicted_stds_px(
     return dict(zip(edges, np.sqrt(np.einsum("ij,jk,ik->i", J, covariance, J)).tolist(), strict=True))
 
 
+@dataclass(frozen=True)
+class Expected:
+    """Where an edge is expected.
+
+    Attributes
+    ----------
+    std_px : float
+        How well that is known.
+    low_px, high_px : float
+        It lies in between, outwards of where the model has it.
+    plain_px : float
+        Where a plain part begins, over which the surface could not be followed: there nearer edges are likelier.
+    was_located : bool
+        It was located where the model has it, before it was expected elsewhere.
+    """
+
+    std_px: float
+    low_px: float = 0.0
+    high_px: float = 0.0
+    plain_px: float = 0.0
+    was_located: bool = False
+
+    @property
+    def is_wide(self) -> bool:
+        """It is looked for afar."""
+        return self.high_px > self.low_px
+
+    def belief(self, outwards_px: Float64) -> Float64:
+        """How likely it is at places, as a share of where it is likeliest.
+
+        Parameters
+        ----------
+        outwards_px : (N,) float64
+
+        Returns
+        -------
+        (N,) float64
+            ``exp(-o / 20 px) / (1 + (b / std)^2)``: o is how far it lies in the plain part, b how far beyond the
+            stretch. Where it was located before, a fifth at least.
+        """
+        beyond = np.maximum(np.maximum(outwards_px - self.high_px, self.low_px - outwards_px), 0.0)
+        lean = np.exp(-np.maximum(outwards_px - self.plain_px, 0.0) / _NEARER_PX)
+        likely = lean / (1 + (beyond / self.std_px) ** 2)
+        if self.was_located:
+            likely = np.maximum(likely, _BEFORE / (1 + (outwards_px / self.std_px) ** 2))
+        return np.asarray(likely)
+
+    def places(self) -> Float64:
+        """Where it is looked for, outwards, `STEP_PX` apart. (N,)."""
+        reach = max(3.0 * self.std_px, _LEAST_REACH_PX)
+        low, high = min(self.low_px, 0.0), max(min(self.high_px, _MOST_REACH_PX), 0.0)
+        return STEP_PX * np.arange(-round((reach - low) / STEP_PX), round((reach + high) / STEP_PX) + 1)
+
+
 @dataclass(frozen=True, eq=False)
 class Found:
     """An edge that was found.
@@ -143,7 +198,7 @@ def find_edge(
     own: Float64,
     edge: Edge,
     first: Side,
-    prior_px: tuple[float, float, float],
+    expected: Expected,
 ) -> Found | None:
     """Look for an edge near where the model has it.
 
@@ -157,37 +212,24 @@ def find_edge(
     edge : Edge
     first : Side
         The face that is known best: the corner is looked for along it.
-    prior_px : (std, inside, outside)
-        How well its place is known; and by how much it may lie inside of the surface that it ends, or outside.
+    expected : Expected
 
     Returns
     -------
     Found or None
         None where no edge stands out.
-
-    Notes
-    -----
-    Each place x along the search counts as likely as ``exp(-b^2 / 2 std^2 - o / outside)`` before the pictures are
-    looked at: b is how far it lies beyond the stretch from `inside` to `outside`, o how far outside of the surface,
-    of which the first edge beyond a plain part is the end.
     """
     eye = _Eye.of(world, edge, own, edge_direction(edge, own, first))
     if not abs(eye.per_mm) > _LEAST_PX_PER_MM:
         return None
     at, step, per_mm = eye.at, eye.step, eye.per_mm
-    std, inside, outside = prior_px
-    reach = max(3.0 * std, _LEAST_REACH_PX)
     outwards = 1 if (per_mm > 0) != (edge is Edge.CORNER) else -1
-    low, high = (inside, outside) if outwards > 0 else (outside, inside)
-    steps = np.arange(-round((reach + low) / STEP_PX), round((reach + min(high, _MOST_REACH_PX)) / STEP_PX) + 1)
-    off: Float64 = STEP_PX * steps.astype(float)
-    lines = _lines(world, edge, own + (off / per_mm)[:, None] * step, off)
+    places = outwards * expected.places()[::outwards]
+    lines = _lines(world, edge, own + (places / per_mm)[:, None] * step, places)
     if lines is None:
         return None
-    beyond = np.maximum(np.maximum(off - high, -low - off), 0.0)
-    lean = np.maximum(outwards * off - inside, 0.0) / _NEARER_PX  # over a plain part to its first edge
-    peak = locate_edge(eye.looks_at(light), lines, np.exp(-lean) / (1 + (beyond / std) ** 2))
-    if peak is None or peak.contrast < (_CLEAR if outside else _STILL_CLEAR):
+    peak = locate_edge(eye.looks_at(light), lines, expected.belief(outwards * places))
+    if peak is None or peak.contrast < (_CLEAR if expected.is_wide else _STILL_CLEAR):
         return None
     seen = replace(at, point_px=at.point_px + peak.position_px * at.across, std_px=peak.std_px)
     return Found(seen, peak, peak.position_px / per_mm * step)

@@ -17,7 +17,6 @@ from stereolib.measurement.follow import (
     Corner,
     End,
     Stretch,
-    face_line,
     follow_again,
     follow_face,
     follow_top,
@@ -25,7 +24,7 @@ from stereolib.measurement.follow import (
     upright_line,
 )
 from stereolib.measurement.observations import EdgeSeen, Observation, PlaneSeen, weak_priors
-from stereolib.measurement.outline import Found, find_edge, find_far_end, predicted, predicted_stds_px
+from stereolib.measurement.outline import Expected, Found, find_edge, find_far_end, predicted, predicted_stds_px
 from stereolib.measurement.reasons import Reason, Why
 from stereolib.measurement.regions import ObjectRegion
 from stereolib.measurement.scene_solver import Priors, Seen, Solution, solve
@@ -120,14 +119,15 @@ def see_box(views: Views, priors: Priors, region: ObjectRegion) -> Pictured:
     faces = [face]
     if rough.second_px >= _LEAST_PLANE_PX:
         faces += align_face(views.pair, world, rough.own, rough.first.other)
-    peaks, solution, stds = dict[Edge, Peak](), None, dict[Edge, float]()
+    peaks, solution, stds, anew = dict[Edge, Peak](), None, dict[Edge, float](), dict[Edge, Expected]()
     for _ in range(_ROUNDS):
         if solution is not None:  # the height is known now
             world = priors.world(solution.shared)
-            rough, lost = _seen_again(views, world, stretch, replace(rough, own=solution.boxes[0]))
-            rough, peaks = _with_top(views, world, rough), {edge: p for edge, p in peaks.items() if edge not in lost}
+            rough, anew = _seen_again(views, world, stretch, replace(rough, own=solution.boxes[0]))
+            rough = _with_top(views, world, rough, peaks)
+            peaks = {edge: peak for edge, peak in peaks.items() if edge not in anew}
             stds = predicted_stds_px(rough.open, rough.first, priors, *solution.at(rough.own).of_box(0))
-        found = _located(views, world, rough, peaks, stds)
+        found = _located(views, world, rough, peaks, rough.expected(peaks, stds) | anew)
         peaks = {edge: each.peak for edge, each in found.items()}
         located = [each.seen for each in found.values()]
         known = [*rough.planes(faces), *weak_priors(rough.own, priors.laser.bias_mm), *rough.edges(world, found)]
@@ -150,6 +150,15 @@ class _Rough:
     first: Side
     ends: dict[Edge, End]
     second_px: float
+
+    def expected(self, before: Container[Edge], stds_px: dict[Edge, float]) -> dict[Edge, Expected]:
+        """Where its edges are expected: near where they were located before, else where following ended."""
+        found = dict[Edge, Expected]()
+        for edge in self.open:
+            std, end = float(np.clip(stds_px.get(edge, _CORNER_PX), *_PRIOR_PX)), self.ends[edge]
+            is_new = edge not in before and end.inside_px > 0
+            found[edge] = _expected(end) if is_new else Expected(std)
+        return found
 
     def planes(self, faces: list[Face]) -> list[PlaneSeen]:
         """Its faces as they were aligned."""
@@ -193,28 +202,28 @@ def _rough_box(stretch: Stretch, left: Corner | None, right: Corner | None) -> _
     return _Rough(own, first, ends, corner.width_px if corner else 0.0)
 
 
-def _seen_again(views: Views, world: World, stretch: Stretch, rough: _Rough) -> tuple[_Rough, set[Edge]]:
-    """Look at the second face again, now that its place is known; and its edges that must be located anew."""
-    if rough.second_px > 0:
-        return _followed_again(views, world, rough)
-    return _with_far_end(views, world, stretch, rough) if rough.first.other.end not in rough.ends else (rough, set())
-
-
-def _followed_again(views: Views, world: World, rough: _Rough) -> tuple[_Rough, set[Edge]]:
-    """Follow the second face again; it ends elsewhere if that contradicts where its end was located."""
+def _seen_again(
+    views: Views, world: World, stretch: Stretch, rough: _Rough
+) -> tuple[_Rough, dict[Edge, Expected]]:
+    """Look at the second face again, now that its place is known; and which edges are to be located anew."""
     side = rough.first.other
-    if side.end not in rough.open or (end := follow_again(views, world, rough.own, side)) is None:
-        return rough, set()
-    box, own = Box(rough.own), rough.own.copy()
-    x, y = box.edge(side.end)[0, :2]
-    outside_px = (y / x - end.at) * float(world.focal) * (1 if side is Side.LEFT else -1)
-    if end.past is not Past.OPEN or -end.inside_px <= outside_px <= end.outside_px:
-        return rough, set()
-    own[side.extent] = np.linalg.norm(face_line(box, side).at(end.at) - box.corner)
-    return replace(rough, own=own, ends=rough.ends | {side.end: end}), {side.end}
+    if side.end not in rough.ends:
+        return _with_far_end(views, world, stretch, rough)
+    end = follow_again(views, world, rough.own, side) if side.end in rough.open else None
+    if end is None or end.past is not Past.OPEN:
+        return rough, {}
+    x, y = Box(rough.own).edge(side.end)[0, :2]
+    beyond_px = (y / x - end.at) * float(world.focal) * (1 if side is Side.LEFT else -1)
+    return rough, {side.end: _expected(end, beyond_px, was_located=True)}
 
 
-def _with_far_end(views: Views, world: World, stretch: Stretch, rough: _Rough) -> tuple[_Rough, set[Edge]]:
+def _expected(end: End, beyond_px: float = 0.0, *, was_located: bool = False) -> Expected:
+    """Where an edge is expected, of a face that was followed to an end, if the model has it so far beyond that."""
+    low, high = -end.inside_px - beyond_px, end.outside_px - beyond_px
+    return Expected(_END_PRIOR_PX, low, high, end.inside_px - beyond_px, was_located)
+
+
+def _with_far_end(views: Views, world: World, stretch: Stretch, rough: _Rough) -> tuple[_Rough, dict[Edge, Expected]]:
     """Look round either end of the first face for the end of a second one that could not be followed."""
     box, first = Box(rough.own), rough.first
     rooted = {first: box, first.other: box.from_other_end(first)}
@@ -225,18 +234,17 @@ def _with_far_end(views: Views, world: World, stretch: Stretch, rough: _Rough) -
         if ends[side].past is Past.OPEN and (got := find_far_end(views.pair.light, world, at.own, side))
     }
     if not found:
-        return rough, set()
+        return rough, {}
     side = max(found, key=lambda side: found[side][1].contrast)
     own = rooted[side].own.copy()
     own[side.other.extent] = found[side][0]
-    shown = {
-        side.end: ends[side.other], Edge.CORNER: ends[side], side.top: stretch.high,
-        side.other.end: End(np.nan, Past.OPEN, *[_FAR_END_PX] * 3),
-    }  # fmt: skip
-    return replace(rough, own=own, first=side, ends=shown), set() if side is first else set(shown)
+    shown = {side.end: ends[side.other], Edge.CORNER: ends[side], side.top: stretch.high}
+    shown[side.other.end] = End(np.nan, Past.OPEN, *[_FAR_END_PX] * 3)
+    again = replace(rough, own=own, first=side, ends=shown)
+    return again, {} if side is first else again.expected((), {})
 
 
-def _with_top(views: Views, world: World, rough: _Rough) -> _Rough:
+def _with_top(views: Views, world: World, rough: _Rough, located: Container[Edge]) -> _Rough:
     """Add the back edges of a top face that the camera looks down on; they tell a depth that no face shows."""
     own, ends = rough.own.copy(), dict(rough.ends)
     is_open = any(end.past is Past.OPEN for edge, end in ends.items() if edge.is_top)
@@ -244,7 +252,7 @@ def _with_top(views: Views, world: World, rough: _Rough) -> _Rough:
         return rough
     for side in Side:
         depth = side.other
-        if depth.end in ends and ends[depth.end].past is Past.OPEN:
+        if depth.end in located or (depth is rough.first and depth.end in rough.open):
             ends[side.back] = End(0.0, Past.OPEN)
         elif side.end in ends and (top := follow_top(views, world, own, side)) is not None:
             own[depth.extent], ends[side.back] = top.at, top
@@ -261,16 +269,12 @@ def _move(found: dict[Edge, Found]) -> Float64:
 
 
 def _located(
-    views: Views, world: World, rough: _Rough, before: dict[Edge, Peak], stds_px: dict[Edge, float]
+    views: Views, world: World, rough: _Rough, before: dict[Edge, Peak], expected: dict[Edge, Expected]
 ) -> dict[Edge, Found]:
-    """Edges found in the pictures near where they are predicted; the rivals that some had before remain."""
+    """Edges found in the pictures where they are expected; the rivals that some had before remain."""
     found = dict[Edge, Found]()
     for edge in rough.open:
-        end = rough.ends[edge]
-        std = float(np.clip(stds_px.get(edge, _CORNER_PX), *_PRIOR_PX))
-        is_new = edge not in before and end.inside_px > 0
-        prior = (_END_PRIOR_PX, end.inside_px, end.outside_px) if is_new else (std, 0.0, 0.0)
-        got = find_edge(views.pair.light, world, rough.own, edge, rough.first, prior)
+        got = find_edge(views.pair.light, world, rough.own, edge, rough.first, expected[edge])
         if got is not None:
             found[edge] = got.besides(before[edge].rivals_px) if edge in before else got
     return found

@@ -14,15 +14,18 @@ from stereolib.measurement.plane_alignment import AlignedPair, CannotMeasure, al
 from stereolib.rig import RectifiedRig
 
 _STEP = 7  # every seventh pixel, every seventh row
+_DENSE = 3  # every third one is aligned: the pictures are smoothed over as many
 _FINE, _PATCH_PX = 4, 24  # patches that vote, and their pixels
 _MATCHED = 0.5  # share of a patch that must be matched
 _LEAST_SUPPORT = 0.02  # share of the image that must show the floor
 _LEAST_PIXELS = 50  # of the sparse ones
+_MOST_PIXELS = 5000  # that are aligned: more add nothing but time
 _REACHES = (3.0, 2.0, 1.5, 1.5)  # Tukey's weights end at so many tolerances, from step to step of the refinement
 _UNDER = 3.0  # a patch so many tolerances under a plane lies below it, where nothing is
 _ABOVE = 1.5  # and a pixel so many above it stands on it
-_GAPS, _SPECKS = np.ones((3, 3), np.uint8), np.ones((2, 2), np.uint8)
-_BESIDE = np.ones((5, 9), np.uint8)  # pixels of the seventh ones, around such a pixel, that are not taken for floor
+_SPECKS = np.ones((3, 3), np.uint8)  # of the seventh ones: fewer that lie above are wrong matches
+_BESIDE = np.ones((5, 9), np.uint8)  # and so far around the others is not taken for floor
+_GAPS = _BESIDE  # so large are those that a floor of long structures, as planks have them, is matched with
 _NO_FLOOR = (
     "no large part of the image fits a plane below the camera. Tilt the camera down or step back, see that "
     "the floor has texture and the pictures are of one moment, left one first; in Python, floor_from_pose gives a floor"
@@ -286,7 +289,7 @@ def fit_floor(
         covariance = clustered_covariance(pixels.rays, rest, weight, cell_of(pixels.u, pixels.v))
     else:
         u, v = pixels.of_floor(plane, weight > 0, disparity.shape)
-        fit = align(pair, u, v, pixel_rays(u, v, rectified), plane)
+        fit = align(pair, u, v, pixel_rays(u, v, rectified), plane, most=_MOST_PIXELS)
         plane, covariance = fit.parameters, fit.covariance
     if not _plausible(plane[None], rectified, limits)[0]:
         raise CannotMeasure("no floor", _NO_FLOOR)
@@ -335,8 +338,9 @@ class _Pixels:
         free = floor & ~cv2.dilate(cv2.morphologyEx(above, cv2.MORPH_OPEN, _SPECKS), _BESIDE)
         if np.count_nonzero(free) < _LEAST_PIXELS:
             free = floor
-        v, u = np.nonzero(free)
-        return _STEP * u.astype(float), _STEP * v.astype(float)
+        v, u = (_DENSE * np.arange(-(-size // _DENSE)) for size in shape)
+        row, column = np.nonzero(free[np.ix_(v // _STEP, u // _STEP)])
+        return u[column].astype(float), v[row].astype(float)
 
 
 def _vote(disparity_px: Floats, rectified: RectifiedRig, limits: FloorLimits) -> Float64:

@@ -118,7 +118,9 @@ class PlaneFit:
     covariance: Float64
 
 
-def align(pair: AlignedPair, u: Float64, v: Float64, x: Float64, start: Float64) -> PlaneFit:
+def align(
+    pair: AlignedPair, u: Float64, v: Float64, x: Float64, start: Float64, *, most: int = _MOST_PIXELS
+) -> PlaneFit:
     """Find the plane over which the two pictures agree best.
 
     Parameters
@@ -130,6 +132,8 @@ def align(pair: AlignedPair, u: Float64, v: Float64, x: Float64, start: Float64)
         The disparity there is ``x @ parameters``.
     start : (k,) float64
         Right to about 2 px.
+    most : int
+        Pixels that are compared, of those given.
 
     Returns
     -------
@@ -143,12 +147,15 @@ def align(pair: AlignedPair, u: Float64, v: Float64, x: Float64, start: Float64)
     Notes
     -----
     Gauss-Newton on ``e = L(u, v) - g R(u - x . p, v)`` with Tukey's weights; the slope is the mean of both pictures'.
+    Noise has slopes too, and their squares only add up: they would pass for texture, and the covariance would be too
+    small. There the product of the left and the right slope stands in their stead, as two pictures' noises are
+    independent.
 
     References
     ----------
     Baker, Matthews: Lucas-Kanade 20 years on. Int. J. Comput. Vis. 56 (2004), doi:10.1023/B:VISI.0000011205.11775.fd.
     """
-    some = slice(None, None, max(1, -(-len(u) // _MOST_PIXELS)))
+    some = slice(None, None, max(1, -(-len(u) // most)))
     u, v, x = u[some], v[some], x[some]
     parameters, width = np.array(start, float), pair.light[0].shape[1]
     for left, right in pair.levels:
@@ -168,10 +175,10 @@ def align(pair: AlignedPair, u: Float64, v: Float64, x: Float64, start: Float64)
                 break
     where = u - x @ parameters
     down = now.gain * (_sample(right, where, v + 0.5)[0] - _sample(right, where, v - 0.5)[0])
-    bent = (J * now.bend[:, None]).T
+    bent, curved = ((x * a[:, None]).T for a in (now.bend * now.slope, now.curvature))
     try:
-        covariance = clustered_covariance(J, now.error, now.weight, cell_of(u, v), now.bend)
-        by_rows = np.linalg.solve(bent @ J, bent @ (down[:, None] * np.stack([where, v, np.ones(len(v))], axis=1)))
+        covariance = clustered_covariance(x, now.slope * now.error, now.weight, cell_of(u, v), now.curvature)
+        by_rows = np.linalg.solve(curved @ x, bent @ (down[:, None] * np.stack([where, v, np.ones(len(v))], axis=1)))
     except np.linalg.LinAlgError:
         raise CannotMeasure("no texture", _NOTHING) from None
     return PlaneFit(parameters, covariance + by_rows @ pair.rows_covariance @ by_rows.T)
@@ -186,12 +193,13 @@ def _sample(image: Float32, u: Float64, v: Float64, zoom: float = 1.0) -> Float6
 
 @dataclass(frozen=True, eq=False)
 class _Comparison:
-    """Error, slope, Tukey's weight and its derivative of every pixel, and the gain of the right picture."""
+    """Error, slope, Tukey's weight and its derivative of every pixel, curvature, and the gain of the right picture."""
 
     error: Float64
     slope: Float64
     weight: Float64
     bend: Float64
+    curvature: Float64
     gain: float
 
 
@@ -201,7 +209,8 @@ def _compare(left: Float64, right: Float64, inside: Bools) -> _Comparison:
     error = (mine - gain * theirs) * inside
     off = (error / max(_TUKEY * median(np.abs(error[::4])), 2.0)) ** 2
     root = np.maximum(1 - off, 0) * inside
-    return _Comparison(error, 0.5 * (slope + gain * their_slope), root * root, root * (1 - 5 * off), gain)
+    bend, mean_slope = root * (1 - 5 * off), 0.5 * (slope + gain * their_slope)
+    return _Comparison(error, mean_slope, root * root, bend, bend * slope * gain * their_slope, gain)
 
 
 def median(values: Floats) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from support.ground import GRID, RECT, recorded
+from support.ground import GRID, RECT, pictures_of_plane, recorded, textured
 
 from stereolib.measurement import (
     AlignedPair,
@@ -65,6 +65,22 @@ def test_covariance_of_the_floor_is_that_of_many_draws():
     off = [floor.plane - true.plane for floor in found]
     squares = [e @ np.linalg.solve(floor.covariance, e) / 3 for e, floor in zip(off, found, strict=True)]
     assert 0.8 < np.mean(squares) < 1.4  # 1, give or take 0.1
+
+
+def test_a_floor_of_long_structures_is_found_within_its_deviations():
+    """On planks along the rows half is matched, by 1 px to either side: the pictures know better, and how well."""
+    true, off, squares = floor_from_pose(RECT, rig_pose(RECT, -0.2, 400.0)), [], []
+    flat = true.disparity(*GRID)
+    for seed in range(16):
+        draw = np.random.default_rng([9, seed])
+        pair = AlignedPair.of(*pictures_of_plane(true.plane, textured(draw, 30.0, (12.0, 1.5)), draw, noise=4.0))
+        blocks = np.where(draw.random((60, 80)) < 0.5, draw.normal(0, 1.0, (60, 80)), np.nan)
+        error = np.kron(blocks, np.ones((8, 8)))
+        found = fit_floor(np.where(flat > 20, flat + error, np.nan), RECT, pair=pair)
+        off.append(found.camera_height_mm / 400 - 1)
+        squares.append((found.plane - true.plane) @ np.linalg.solve(found.covariance, found.plane - true.plane) / 3)
+    assert np.sqrt(np.mean(np.square(off))) < 0.005
+    assert 0.6 < np.sqrt(np.mean(squares)) < 1.4
 
 
 def test_a_small_floor_is_found():

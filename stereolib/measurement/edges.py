@@ -15,6 +15,7 @@ from stereolib.measurement.plane_alignment import median
 STEP_PX = 0.25
 _SPAN_PX = 1.5  # lines are compared at this distance from each other: the width of a webcam's edge
 _GROUPS = 8  # of samples, each located by itself: their scatter is the edge's
+_PAIRS = np.triu_indices(_GROUPS, 1)
 _LEAST_SAMPLES = 8
 _RIVALRY = 12  # power of two peaks' ratio that is their odds
 _LEAST = 1e-3  # of a difference: what is less is none
@@ -150,12 +151,12 @@ def _rivals(likely: Float64, off: Float64, best: int) -> float:
 
 def _turn(own: Float64) -> tuple[float, float]:
     """Slope of the groups' own places from end to end, and its standard deviation: Theil and Sen's, px."""
-    i, j = np.triu_indices(len(own), 1)
-    slopes = (own[j] - own[i]) / (j - i) * (len(own) - 1)
+    i, j = _PAIRS
+    slopes = (own[j] - own[i]) / (j - i) * (_GROUPS - 1)
     centre = median(slopes)
-    line = own - median(own) - centre / (len(own) - 1) * (np.arange(len(own)) - (len(own) - 1) / 2)
+    line = own - median(own) - centre / (_GROUPS - 1) * (np.arange(_GROUPS) - (_GROUPS - 1) / 2)
     scatter = max(1.48 * median(np.abs(line - median(line))), STEP_PX / 2)
-    return centre, float(scatter * np.sqrt(12 / len(own)))
+    return centre, float(scatter * np.sqrt(12 / _GROUPS))
 
 
 def _highest(values: Float32) -> Float64:

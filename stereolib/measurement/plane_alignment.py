@@ -82,10 +82,14 @@ class AlignedPair:
         """
         check_pair(left, right)
         rows = np.zeros((3, 3)) if rows_covariance is None else rows_covariance
-        sharp = [_levelled(to_grey(image)) for image in (left, right)]
-        half = [cv2.resize(image, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA) for image in sharp]
-        coarse, fine = ([_with_slope(cv2.blur(image, _BLUR_PX)) for image in level] for level in (half, sharp))
-        return cls(((coarse[0], coarse[1]), (fine[0], fine[1])), (to_light(left), to_light(right)), rows)
+        # Large arrays in one piece: memory that is had and given back in many costs more than what is done in it.
+        fine, coarse = np.empty((2, *left.shape[:2], 2), np.float32), list[Float32]()
+        for image, into in zip((left, right), fine, strict=True):
+            sharp = _levelled(to_grey(image))
+            coarse.append(_with_slope(cv2.resize(sharp, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)))
+            _with_slope(sharp, into)
+        light = to_light(np.concatenate([left, right]))
+        return cls(((coarse[0], coarse[1]), (fine[0], fine[1])), (light[: len(left)], light[len(left) :]), rows)
 
 
 def _levelled(grey: UInt8) -> Float32:
@@ -96,11 +100,13 @@ def _levelled(grey: UInt8) -> Float32:
         cv2.resize(cv2.multiply(sharp, sharp), None, fx=0.25, fy=0.25, interpolation=cv2.INTER_AREA), small
     )
     spread = cv2.resize(cv2.sqrt(power + _LEAST_DEVIATION**2), grey.shape[::-1], interpolation=cv2.INTER_LINEAR)
-    return np.asarray(cv2.divide(sharp, spread, scale=_DEVIATION))
+    return np.asarray(cv2.divide(sharp, spread, sharp, scale=_DEVIATION))
 
 
-def _with_slope(image: Float32) -> Float32:
-    return np.asarray(cv2.merge([image, cv2.Sobel(image, cv2.CV_32F, 1, 0, ksize=1, scale=0.5)]))
+def _with_slope(image: Floats, into: Float32 | None = None) -> Float32:
+    """A picture, blurred in its place, and its slope along the row: (H, W, 2)."""
+    soft = cv2.blur(image, _BLUR_PX, image)
+    return np.asarray(cv2.merge([soft, cv2.Sobel(soft, cv2.CV_32F, 1, 0, ksize=1, scale=0.5)], into))
 
 
 @dataclass(frozen=True, eq=False)

@@ -158,8 +158,8 @@ def measure_rows(left: UInt8, right: UInt8, disparity_px: Float32) -> RowOffset:
         return RowOffset(np.zeros(3), np.diag(unknown) ** 2, centre)
     plane = np.zeros(3)
     for _ in range(_STEPS):
-        plane, covariance = cells.plane(cells.offsets(plane))
-    return RowOffset(plane, covariance, centre)
+        plane, *residuals = cells.plane(cells.offsets(plane))
+    return RowOffset(plane, cells.covariance(*residuals), centre)
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,7 +167,8 @@ class _Cells:
     """Sums over cells of a matched pair, for the N cells that tell something.
 
     `x` is where each pixel of the left picture stands in the right one, `slopes` are the left one's along u and v, 0
-    where nothing was matched, `shape` is (columns, rows) of cells, `some` numbers those that tell something.
+    where nothing was matched, `shape` is (columns, rows) of cells, `some` numbers those that tell something. `here` is
+    1 where the left one has a slope along u, and `share` its mean in each cell.
     """
 
     left: UInt8
@@ -179,6 +180,8 @@ class _Cells:
     oblique: Floats
     weight: Float64
     at: Float64
+    here: Floats
+    share: Floats
 
     @classmethod
     def of(cls, left: UInt8, right: UInt8, disparity_px: Float32) -> _Cells:
@@ -196,7 +199,9 @@ class _Cells:
         rows = np.repeat((np.arange(shape[1]) + 0.5) * height / shape[1] - 0.5, shape[0])
         some = np.flatnonzero(weight > _LEAST_WEIGHT)
         at = np.stack([columns.ravel(), rows, np.ones(rows.size)], axis=1).astype(np.float64)[some]
-        return cls(soft[0], soft[1], x, (along, down), shape, some, oblique, weight[some], at)
+        here = (along != 0).astype(np.float32)
+        share = np.maximum(_mean(here, shape), 1e-6).ravel()[some]
+        return cls(soft[0], soft[1], x, (along, down), shape, some, oblique, weight[some], at, here, share)
 
     def offsets(self, plane: Float64) -> Float64:
         """Row offset of each cell, (N,), the pictures being compared at a plane that is nearly right."""
@@ -204,23 +209,25 @@ class _Cells:
         shift = np.rint((b * self.x + c * v + a) / _GRID_PX) * np.float32(_GRID_PX)  # as OpenCV does it
         error = cv2.remap(self.right, self.x, v + shift, cv2.INTER_LINEAR).astype(np.float32) - self.left
         by_u, by_v = (_mean(slope * error, self.shape) for slope in self.slopes)
-        here = (self.slopes[0] != 0).astype(np.float32)
-        mean = _mean(shift * here, self.shape) / np.maximum(_mean(here, self.shape), 1e-6)
-        return mean.ravel()[self.some] - (by_v - self.oblique * by_u).ravel()[self.some] / self.weight
+        mean = _mean(shift * self.here, self.shape).ravel()[self.some] / self.share
+        return mean - (by_v - self.oblique * by_u).ravel()[self.some] / self.weight
 
-    def plane(self, offsets: Float64) -> tuple[Float64, Float64]:
-        """Plane (3,) through the cells' offsets, with Tukey's weights, and its covariance."""
+    def plane(self, offsets: Float64) -> tuple[Float64, Float64, Float64]:
+        """Plane (3,) through the cells' offsets; their residuals, and squared over that where Tukey's weights end."""
         plane, weight = np.linalg.lstsq(self.at, offsets, rcond=None)[0], np.sqrt(self.weight)
         for _ in range(_ROUNDS):
             rest = offsets - self.at @ plane
             off = (rest / max(_TUKEY * median(np.abs(rest)), 0.01)) ** 2
-            root = np.maximum(1 - off, 0)
-            scaled = (self.at * (root**2 * weight)[:, None]).T
+            scaled = (self.at * (np.maximum(1 - off, 0) ** 2 * weight)[:, None]).T
             plane = np.linalg.solve(scaled @ self.at, scaled @ offsets)
+        return np.asarray(plane), rest, off
+
+    def covariance(self, rest: Float64, off: Float64) -> Float64:
+        """Covariance (3, 3) of a plane that left these residuals."""
         column, row = self.some % self.shape[0] // _BLOCK, self.some // self.shape[0] // _BLOCK
-        cluster = row * self.shape[0] + column
-        bend = root * (1 - 5 * off) * weight
-        return np.asarray(plane), clustered_covariance(self.at, rest, root**2 * weight, cluster, bend)
+        root, weight = np.maximum(1 - off, 0), np.sqrt(self.weight)
+        cluster, bend = row * self.shape[0] + column, root * (1 - 5 * off) * weight
+        return clustered_covariance(self.at, rest, root**2 * weight, cluster, bend)
 
 
 def _mean(values: Floats, shape: tuple[int, int]) -> Floats:

@@ -100,6 +100,23 @@ def test_an_edge_far_off_hardly_matters():
     assert isinstance(worst, EdgeSeen) and worst.edge is Edge.TOP_LEFT and misfits[worst] > 4
 
 
+def test_a_start_that_is_off_hardly_costs_anything():
+    """One edge of a box is another thing's; the search begins a few mm off each way, and at the true box."""
+    rng, stuck = np.random.default_rng(5), 0
+    for _ in range(40):
+        seen, bad = (
+            everything(PRIORS.world(STILL), OWN, rng),
+            rng.choice([Edge.TOP_LEFT, Edge.RIGHT_END, Edge.LEFT_END]),
+        )
+        px = rng.uniform(2, 14) * rng.choice([-1, 1])
+        at = next(k for k, o in enumerate(seen) if isinstance(o, EdgeSeen) and o.edge is bad)
+        seen[at] = replace(seen[at], point_px=seen[at].point_px + px * seen[at].across)
+        off = rng.normal(0, [3, 3, 0.01, 4, 4, 4, 0, 0])
+        there, here = (solve(PRIORS, [Seen(begin, seen)]).cost for begin in (OWN, OWN + off))
+        stuck += here > there + 1
+    assert stuck <= 1
+
+
 def test_what_is_known_beforehand_is_kept_where_nothing_is_seen():
     """The pair alone says nothing of the laser."""
     found = solve(PRIORS, [Seen(start(), pictured(PRIORS.world(shared(laser_x=30.0))))])

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from enum import Enum, auto
 from functools import cached_property
 from typing import cast
 
 import numpy as np
+from scipy.optimize import least_squares
 
 from stereolib.base import Bools, Float64, Ints
 from stereolib.measurement.box import COMPLEX_STEP, Box, Numbers, Own, Shared, World
@@ -25,14 +25,14 @@ from stereolib.measurement.observations import (
 )
 
 _REACH = 2.5  # standard deviations beyond which an observation that may be mistaken counts less and less
-_TOLERANCE = 1e-6  # of cost: what gains less moves nothing by more than 1.5 thousandths of its deviation
+_TOLERANCE = 1e-5  # relative: a thousandth of a standard deviation, about
 _MOST_STEPS = 40
-_DAMPED, _UNDAMPED = 10.0, 0.1  # by what the damping changes after a step that fails, and one that gains
-_LEAST_DAMPING = 1e-3
-_STEPS = 1j * COMPLEX_STEP * np.eye(len(Shared) + len(Own))
 _LASER = slice(Shared.LASER_X, Shared.LASER_YAW + 1)
 _CAMERAS = slice(Shared.OFFSET, None)
 _FLOOR_ROUNDING = np.array([1e-5, 1e-5, 1e-3])  # of a floor's plane: one that is given is known so well at most
+#: About what the parameters are off at first.
+_SHARED_SCALE = np.array([1e-2, 1e-3, 1e-3, 1.0, 1.0, 1e-3, 0.1, 0.1, 1e-3, 1e-3])
+_OWN_SCALE = np.array([1.0, 1.0, 1e-3, 1.0, 1.0, 1.0, 0.5, 0.5])
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,59 +173,37 @@ def solve(priors: Priors, seen: Sequence[Seen], shared: Float64 | None = None) -
 
     Notes
     -----
-    Minimises ``sum rho(r^2) / 2`` over all residuals r in standard deviations: ``rho(s) = s`` for what is known, and
-    ``C^2 log(1 + s / C^2)`` (Cauchy's, C = 2.5) for observations that may be mistaken. The first Gauss-Newton step
-    takes them all for right, so that the start tells little about which are mistaken; the others weigh each with
-    ``rho' + 2 s rho''``, as Newton's would, and after a step that gained nothing with ``rho'``, damped if need be. They
-    end when ``g' H^-1 g / 2``, the cost that another would gain, is small. The covariance is ``(J' W J)^-1``,
-    ``W = rho'``.
-
-    References
-    ----------
-    Triggs, McLauchlan, Hartley, Fitzgibbon: Bundle adjustment - a modern synthesis. Vision Algorithms (2000), section
-    4.3, doi:10.1007/3-540-44480-7_21.
+    Minimises ``sum rho(r^2)`` over all residuals r in standard deviations, by `scipy.optimize.least_squares` with the
+    Jacobian of `derivatives`. ``rho(s) = s`` for what is known, and ``C^2 log(1 + s / C^2)`` (Cauchy's, C = 2.5) for
+    observations that may be mistaken. The covariance is ``(J' W J)^-1``, ``W = rho'``.
     """
     problem = _Problem(priors, tuple(seen))
-    start = np.concatenate([np.zeros(len(Shared)) if shared is None else shared, *(s.start for s in seen)])
-    x, r, J = _minimum(problem, start)
-    rho, weight, _ = problem.loss(r**2)
-    precision = J.T @ (weight[:, None] * J)
-    unit = 1 / np.sqrt(np.diag(precision))
-    alike = precision * np.outer(unit, unit)
-    covariance = np.linalg.inv(alike) * np.outer(unit, unit)
-    cost, of_scan = 0.5 * (rho - 1), problem.of_scan
-    return Solution(
-        shared=x[: len(Shared)],
-        boxes=tuple(x[_places(k)[len(Shared) :]] for k in range(len(seen))),
-        covariance=covariance,
-        cost=float(0.5 * rho.sum()),
-        log_volume=float(np.log(unit).sum() - 0.5 * np.linalg.slogdet(alike)[1]),
-        misfits=problem.misfits(rho),
-        excess=sum(max(float(cost[some].sum()), 0.0) for some in (of_scan, problem.robust & ~of_scan)),
-        given=problem.sorted_by_kind(weight * (covariance @ J.T) ** 2),
+    x0 = np.concatenate([np.zeros(len(Shared)) if shared is None else shared, *(s.start for s in seen)])
+    scale = np.concatenate([_SHARED_SCALE, *([_OWN_SCALE] * len(seen))])
+    found = least_squares(
+        lambda x: problem.at(x)[0],
+        x0,
+        jac=lambda x: problem.at(x)[1],
+        loss=problem.loss,
+        x_scale=scale,
+        xtol=_TOLERANCE,
+        ftol=_TOLERANCE,
+        max_nfev=_MOST_STEPS,
     )
-
-
-def _minimum(problem: _Problem, x: Float64) -> tuple[Float64, Float64, Float64]:
-    """Where the cost is least, from a start on; residuals and Jacobian there."""
-    (r, J), how, damping = problem.at(x), _Step.PLAIN, 0.0
-    rho, slope, curvature = problem.loss(r**2)
-    alike = np.ones_like(r)
-    for _ in range(_MOST_STEPS):
-        pull, bend = {_Step.PLAIN: (alike, alike), _Step.NEWTON: (slope, curvature), _Step.SAFE: (slope, slope)}[how]
-        gradient, hessian = J.T @ (pull * r), J.T @ (bend[:, None] * J)
-        step = np.linalg.solve(hessian + damping * np.diag(np.diag(hessian)), gradient)
-        if how is not _Step.PLAIN and 0.5 * float(gradient @ step) < _TOLERANCE:
-            break
-        there = problem.at(x - step)
-        loss = problem.loss(there[0] ** 2)
-        if loss[0].sum() < rho.sum():
-            x, (r, J), (rho, slope, curvature) = x - step, there, loss
-            how, damping = _Step.NEWTON, _UNDAMPED * damping
-        else:
-            damping = max(_DAMPED * damping, _LEAST_DAMPING) if how is _Step.SAFE else damping
-            how = _Step.SAFE
-    return x, r, J
+    r, J = problem.at(found.x)
+    weight = problem.loss(r**2)[1]
+    unit = J * (np.sqrt(weight)[:, None] * scale)
+    precision = unit.T @ unit
+    covariance = np.linalg.inv(precision) * np.outer(scale, scale)
+    volume = float(np.log(scale).sum() - 0.5 * np.linalg.slogdet(precision)[1])
+    boxes = tuple(found.x[_places(k)[len(Shared) :]] for k in range(len(seen)))
+    given = problem.sorted_by_kind(weight * (covariance @ J.T) ** 2)
+    cost, of_scan = 0.5 * (problem.loss(r**2)[0] - 1), problem.of_scan
+    excess = sum(max(float(cost[some].sum()), 0.0) for some in (of_scan, problem.robust & ~of_scan))
+    shared = found.x[: len(Shared)]
+    return Solution(
+        shared, boxes, covariance, float(found.cost), volume, problem.misfits(problem.loss(r**2)[0]), excess, given
+    )
 
 
 def _places(box: int) -> Ints:
@@ -250,16 +228,8 @@ def _residuals(group: tuple[Observation, ...], world: World, box: Box) -> Number
     return group[0].residuals(world, box)
 
 
-class _Step(Enum):
-    """How residuals that may be mistaken count in a step."""
-
-    PLAIN = auto()  # as all others
-    NEWTON = auto()  # by the curvature of their cost, where it is positive
-    SAFE = auto()  # by its slope: gains wherever the model is linear
-
-
 class _Problem:
-    """Residuals and Jacobian of a scene.
+    """Residuals and Jacobian of a scene, kept for the last point: `least_squares` asks for them one after the other.
 
     Their order: the shared ones, then box by box and group by group; `owners` tells whose each is.
     """
@@ -267,37 +237,45 @@ class _Problem:
     def __init__(self, priors: Priors, seen: tuple[Seen, ...]) -> None:
         self._priors, self._seen = priors, seen
         self._groups = [_grouped(box.observations) for box in seen]
+        self._last: tuple[bytes, tuple[Float64, Float64]] = (b"", (np.zeros(0), np.zeros((0, 0))))
         self.owners: list[Observation | None] = []
         self.robust = np.zeros(0, bool)
 
     def at(self, x: Float64) -> tuple[Float64, Float64]:
         """Residuals (m,) and their Jacobian (m, n)."""
-        shared = len(Shared)
-        moved = x[:shared] + _STEPS[:, :shared]
-        world = self._priors.world(moved)
-        parts: list[tuple[Ints, Numbers]] = [(np.arange(shared), self._priors.residuals(moved, world)[:shared])]
-        owners: list[Observation | None] = [None] * parts[0][1].shape[-1]
+        if self._last[0] != x.tobytes():
+            self._last = (x.tobytes(), self._evaluate(x))
+        return self._last[1]
+
+    def _evaluate(self, x: Float64) -> tuple[Float64, Float64]:
+        shared, own = len(Shared), len(Own)
+        step = 1j * COMPLEX_STEP * np.eye(shared + own)
+        world = self._priors.world(x[:shared] + step[:, :shared])
+        known = self._priors.residuals(x[:shared] + step[:, :shared], world)
+        values, rows = [known[0].real], [np.pad(known.imag[:shared].T, ((0, 0), (0, len(x) - shared)))]
+        owners: list[Observation | None] = [None] * known.shape[-1]
         for k, groups in enumerate(self._groups):
             at = _places(k)
-            box = Box(x[at[shared:]] + _STEPS[:, shared:])
+            model = Box(x[at[shared:]] + step[:, shared:])
             for group in groups:
-                parts.append((at, _residuals(group, world, box)))
+                moved = _residuals(group, world, model)
+                wide = np.zeros((moved.shape[-1], len(x)))
+                wide[:, at] = moved.imag.T
+                values.append(moved[0].real)
+                rows.append(wide)
                 if not self.owners:
-                    owners += [o for o in group for _ in range(parts[-1][1].shape[-1] // len(group))]
+                    owners += [o for o in group for _ in range(moved.shape[-1] // len(group))]
         if not self.owners:
             self.owners = owners
             self.robust = np.array([o is not None and o.robust for o in owners])
-        J, row = np.zeros((len(self.owners), len(x))), 0
-        for at, part in parts:
-            J[row : row + part.shape[-1], at] = part.imag.T / COMPLEX_STEP
-            row += part.shape[-1]
-        return np.concatenate([part[0].real for _, part in parts]), J
+        return np.concatenate(values), np.concatenate(rows) / COMPLEX_STEP
 
     def loss(self, s: Float64) -> Float64:
-        """Value of rho, slope ``rho'`` and curvature ``rho' + 2 s rho''`` (0 where it is negative): (3, m)."""
-        t = 1 + s / _REACH**2
-        cauchy = np.stack([_REACH**2 * np.log(t), 1 / t, np.maximum(2 - t, 0) / t**2])
-        return np.where(self.robust, cauchy, np.stack([s, np.ones_like(s), np.ones_like(s)]))
+        """Value and first two derivatives of rho: (3, m)."""
+        rho = np.stack([s, np.ones_like(s), np.zeros_like(s)])
+        t = 1 + s[self.robust] / _REACH**2
+        rho[:, self.robust] = _REACH**2 * np.log(t), 1 / t, -1 / (_REACH * t) ** 2
+        return rho
 
     @property
     def of_scan(self) -> Bools:

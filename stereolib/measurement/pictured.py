@@ -38,7 +38,7 @@ _PRIOR_PX = (1.0, 4.0)  # how well an edge is taken to be known beforehand, at l
 _CORNER_PX = 2.5  # how well a corner is known from looking round it
 _FAR_END_PX = 2.0  # how well the end of a sliver is known
 _END_PRIOR_PX = 1.5  # beyond the stretch in which an end may lie
-_GAP_MM, _GAP_PX = 6.0, 4.0  # a face that ends so far above the floor may stand in the air
+_GAP_MM, _GAP_PX = 6.0, 4.0  # so far above the floor a face may end for want of texture, and for a pixel's size
 _LEANING_RAD = np.radians(1.5)
 _LEANING_ASIDE_RAD = np.radians(3.0)
 _LEANING_PX = 1.5  # over the length of an edge
@@ -135,8 +135,8 @@ def see_box(views: Views, priors: Priors, region: ObjectRegion) -> Pictured:
         solution = solve(priors, [seen], None if solution is None else solution.shared)
     assert solution is not None
     tilts = [upright_line(world, face, 0.0)[1:] for face in faces]
-    refused = _unfollowed(stretch) or _in_the_air(stretch) or _leaning(stretch, tilts, peaks)
-    refused = refused or _without_edges(rough, peaks)
+    refused = _in_the_air(stretch) or _leaning(stretch, tilts, peaks)
+    refused = refused or _unfollowed(stretch) or _without_edges(rough, peaks)
     misfits = zip(seen.observations, solution.misfits[0].tolist(), strict=True)
     doubtful = frozenset(o.edge for o, misfit in misfits if isinstance(o, EdgeSeen) and misfit > _CONTRADICTION)
     return Pictured(seen, solution, rough.past, rough.first, tuple(faces), refused, doubtful)
@@ -281,17 +281,21 @@ def _located(
 
 
 def _unfollowed(stretch: Stretch) -> Why | None:
-    """A face about which both pictures agree nowhere: nothing is known of its foot either."""
-    return Why(Reason.NO_TEXTURE) if stretch.high.at - stretch.low_mm < _GAP_PX * stretch.mm_per_px else None
+    """A face about which both pictures agree nowhere, or too far above its foot to tell where it ends."""
+    nowhere = stretch.high.at - stretch.low_mm < _GAP_PX * stretch.mm_per_px
+    plain = stretch.foot_mm > _gap_mm(stretch) and stretch.low_mm - stretch.foot_mm > _gap_mm(stretch)
+    return Why(Reason.NO_TEXTURE) if nowhere or plain else None
+
+
+def _gap_mm(stretch: Stretch) -> float:
+    """A face that ends so far above the floor may stand in the air."""
+    return _GAP_MM + _GAP_PX * stretch.mm_per_px
 
 
 def _in_the_air(stretch: Stretch) -> Why | None:
     """A face that ends above the floor, and nothing nearer hides its foot."""
-    gap = _GAP_MM + _GAP_PX * stretch.mm_per_px
-    if stretch.foot_mm < gap:
+    if stretch.foot_mm < _gap_mm(stretch) or _unfollowed(stretch):
         return None
-    if stretch.low_mm - stretch.foot_mm > gap:  # too plain in between to tell where it ends
-        return Why(Reason.NO_TEXTURE)
     return Why(Reason.IN_THE_AIR, f"its lower edge is {stretch.foot_mm:.0f} mm above the floor")
 
 
@@ -300,7 +304,7 @@ def _leaning(stretch: Stretch, tilts: list[tuple[float, float]], peaks: dict[Edg
     for tilt, std in tilts:
         if abs(tilt) > _LEANING_RAD + _SURE * std:
             return Why(Reason.LEANS, f"by {np.degrees(abs(tilt)):.0f} degrees")
-    lean, unfooted = abs(stretch.lean_rad), stretch.low_mm > _GAP_MM + _GAP_PX * stretch.mm_per_px
+    lean, unfooted = abs(stretch.lean_rad), stretch.low_mm > _gap_mm(stretch)
     if unfooted and lean > _LEANING_ASIDE_RAD + stretch.lean_std_rad:
         return Why(Reason.LEANS, f"to the side, by about {np.degrees(lean):.0f} degrees")
     turned = [p for p in peaks.values() if abs(p.turn_px) > max(_LEANING_PX, _SURE * p.turn_std_px)]

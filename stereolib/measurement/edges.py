@@ -90,9 +90,9 @@ def locate_edge(light: Light, lines: ParallelLines, belief: Float64, *, samples:
     -----
     ``E(k) = mean over samples and colours of |I(k + m) - I(k - m)|`` of the light I, 2 m steps being 1.5 px; its
     geometric mean over both pictures and eight groups of samples, so that what only one of them, or a part of the line,
-    shows is none. The prior chooses the peak; a parabola
-    refines it. On a texture neighbouring lines resemble each other, across an outline
-    they do not. The deviation comes from eight groups of samples, each located by itself, and from rival peaks.
+    shows is none. On a texture neighbouring lines resemble each other, across an outline they do not: the odds of two
+    lines are their strengths' ratio to the power of 12, times their belief's. A parabola refines the likeliest. The
+    deviation comes from eight groups of samples, each located by itself, and from rival peaks.
     """
     half = max(1, round(_SPAN_PX / 2 / STEP_PX))
     differences = _differences(light, lines, samples, half)
@@ -101,7 +101,8 @@ def locate_edge(light: Light, lines: ParallelLines, belief: Float64, *, samples:
     groups = differences[0] if len(differences) == 1 else np.sqrt(differences[0] * differences[1])
     middle = lines.off_px[half:-half]
     strength = np.exp(np.log(np.maximum(groups, _LEAST)).mean(axis=1))
-    best = int((strength * belief[half:-half]).argmax())
+    likely = _RIVALRY * np.log(np.maximum(strength, _LEAST)) + np.log(belief[half:-half])
+    best = int(likely.argmax())
     start = max(best - 3 * half, 0)
     best = start + int(strength[start : best + 3 * half + 1].argmax())  # the prior chooses the peak, it moves none
     first = max(best - 2 * half, 0)
@@ -109,7 +110,7 @@ def locate_edge(light: Light, lines: ParallelLines, belief: Float64, *, samples:
     beside = max(best - 1, 0)
     position = float(middle[beside] + STEP_PX * _highest(strength[beside : best + 2, None])[0])
     scatter = 1.48 * median(np.abs(own - median(own))) / (_GROUPS / 1.57) ** 0.5
-    rivals = _rivals(strength * belief[half:-half], middle, best)
+    rivals = _rivals(likely, middle, best)
     std = float(np.sqrt(scatter**2 + _FLOOR_PX**2 + rivals))
     contrast = float(strength[best] / max(median(strength), 1e-9))
     return Peak(position, std, contrast, float(np.sqrt(rivals)), *_turn(own))
@@ -142,10 +143,10 @@ def _differences(light: Light, lines: ParallelLines, samples: int, half: int) ->
 
 
 def _rivals(likely: Float64, off: Float64, best: int) -> float:
-    """Mean squared distance of other peaks, which may be the edge as well the more alike they are. px^2."""
+    """Mean squared distance of other peaks, each with its odds of being the edge: `likely` is their logarithm. px^2."""
     inner = likely[1:-1]
     peaks = 1 + np.flatnonzero((inner > likely[:-2]) & (inner >= likely[2:]))
-    weight = (likely[peaks] / likely[best]) ** _RIVALRY
+    weight = np.exp(likely[peaks] - likely[best])
     return float((weight * (off[peaks] - off[best]) ** 2).sum() / max(weight.sum(), 1.0))
 
 

@@ -14,7 +14,8 @@ from stereolib.measurement.scene_solver import Priors, Seen, Solution, solve
 
 _MOVED_LASER = np.diag([50.0**2, 50.0**2, np.radians(5.0) ** 2])  # how far, if it has: standard deviations
 _MOVED_OFFSET_PX = 1.0  # by which a camera turned a little shifts all disparities
-_ODDS = 0.02  # that either has moved, before anything was seen
+_LASER_ODDS, _CAMERA_ODDS = 0.1, 0.02  # that they have moved, before anything was seen: a laser's mount is home-made
+_LASER = slice(Shared.LASER_X, Shared.LASER_YAW + 1)
 _LEAST_EXCESS = 3.0  # of cost: moving gains no more, which outweighs no odds
 
 
@@ -88,13 +89,23 @@ def judge(priors: Priors, seen: Sequence[Seen], *, scanned: bool) -> Judged:
     -----
     A hypothesis H weighs ``P(H) exp(-cost) sqrt(det C / det C0)`` (Laplace's approximation of its evidence), C the
     covariance of its solution and C0 that of its priors. What moving could gain at most is the misfit there is: where
-    that is too little, no other hypothesis is solved.
+    that is too little, none is solved. What such a scene tells nothing of, as the slide along one lone face, remains
+    as likely to have moved as it was.
     """
     first = solve(priors, seen)
+    if not scanned:
+        return Judged(first, {Moved.NOTHING: 1.0}, scanned)
+    if first.excess <= _LEAST_EXCESS:
+        loose, odds = _loosened(first, priors, widened(priors, Moved.LASER)), _LASER_ODDS
+        return Judged(
+            _mixed({Moved.NOTHING: first, Moved.LASER: loose}, {Moved.NOTHING: 1 - odds, Moved.LASER: odds}),
+            {Moved.NOTHING: 1.0},
+            scanned,
+        )
     solutions, logs = {Moved.NOTHING: first}, {Moved.NOTHING: _evidence(Moved.NOTHING, priors, first)}
-    for what in (Moved.LASER, Moved.CAMERAS, Moved.BOTH) if scanned and first.excess > _LEAST_EXCESS else ():
+    starts = [replace(s, start=x) for s, x in zip(seen, first.boxes, strict=True)]
+    for what in (Moved.LASER, Moved.CAMERAS, Moved.BOTH):
         wide = widened(priors, what)
-        starts = [replace(s, start=x) for s, x in zip(seen, first.boxes, strict=True)]
         solutions[what] = solve(wide, starts, first.shared)
         logs[what] = _evidence(what, wide, solutions[what])
     top = max(logs.values())
@@ -125,9 +136,19 @@ def widened(priors: Priors, what: Moved) -> Priors:
     return replace(priors, laser=laser, cameras_std=std)
 
 
+def _loosened(solution: Solution, priors: Priors, wide: Priors) -> Solution:
+    """The same with the laser's pose less well known: ``C + C_L (A^-1 - C_LL)^-1 C_L'``, A what its prior tells less.
+
+    By Woodbury's formula, with ``A^-1 = P + P (W - P)^-1 P`` for the prior's covariance P and the wider one W.
+    """
+    P, W, C = priors.laser.covariance, wide.laser.covariance, solution.covariance
+    left = P + P @ np.linalg.solve(W - P, P) - C[_LASER, _LASER]
+    return replace(solution, covariance=C + C[:, _LASER] @ np.linalg.solve(left, C[_LASER]))
+
+
 def _prior_log(what: Moved, priors: Priors) -> float:
     """Logarithm of a hypothesis's probability, over the volume of what it leaves open."""
-    odds = np.log(_ODDS) * (what.laser + what.cameras)
+    odds = what.laser * np.log(_LASER_ODDS) + what.cameras * np.log(_CAMERA_ODDS)
     volume = 0.5 * np.linalg.slogdet(priors.laser.covariance)[1] + np.log(priors.cameras_std).sum()
     return float(odds - volume)
 

@@ -202,9 +202,7 @@ def _rough_box(stretch: Stretch, left: Corner | None, right: Corner | None) -> _
     return _Rough(own, first, ends, corner.width_px if corner else 0.0)
 
 
-def _seen_again(
-    views: Views, world: World, stretch: Stretch, rough: _Rough
-) -> tuple[_Rough, dict[Edge, Expected]]:
+def _seen_again(views: Views, world: World, stretch: Stretch, rough: _Rough) -> tuple[_Rough, dict[Edge, Expected]]:
     """Look at the second face again, now that its place is known; and which edges are to be located anew."""
     side = rough.first.other
     if side.end not in rough.ends:

@@ -19,7 +19,7 @@ _AFAR_PX = 12.0  # the least stretch in which an edge is looked for afar
 _CLEAR_ALONE = 2.5  # and of one that ends a face about which nothing else is known
 _NEARER_PX = 20.0  # by so much nearer edges are e times as likely, where a surface ends in a plain part
 _BEFORE = 0.2  # how likely an edge is where it was located, if its face was followed elsewhere since
-_LEAST_PX_PER_MM = 1e-3
+_LEAST_PX_PER_MM, _LEAST_LENGTH_PX = 1e-3, 1e-6
 _LEAST_REACH_PX, _MOST_REACH_PX = 4.0, 120.0
 _FAR_MM, _EARLY = np.arange(0.0, 1000.0, 2.0), 10  # depths that are tried; a tenth of them is a likely one
 _LEAST_SLIVER_PX, _WIDEST_SLIVER_PX = 3.0, 60.0
@@ -77,7 +77,7 @@ def predicted(edge: Edge, world: World, own: Float64, *, right: bool = False) ->
         Its middle in the picture, with a standard deviation of 1 px.
     """
     a, b = world.pixels(Box(own).edge(edge), right)
-    along = (b - a) / np.linalg.norm(b - a)
+    along = (b - a) / max(float(np.linalg.norm(b - a)), _LEAST_LENGTH_PX)
     return EdgeSeen(edge, (a + b) / 2, np.array([-along[1], along[0]]), 1.0, right=right)
 
 

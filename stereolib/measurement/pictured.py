@@ -36,6 +36,8 @@ _LEAST_PLANE_PX = 20.0  # a second face must be so wide to have a plane of its o
 _ROUNDS = 2  # of edges and least squares
 _PRIOR_PX = (1.0, 4.0)  # how well an edge is taken to be known beforehand, at least and at most
 _CORNER_PX = 2.5  # how well a corner is known from looking round it
+_MOST_CHANGE = 3.0  # factor between a face's width as it was followed and as its edges have it
+_KNOWN = 0.1  # of a face's width: what is known so well is not asked of the top
 _FAR_END_PX = 2.0  # how well the end of a sliver is known
 _END_PRIOR_PX = 1.5  # beyond the stretch in which an end may lie
 _GAP_MM, _GAP_PX = 6.0, 4.0  # so far above the floor a face may end for want of texture, and for a pixel's size
@@ -123,8 +125,8 @@ def see_box(views: Views, priors: Priors, region: ObjectRegion) -> Pictured:
     for _ in range(_ROUNDS):
         if solution is not None:  # the height is known now
             world = priors.world(solution.shared)
-            rough, anew = _seen_again(views, world, stretch, replace(rough, own=solution.boxes[0]))
-            rough = _with_top(views, world, rough, peaks)
+            rough, anew = _seen_again(views, world, stretch, rough.solved(solution.boxes[0]), peaks)
+            rough = _with_top(views, world, rough, np.sqrt(np.diag(solution.covariance))[len(Shared) :])
             peaks = {edge: peak for edge, peak in peaks.items() if edge not in anew}
             stds = predicted_stds_px(rough.open, rough.first, priors, *solution.at(rough.own).of_box(0))
         found = _located(views, world, rough, peaks, rough.expected(peaks, stds) | anew)
@@ -150,6 +152,14 @@ class _Rough:
     first: Side
     ends: dict[Edge, End]
     second_px: float
+
+    def solved(self, own: Float64) -> _Rough:
+        """With a solution's parameters, but for extents that are nowhere near those that were followed."""
+        extents = [side.extent for side in Side]
+        share = own[extents] / self.own[extents]
+        kept = own.copy()
+        kept[extents] = np.where((share > 1 / _MOST_CHANGE) & (share < _MOST_CHANGE), own[extents], self.own[extents])
+        return replace(self, own=kept)
 
     def expected(self, before: Container[Edge], stds_px: dict[Edge, float]) -> dict[Edge, Expected]:
         """Where its edges are expected: near where they were located before, else where following ended."""
@@ -202,7 +212,9 @@ def _rough_box(stretch: Stretch, left: Corner | None, right: Corner | None) -> _
     return _Rough(own, first, ends, corner.width_px if corner else 0.0)
 
 
-def _seen_again(views: Views, world: World, stretch: Stretch, rough: _Rough) -> tuple[_Rough, dict[Edge, Expected]]:
+def _seen_again(
+    views: Views, world: World, stretch: Stretch, rough: _Rough, located: Container[Edge]
+) -> tuple[_Rough, dict[Edge, Expected]]:
     """Look at the second face again, now that its place is known; and which edges are to be located anew."""
     side = rough.first.other
     if side.end not in rough.ends:
@@ -212,7 +224,7 @@ def _seen_again(views: Views, world: World, stretch: Stretch, rough: _Rough) -> 
         return rough, {}
     x, y = Box(rough.own).edge(side.end)[0, :2]
     beyond_px = (y / x - end.at) * float(world.focal) * (1 if side is Side.LEFT else -1)
-    return rough, {side.end: _expected(end, beyond_px, was_located=True)}
+    return rough, {side.end: _expected(end, beyond_px, was_located=side.end in located)}
 
 
 def _expected(end: End, beyond_px: float = 0.0, *, was_located: bool = False) -> Expected:
@@ -242,7 +254,7 @@ def _with_far_end(views: Views, world: World, stretch: Stretch, rough: _Rough) -
     return again, {} if side is first else again.expected((), {})
 
 
-def _with_top(views: Views, world: World, rough: _Rough, located: Container[Edge]) -> _Rough:
+def _with_top(views: Views, world: World, rough: _Rough, own_std: Float64) -> _Rough:
     """Add the back edges of a top face that the camera looks down on; they tell a depth that no face shows."""
     own, ends = rough.own.copy(), dict(rough.ends)
     is_open = any(end.past is Past.OPEN for edge, end in ends.items() if edge.is_top)
@@ -250,7 +262,7 @@ def _with_top(views: Views, world: World, rough: _Rough, located: Container[Edge
         return rough
     for side in Side:
         depth = side.other
-        if depth.end in located or (depth is rough.first and depth.end in rough.open):
+        if depth.end in rough.open and own_std[depth.extent] < _KNOWN * own[depth.extent]:
             ends[side.back] = End(0.0, Past.OPEN)
         elif side.end in ends and (top := follow_top(views, world, own, side)) is not None:
             own[depth.extent], ends[side.back] = top.at, top

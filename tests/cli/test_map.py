@@ -16,7 +16,6 @@ from stereolib.cli import commands
 from stereolib.virtual import walk
 
 
-#: Five turns without a reading.
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
     """Stations 1 and 3 of the walk, and a third by its scan alone; their map."""

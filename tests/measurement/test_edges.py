@@ -41,7 +41,7 @@ FLAT = np.ones(len(OFF))
 def test_an_edge_is_found_to_a_fraction_of_a_pixel(place):
     peak = locate_edge(both((place, 0.3)), lines(), FLAT)
     assert peak.position_px == pytest.approx(place - 120, abs=0.15)
-    assert 0.1 <= peak.std_px < 0.2 and peak.contrast > 10 and abs(peak.turn_px) < 0.5
+    assert 0.05 <= peak.std_px < 0.2 and peak.contrast > 10 and abs(peak.turn_px) < 0.5
 
 
 def test_the_stated_deviation_holds_on_faint_edges():

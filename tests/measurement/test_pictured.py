@@ -42,7 +42,7 @@ def test_a_sliver_tells_the_depth():
     case = (700.0, (260.0, 260.0, 220.0), -13.0)
     seen, true = rendered(*case).box(), true_box(*case)
     assert seen.first is Side.LEFT and np.abs(z(seen, true)).max() < 4
-    assert 0 < seen.solution.covariance[-5, -5] < 1000.0**2  # known better than from nothing, if only just
+    assert 0 < seen.solution.covariance[-5, -5] < 8.0**2
 
 
 def test_a_top_from_above_tells_the_depth():
@@ -63,13 +63,13 @@ def test_an_end_outside_of_the_picture_is_not_told():
     ("how", "reasons"),
     [
         ({"up_mm": 60.0}, {Reason.IN_THE_AIR}),
-        ({"lean_deg": 8.0}, {Reason.LEANS, Reason.IN_THE_AIR, Reason.NO_TEXTURE}),
-        ({"lean_deg": -8.0}, {Reason.LEANS, Reason.IN_THE_AIR, Reason.NO_TEXTURE}),
+        ({"lean_deg": 8.0}, {Reason.LEANS, Reason.IN_THE_AIR}),
+        ({"lean_deg": -8.0}, {Reason.LEANS, Reason.IN_THE_AIR}),
     ],
 )
 def test_what_does_not_stand_is_refused(how, reasons):
     refused = rendered(700.0, (260.0, 260.0, 220.0), 30.0, **how).box().refused
-    assert refused.reason in reasons
+    assert refused.reason in reasons and refused.seen
     if "up_mm" in how:
         assert re.search(r"\b(59|60|61) mm above the floor", refused.seen)
 

@@ -21,7 +21,7 @@ _RIVALRY = 12  # power of two peaks' ratio that is their odds
 _STEPPING = 3  # and of the texture's ratio on both sides of a line
 _APART, _BESIDE = 6, 16  # which is looked at so many lines from it, over so many
 _LEAST = 1e-3  # of a difference: what is less is none
-_FLOOR_PX = 0.06  # least standard deviation of an edge: its own blur and staircase
+_FLOOR = 0.03  # least standard deviation of an edge, of its width: what blur and staircase do to all of it alike
 
 
 #: Left and right picture; None for one that is not looked at.
@@ -95,7 +95,7 @@ def locate_edge(light: Light, lines: ParallelLines, belief: Float64, *, samples:
     shows is none. On a texture neighbouring lines resemble each other, across an outline they do not, and often one
     side of it has more texture than the other: the odds of two lines are their strengths' ratio to the power of 12,
     times that of E beside them, larger over smaller, to the power of 3, times their belief's. A parabola refines the
-    likeliest. The deviation comes from eight groups of samples, each located by itself, and from rival peaks.
+    likeliest. The deviation comes from eight groups of samples, each located by itself, from the edge's width, and from rival peaks.
     """
     half = max(1, round(_SPAN_PX / 2 / STEP_PX))
     differences = _differences(light, lines, samples, half)
@@ -114,7 +114,7 @@ def locate_edge(light: Light, lines: ParallelLines, belief: Float64, *, samples:
     position = float(middle[beside] + STEP_PX * _highest(strength[beside : best + 2, None])[0])
     scatter = 1.48 * median(np.abs(own - median(own))) / (_GROUPS / 1.57) ** 0.5
     rivals = _rivals(strength, likely, middle, best)
-    std = float(np.sqrt(scatter**2 + _FLOOR_PX**2 + rivals))
+    std = float(np.sqrt(scatter**2 + (_FLOOR * _width_px(strength, best)) ** 2 + rivals))
     contrast = float(strength[best] / max(median(strength), 1e-9))
     return Peak(position, std, contrast, float(np.sqrt(rivals)), *_turn(own))
 
@@ -143,6 +143,13 @@ def _differences(light: Light, lines: ParallelLines, samples: int, half: int) ->
         difference = cv2.absdiff(values[2 * half :], values[: -2 * half])
         found.append(cv2.resize(difference, (_GROUPS, len(difference)), interpolation=cv2.INTER_AREA))
     return found
+
+
+def _width_px(strength: Float64, best: int) -> float:
+    """Full width of a peak at half its height."""
+    below = np.flatnonzero(strength < strength[best] / 2)
+    left, right = below[below < best].max(initial=-1), below[below > best].min(initial=len(strength))
+    return STEP_PX * float(right - left - 1)
 
 
 def _steps(strength: Float64) -> Float64:

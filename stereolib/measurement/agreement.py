@@ -43,11 +43,14 @@ class Reach:
     stop : int
         Number of the first line on which they disagree: in between all is too plain to tell.
     past : Past
+    sure : int
+        Number of the last line that has texture of its own; up to `last` it may be an edge's trace beside it.
     """
 
     last: int
     stop: int
     past: Past
+    sure: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +63,9 @@ class Agreement:
         Correlation of the slopes along the rows, and of slopes and brightness together, each line with its neighbours:
         -1 to 1; NaN where a picture does not show it.
     contrast : (lines,) float64
-        Root mean square slope in the weaker picture.
+        Root mean square slope in the weaker picture, made ready for comparing: an edge is in it for some pixels beside.
+    relief : (lines,) float64
+        Of the left picture as it is.
     predicted_px, matched_px : (lines,) float64
         Disparity of the surface, and the median one that was matched there; NaN where none was.
     """
@@ -68,6 +73,7 @@ class Agreement:
     fine: Float64
     whole: Float64
     contrast: Float64
+    relief: Float64
     predicted_px: Float64
     matched_px: Float64
 
@@ -108,8 +114,8 @@ class Agreement:
         Examples
         --------
         >>> alike, flat = np.array([1.0] * 6 + [0.0] * 6), np.ones(12)
-        >>> Agreement(alike, alike, flat, 50 * flat, 50 * flat).reach(4)
-        Reach(last=3, stop=5, past=<Past.OPEN: 'it ends there'>)
+        >>> Agreement(alike, alike, flat, flat, 50 * flat, 50 * flat).reach(4)
+        Reach(last=3, stop=5, past=<Past.OPEN: 'it ends there'>, sure=3)
         """
         (least, most), values = (_SECOND, self.whole) if second else (_FIRST, self.fine)
         plain = self.contrast < _QUIET * np.quantile(self.contrast[: max(known, 1)], _TYPICAL)
@@ -125,7 +131,10 @@ class Agreement:
         beside = self.matched_px[last + 1 + _MARGIN : last + 1 + _BESIDE]
         hidden = np.count_nonzero(beside > nearer) > len(beside) / 2
         past = Past.HIDDEN if hidden else Past.CUT if cut else Past.OPEN
-        return Reach(max(last - _MARGIN, min(last, 0)), max(stop - 1, 0), past)
+        own = self.relief > _QUIET * np.quantile(self.relief[: max(known, 1)], _TYPICAL)
+        sure = int(np.flatnonzero((good & own)[: last + 1]).max(initial=min(last, 0)))
+        last, sure = (max(at - _MARGIN, min(at, 0)) for at in (last, sure))
+        return Reach(last, max(stop - 1, 0), past, sure)
 
 
 def _first(flags: Bools, none: int) -> int:
@@ -159,10 +168,14 @@ def agreement(views: Views, world: World, points_mm: Float64) -> Agreement:
     ab, aa, bb = _summed(a * b), _summed(a * a), _summed(b * b)
     n = np.maximum(_summed(inside[..., None])[:, 0], 1)
     alike = ab / np.sqrt(np.maximum(aa * bb, _LEAST_POWER))
+    slope = cv2.remap(views.slope, u, v, cv2.INTER_LINEAR) * inside
+    relief = np.sqrt(_summed((slope * slope)[..., None])[:, 0] / n)
     shown = np.where(inside.mean(axis=1) > _LEAST_SEEN, 1.0, np.nan)
     contrast = np.sqrt(np.minimum(aa, bb)[:, 1] / n)
     matched = np.where(inside, views.disparity_px[v.astype(int), u.astype(int)], np.nan)
-    return Agreement(alike[:, 1] * shown, alike.mean(axis=1) * shown, contrast, shift.mean(axis=1), _medians(matched))
+    return Agreement(
+        alike[:, 1] * shown, alike.mean(axis=1) * shown, contrast, relief, shift.mean(axis=1), _medians(matched)
+    )
 
 
 def _projected(views: Views, world: World, points_mm: Float64) -> tuple[list[Float32], Bools]:

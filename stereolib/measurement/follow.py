@@ -137,8 +137,24 @@ class End:
         lean, spread = _SECOND if second else _FIRST
         plain = max(float(reach.stop - reach.last) - _WINDOW_PX, 0.0)
         at = int(np.clip(round(reach.last + max(lean, -0.5 * reach.last)), 0, len(where) - 1))
-        inside = min(2 * spread, _MOST_INSIDE * max(reach.last + lean, 1.0))
+        inside = min(2 * spread + reach.last - reach.sure, _MOST_INSIDE * max(reach.last + lean, 1.0))
         return cls(float(where[at]), reach.past, inside, 2 * spread + plain, float(np.hypot(spread, plain / 12**0.5)))
+
+    def overlaps(self, other: End, per_unit_px: float) -> bool:
+        """Whether the same edge may be meant.
+
+        Parameters
+        ----------
+        other : End
+        per_unit_px : float
+            Pixels to a unit of `at`.
+
+        Returns
+        -------
+        bool
+        """
+        reach = max(self.inside_px, self.outside_px) + max(other.inside_px, other.outside_px)
+        return abs(self.at - other.at) * per_unit_px < reach
 
 
 @dataclass(frozen=True, eq=False)

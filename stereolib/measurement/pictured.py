@@ -30,6 +30,7 @@ from stereolib.measurement.regions import ObjectRegion
 from stereolib.measurement.scene_solver import Priors, Seen, Solution, solve
 from stereolib.measurement.views import Views
 
+_LEAST_MM = 1.0  # of a width
 _HIDDEN_MM = 100.0  # what an extent is taken as that nobody sees
 _UNLOCATED_PX = 6.0  # how well an edge is known that was not located, at best
 _LEAST_PLANE_PX = 20.0  # a second face must be so wide to have a plane of its own
@@ -204,7 +205,8 @@ def _rough_box(stretch: Stretch, left: Corner | None, right: Corner | None) -> _
     place, own = line.at(t), np.zeros(len(Own))
     turn = float(np.arctan2(line.normal[1], line.normal[0])) + (0.0 if first is Side.RIGHT else np.pi / 2)
     own[[Own.X, Own.Y, Own.TURN, Own.HEIGHT]] = *place, turn, stretch.high.at
-    own[[first.extent, first.other.extent]] = np.linalg.norm(line.at(outer.at) - place), _HIDDEN_MM
+    width = max(float(np.linalg.norm(line.at(outer.at) - place)), _LEAST_MM)
+    own[[first.extent, first.other.extent]] = width, _HIDDEN_MM
     ends = {first.end: outer, Edge.CORNER: inner, first.top: stretch.high}
     if corner:
         own[first.other.extent] = corner.depth_mm
@@ -220,7 +222,7 @@ def _seen_again(
     if side.end not in rough.ends:
         return _with_far_end(views, world, stretch, rough)
     end = follow_again(views, world, rough.own, side) if side.end in rough.open else None
-    if end is None or end.past is not Past.OPEN:
+    if end is None or end.past is not Past.OPEN or not end.overlaps(rough.ends[side.end], float(world.focal)):
         return rough, {}
     x, y = Box(rough.own).edge(side.end)[0, :2]
     beyond_px = (y / x - end.at) * float(world.focal) * (1 if side is Side.LEFT else -1)

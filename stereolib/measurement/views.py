@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -48,6 +49,13 @@ class Views:
     pair: AlignedPair
     rows: RowOffset
     clipped: float
+
+    @cached_property
+    def slope(self) -> Float32:
+        """How fast the left picture's brightness changes along its rows, grey levels per px. (H, W)."""
+        return np.asarray(
+            cv2.Sobel(cv2.blur(to_grey(self.left), (3, 3)), cv2.CV_32F, 1, 0, ksize=1, scale=0.5), np.float32
+        )
 
     @classmethod
     def of(cls, left: UInt8, right: UInt8, rectified: RectifiedRig) -> Views:

@@ -37,6 +37,8 @@ _LASER_ABOVE_FLOOR_MM = 100.0  # where no floor is seen; the scan's sizes do not
 _SCAN_REACH_M = 3  # of `stereolib.laser.find_segments`
 _FEW_BEAMS = 6  # so few tell no round or irregular outline from faces
 _SHOWN = 0.5  # share of a footprint that the right camera must show
+_WALL_PX = 3.0  # of disparity: so near a wall of the scan a region without a face is a part of it
+_NOWHERE = np.zeros((0, 2))
 _LIKELY = 0.5  # probability from which something is said to have moved
 _LEAST_STD = 1e-5  # of what a calibration knows, px or shares
 _LEAST_BEAMS = 2  # in the left picture: one may be a neighbour's
@@ -115,9 +117,9 @@ def measure_objects(
     priors = scene_priors(views, instrument, floor or _floor_below(instrument))
     if scan is not None and instrument.lidar is None:
         warnings.append("the laser's pose is not known: it is taken to stand straight below the left camera")
-    footprints, no_object = ([], "") if scan is None else _footprints(scan, priors.laser.bias_mm)
+    footprints, walls_mm, no_object = ([], _NOWHERE, "") if scan is None else _scanned(scan, priors.laser.bias_mm)
     warnings += [no_object] if no_object else []
-    scene = _Scene(views, priors, bool(footprints), no_floor)
+    scene = _Scene(views, priors, bool(footprints), priors.laser.points_mm(walls_mm), no_floor)
     things, unlike = scene.things(regions, footprints)
     judged, things, apart = scene.solved(things)
     objects = sorted(scene.measured(judged, things), key=lambda thing: float(np.hypot(*thing.position_mm)))
@@ -125,21 +127,22 @@ def measure_objects(
         reach = f"{OBJECTS_WITHIN_MM / 1000:g} m of the cameras or {_SCAN_REACH_M} m of the laser"
         warnings.append(f"nothing stands on the floor within {reach}")
     laser = priors.laser.moved(*judged.solution.laser)
-    readings = np.zeros((0, 2)) if scan is None else laser.points_mm(points_mm(scan))
+    readings = _NOWHERE if scan is None else laser.points_mm(points_mm(scan))
     warnings += [*unlike, *apart, *_said_of_the_rig(views, judged, instrument)]
     pictures = views.left, views.right, views.disparity_px
     return Measurement(tuple(objects), tuple(warnings), floor, laser, readings, *pictures)
 
 
-def _footprints(scan: LaserScan, bias_mm: float) -> tuple[list[Footprint], str]:
-    """Outlines of the objects in a scan; what to say if there is none."""
+def _scanned(scan: LaserScan, bias_mm: float) -> tuple[list[Footprint], Float64, str]:
+    """Outlines of the objects in a scan, its other readings (N, 2), and what to say if there is no object."""
     try:
         parts = find_segments(scan)
     except ValueError as error:
-        return [], f"the scan tells nothing, sizes come from the pair alone: {error}"
+        return [], _NOWHERE, f"the scan tells nothing, sizes come from the pair alone: {error}"
     found = [fit_footprint(part, bias_mm=bias_mm) for part in parts if part.kind == "object"]
+    walls = [part.points_mm for part in parts if part.kind != "object"]
     none = f"the scan shows no object within {_SCAN_REACH_M} m: sizes come from the pair alone"
-    return found, "" if found else none
+    return found, np.concatenate([_NOWHERE, *walls]), "" if found else none
 
 
 def scene_priors(views: Views, instrument: Instrument, floor: Floor) -> Priors:
@@ -197,15 +200,25 @@ class _Scene:
     views: Views
     priors: Priors
     scan_has_objects: bool
+    walls_mm: Float64
     no_floor: str
 
     def things(self, regions: list[ObjectRegion], footprints: list[Footprint]) -> tuple[list[_Thing], Sequence[str]]:
         """Objects as pictures and scan show them, paired; and what does not fit together."""
-        alone = [self._pictured(region) for region in regions]
+        every = [self._pictured(region) for region in regions]
+        alone = [thing for thing in every if not self._of_a_wall(thing)]
         pairs = pair_up([_place(thing, self.priors.floor) for thing in alone], footprints, self.priors.laser)
         both = [self._with_scan(alone[i], footprints[j]) for i, j in pairs.both]
         rest = [self._scanned(_Thing(footprint=footprints[j])) for j in pairs.scanned]
         return [*both, *(alone[i] for i in pairs.pictured), *rest], pairs.warnings
+
+    def _of_a_wall(self, thing: _Thing) -> bool:
+        """Whether the scan has a wall, to a pixel of disparity or so, where the pictures are too plain to tell."""
+        if thing.region is None or thing.why is None or thing.why.reason is not Reason.NO_TEXTURE:
+            return False
+        rectified, place = self.priors.floor.rectified, np.array(thing.region.position_mm)
+        off_mm = np.linalg.norm(self.walls_mm - place, axis=1).min(initial=np.inf)
+        return bool(off_mm < _WALL_PX * (place @ place) / (rectified.f_px * rectified.baseline_mm))
 
     def _pictured(self, region: ObjectRegion) -> _Thing:
         try:

@@ -63,13 +63,16 @@ def test_a_face_that_leans_back_is_told():
 
 def test_ends_of_reaches():
     where = np.arange(100.0)
-    end = End.of(Reach(40, 42, Past.OPEN), where)
+    end = End.of(Reach(40, 42, Past.OPEN, 40), where)
     assert end.at == pytest.approx(41.5, abs=1) and end.inside_px == end.outside_px and end.std_px == 2.5
-    plain = End.of(Reach(40, 80, Past.OPEN), where)
+    plain = End.of(Reach(40, 80, Past.OPEN, 40), where)
     assert plain.outside_px > 36 and plain.std_px > 10 and plain.at == end.at
-    assert End.of(Reach(40, 50, Past.CUT), where) == End(49.0, Past.CUT)
-    second = End.of(Reach(40, 42, Past.OPEN), where, second=True)
+    assert End.of(Reach(40, 50, Past.CUT, 40), where) == End(49.0, Past.CUT)
+    second = End.of(Reach(40, 42, Past.OPEN, 40), where, second=True)
     assert second.at < 40 and second.std_px > end.std_px
+    beside = End.of(Reach(40, 42, Past.OPEN, 32), where)
+    assert beside.at == end.at and beside.inside_px == end.inside_px + 8  # eight lines may be an edge's trace
+    assert end.overlaps(beside, 1.0) and not end.overlaps(End.of(Reach(60, 62, Past.OPEN, 60), where), 1.0)
 
 
 def test_the_recorded_cube_s_faces():

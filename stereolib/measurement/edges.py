@@ -95,7 +95,8 @@ def locate_edge(light: Light, lines: ParallelLines, belief: Float64, *, samples:
     shows is none. On a texture neighbouring lines resemble each other, across an outline they do not, and often one
     side of it has more texture than the other: the odds of two lines are their strengths' ratio to the power of 12,
     times that of E beside them, larger over smaller, to the power of 3, times their belief's. A parabola refines the
-    likeliest. The deviation comes from eight groups of samples, each located by itself, from the edge's width, and from rival peaks.
+    likeliest. The deviation comes from eight groups of samples, each located by itself, from the edge's width, and from
+    rival peaks.
     """
     half = max(1, round(_SPAN_PX / 2 / STEP_PX))
     differences = _differences(light, lines, samples, half)
@@ -186,7 +187,7 @@ def _highest(values: Float32) -> Float64:
     columns, at = np.arange(values.shape[1]), values.argmax(axis=0)
     before, after = (values[np.clip(at + step, 0, len(values) - 1), columns] for step in (-1, 1))
     inside = (at > 0) & (at < len(values) - 1)
-    return at + np.where(inside, _parabola(before, values[at, columns], after), 0.0)
+    return np.asarray(at + np.where(inside, _parabola(before, values[at, columns], after), 0.0))
 
 
 def _parabola(a: Floats, b: Floats, c: Floats) -> Float64:

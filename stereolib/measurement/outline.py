@@ -158,7 +158,8 @@ class Expected:
         """Where it is looked for, outwards, `STEP_PX` apart. (N,)."""
         reach = max(3.0 * self.std_px, _LEAST_REACH_PX)
         low, high = min(self.low_px, 0.0), max(min(self.high_px, _MOST_REACH_PX), 0.0)
-        return STEP_PX * np.arange(-round((reach - low) / STEP_PX), round((reach + high) / STEP_PX) + 1)
+        first, last = -round((reach - low) / STEP_PX), round((reach + high) / STEP_PX)
+        return np.asarray(STEP_PX * np.arange(first, last + 1), np.float64)
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,7 +23,7 @@ from stereolib.measurement.follow import (
     look_round,
     upright_line,
 )
-from stereolib.measurement.observations import EdgeSeen, Observation, PlaneSeen, weak_priors
+from stereolib.measurement.observations import EdgeSeen, PlaneSeen, weak_priors
 from stereolib.measurement.outline import Expected, Found, find_edge, find_far_end, predicted, predicted_stds_px
 from stereolib.measurement.reasons import Reason, Why
 from stereolib.measurement.regions import ObjectRegion
@@ -113,7 +113,8 @@ def see_box(views: Views, priors: Priors, region: ObjectRegion) -> Pictured:
     -----
     The best face is aligned, and followed over both pictures to its ends, up and down. Round either end a second face
     at a right angle is looked for: its place is predicted, so that a sliver is enough. Then its edges are located in
-    turn with the least squares that says how well each is known beforehand.
+    turn with the least squares that says how well each is known beforehand: before the second turn the second face is
+    followed again from where it is now known to stand, or, if only one camera sees it, looked for by its far edge.
     """
     world = priors.world(np.zeros(len(Shared)))
     face = max(find_faces(priors.floor, region, views.pair), key=lambda face: face.pixels)

@@ -10,7 +10,7 @@ import numpy as np
 from stereolib.base import Float64
 from stereolib.measurement.box import Box, Edge, Own, Shared, Side, World, derivatives
 from stereolib.measurement.edges import STEP_PX, Light, ParallelLines, Peak, locate_edge
-from stereolib.measurement.observations import EdgeSeen, edge_residuals
+from stereolib.measurement.observations import EdgeSeen
 from stereolib.measurement.scene_solver import Priors
 
 _CLEAR = 1.5  # least contrast of an edge that is looked for afar, against the lines around it
@@ -103,7 +103,8 @@ def predicted_stds_px(
     n = len(Shared)
     world = priors.world(x[:n])
     at = [_Eye.of(world, edge, x[n:], edge_direction(edge, x[n:], first)).at for edge in edges]
-    _, J = derivatives(lambda y: edge_residuals(at, priors.world(y[..., :n]), Box(y[..., n:])), x)
+    residuals = EdgeSeen.together(at)
+    _, J = derivatives(lambda y: residuals(priors.world(y[..., :n]), Box(y[..., n:])), x)
     return dict(zip(edges, np.sqrt(np.einsum("ij,jk,ik->i", J, covariance, J)).tolist(), strict=True))
 
 

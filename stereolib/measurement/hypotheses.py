@@ -93,9 +93,9 @@ def judge(priors: Priors, seen: Sequence[Seen], *, scanned: bool) -> Judged:
     first = solve(priors, seen)
     solutions, logs = {Moved.NOTHING: first}, {Moved.NOTHING: _evidence(Moved.NOTHING, priors, first)}
     for what in (Moved.LASER, Moved.CAMERAS, Moved.BOTH) if scanned and first.excess > _LEAST_EXCESS else ():
-        wide = widened(priors, what)
-        starts = [replace(s, start=x) for s, x in zip(seen, first.boxes, strict=True)]
-        solutions[what] = solve(wide, starts, first.shared)
+        wide, nearest = widened(priors, what), min(solutions.values(), key=lambda solution: solution.cost)
+        starts = [replace(s, start=x, shared=nearest.shared) for s, x in zip(seen, nearest.boxes, strict=True)]
+        solutions[what] = solve(wide, starts)
         logs[what] = _evidence(what, wide, solutions[what])
     top = max(logs.values())
     weights = {what: float(np.exp(value - top)) for what, value in logs.items()}

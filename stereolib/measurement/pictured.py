@@ -33,6 +33,7 @@ from stereolib.measurement.views import Views
 _HIDDEN_MM = 100.0  # what an extent is taken as that nobody sees
 _UNLOCATED_PX = 6.0  # how well an edge is known that was not located, at best
 _LEAST_PLANE_PX = 20.0  # a second face must be so wide to have a plane of its own
+_ROUGHLY = 1e-2  # tolerance of the first least squares, which only predicts
 _ROUNDS = 2  # of edges and least squares
 _PRIOR_PX = (1.0, 4.0)  # how well an edge is taken to be known beforehand, at least and at most
 _CORNER_PX = 2.5  # how well a corner is known from looking round it
@@ -132,8 +133,12 @@ def see_box(views: Views, priors: Priors, region: ObjectRegion) -> Pictured:
         located = [each.seen for each in found.values()]
         known = [*rough.planes(faces), *weak_priors(rough.own, priors.laser.bias_mm), *rough.edges(world, found)]
         seen = Seen(rough.own + _move(found), (*known, *located))
-        solution = solve(priors, [seen], None if solution is None else solution.shared)
+        if solution is None:
+            solution = solve(priors, [seen], tolerance=_ROUGHLY)
+        else:
+            solution = solve(priors, [replace(seen, shared=solution.shared)])
     assert solution is not None
+    seen = replace(seen, start=solution.boxes[0], shared=solution.shared)  # near what all boxes together will have
     tilts = [upright_line(world, face, 0.0)[1:] for face in faces]
     refused = _unfollowed(stretch) or _in_the_air(stretch) or _leaning(stretch, tilts, peaks)
     refused = refused or _without_edges(rough, peaks)

@@ -22,15 +22,15 @@ from stereolib.measurement.observations import (
 
 _REACH = 2.5  # standard deviations beyond which an observation that may be mistaken counts less and less
 _NO_REACH = 1e6  # of the others
-_TOLERANCE = 1e-5  # relative: a thousandth of a standard deviation, about
+_TOLERANCE = 1e-4  # relative: a hundredth of a standard deviation at most
 _MOST_STEPS = 40
 _LASER = slice(Shared.LASER_X, Shared.LASER_YAW + 1)
 _CAMERAS = slice(Shared.OFFSET, None)
 _STEPS = 1j * COMPLEX_STEP * np.eye(len(Shared) + len(Own))
 _FLOOR_ROUNDING = np.array([1e-5, 1e-5, 1e-3])  # of a floor's plane: one that is given is known so well at most
-#: About what the parameters are off at first.
-_SHARED_SCALE = np.array([1e-2, 1e-3, 1e-3, 1.0, 1.0, 1e-3, 0.1, 0.1, 1e-3, 1e-3])
-_OWN_SCALE = np.array([1.0, 1.0, 1e-3, 1.0, 1.0, 1.0, 0.5, 0.5])
+#: What the parameters are off at first, at most: the first step goes no farther.
+_SHARED_SCALE = np.array([0.1, 0.01, 0.01, 10.0, 10.0, 0.01, 1.0, 1.0, 0.01, 0.01])
+_OWN_SCALE = np.array([10.0, 10.0, 0.01, 10.0, 10.0, 10.0, 5.0, 5.0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,21 +152,25 @@ class Seen:
     start : (8,) float64
         In the order of `Own`.
     observations : sequence of Observation
+    shared : (10,) float64
+        What is shared, as this box has it: the search begins at the mean.
     """
 
     start: Float64
     observations: Sequence[Observation] = field(default_factory=tuple)
+    shared: Float64 = field(default_factory=lambda: np.zeros(len(Shared)))
 
 
-def solve(priors: Priors, seen: Sequence[Seen], shared: Float64 | None = None) -> Solution:
+def solve(priors: Priors, seen: Sequence[Seen], *, tolerance: float = _TOLERANCE) -> Solution:
     """Find what all boxes and the shared parameters are.
 
     Parameters
     ----------
     priors : Priors
     seen : sequence of Seen
-    shared : (10,) float64, optional
-        Where to start.
+    tolerance : float
+        Relative, of the cost and of the way from the start: where it ends. A solution that only predicts where
+        something is seen may be a hundredth off.
 
     Returns
     -------
@@ -179,32 +183,31 @@ def solve(priors: Priors, seen: Sequence[Seen], shared: Float64 | None = None) -
     observations that may be mistaken. The covariance is ``(J' W J)^-1``, ``W = rho'``.
     """
     problem = _Problem(priors, tuple(seen))
-    x0 = np.concatenate([np.zeros(len(Shared)) if shared is None else shared, *(s.start for s in seen)])
+    shared = np.mean([s.shared for s in seen], axis=0) if seen else np.zeros(len(Shared))
+    x0 = np.concatenate([shared, *(s.start for s in seen)])
     scale = np.concatenate([_SHARED_SCALE, *([_OWN_SCALE] * len(seen))])
     found = least_squares(
-        lambda x: problem.at(x)[0],
-        x0,
-        jac=lambda x: problem.at(x)[1],
+        lambda y: problem.at(x0 + scale * y)[0],
+        np.zeros(len(x0)),
+        jac=lambda y: problem.at(x0 + scale * y)[1] * scale,
         loss=problem.loss,
-        x_scale=scale,
-        xtol=_TOLERANCE,
-        ftol=_TOLERANCE,
+        xtol=tolerance,
+        ftol=tolerance,
         max_nfev=_MOST_STEPS,
     )
-    r, J = problem.at(found.x)
-    weight = problem.loss(r**2)[1]
+    x = x0 + scale * found.x
+    r, J = problem.at(x)
+    rho, weight, _ = problem.loss(r**2)
     unit = J * (np.sqrt(weight)[:, None] * scale)
     precision = unit.T @ unit
     covariance = np.linalg.inv(precision) * np.outer(scale, scale)
     volume = float(np.log(scale).sum() - 0.5 * np.linalg.slogdet(precision)[1])
-    boxes = tuple(found.x[_places(k)[len(Shared) :]] for k in range(len(seen)))
+    boxes = tuple(x[_places(k)[len(Shared) :]] for k in range(len(seen)))
     given = problem.sorted_by_kind(weight * (covariance @ J.T) ** 2)
-    cost, of_scan = 0.5 * (problem.loss(r**2)[0] - 1), problem.of_scan
+    cost, of_scan = 0.5 * (rho - 1), problem.of_scan
     excess = sum(max(float(cost[some].sum()), 0.0) for some in (of_scan, problem.robust & ~of_scan))
-    shared = found.x[: len(Shared)]
-    return Solution(
-        shared, boxes, covariance, float(found.cost), volume, problem.misfits(problem.loss(r**2)[0]), excess, given
-    )
+    misfits = problem.misfits(rho)
+    return Solution(x[: len(Shared)], boxes, covariance, float(found.cost), volume, misfits, excess, given)
 
 
 def _places(box: int) -> Ints:

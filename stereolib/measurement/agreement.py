@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 from enum import Enum
+from functools import cached_property
 
 import cv2
 import numpy as np
 
-from stereolib.base import Bools, Float32, Float64, Floats
+from stereolib.base import Bools, Float32, Float64, Floats, Ints
 from stereolib.measurement.box import World
 from stereolib.measurement.views import Views
 
@@ -153,16 +154,90 @@ def agreement(views: Views, world: World, points_mm: Float64) -> Agreement:
     ``sum a b / sqrt(sum a^2 sum b^2)`` over a line's samples and those of its two neighbours on either side, of what
     `AlignedPair` keeps of each picture: brightness without its slow part, and its slope along the rows.
     """
-    left, right = views.pair.levels[1]
-    (u, right_u, v, shift), inside = _projected(views, world, points_mm)
-    a, b = (cv2.remap(p, x, v, cv2.INTER_LINEAR) * inside[..., None] for p, x in ((left, u), (right, right_u)))
-    ab, aa, bb = _summed(a * b), _summed(a * a), _summed(b * b)
-    n = np.maximum(_summed(inside[..., None])[:, 0], 1)
-    alike = ab / np.sqrt(np.maximum(aa * bb, _LEAST_POWER))
-    shown = np.where(inside.mean(axis=1) > _LEAST_SEEN, 1.0, np.nan)
-    contrast = np.sqrt(np.minimum(aa, bb)[:, 1] / n)
-    matched = np.where(inside, views.disparity_px[v.astype(int), u.astype(int)], np.nan)
-    return Agreement(alike[:, 1] * shown, alike.mean(axis=1) * shown, contrast, shift.mean(axis=1), _medians(matched))
+    return Samples.of(views, world, points_mm).agreement()
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """Both pictures at samples of a surface, along neighbouring lines.
+
+    Attributes
+    ----------
+    left, right : (..., lines, samples, 2) float32
+        Brightness and slope; 0 where a picture does not show it.
+    inside : (..., lines, samples) bool
+        Both show it.
+    predicted_px, matched_px : (..., lines, samples) float32
+        Disparity of the surface, and that which was matched there.
+    """
+
+    left: Float32
+    right: Float32
+    inside: Bools
+    predicted_px: Float32
+    matched_px: Float32
+
+    @classmethod
+    def of(cls, views: Views, world: World, points_mm: Float64) -> Samples:
+        """Look points of a surface up, (..., lines, samples, 3).
+
+        Parameters
+        ----------
+        views : Views
+        world : World
+        points_mm : (..., lines, samples, 3) float64
+
+        Returns
+        -------
+        Samples
+        """
+        shape, pair = points_mm.shape[:-1], views.pair.levels[1]
+        (u, right_u, v, shift), inside = _projected(views, world, points_mm.reshape(-1, shape[-1], 3))
+        shown = inside[..., None]
+        a, b = (cv2.remap(p, x, v, cv2.INTER_LINEAR) * shown for p, x in zip(pair, (u, right_u), strict=True))
+        matched = views.disparity_px[v.astype(np.intp), u.astype(np.intp)]
+        return cls(*(x.reshape(*shape, *x.shape[2:]) for x in (a, b, inside, shift, matched)))
+
+    def part(self, some: slice) -> Samples:
+        """Some of each line's samples.
+
+        Parameters
+        ----------
+        some : slice
+
+        Returns
+        -------
+        Samples
+        """
+        fine = self.left[..., some, :], self.right[..., some, :]
+        return Samples(*fine, *(x[..., some] for x in (self.inside, self.predicted_px, self.matched_px)))
+
+    @cached_property
+    def sums(self) -> tuple[Float64, Float64, Float64]:
+        """Sums of ``a b``, ``a a`` and ``b b``, each line's with its neighbours'. (..., lines, 2) each."""
+        a, b = self.left, self.right
+        ab, aa, bb = (_summed(np.einsum("...sk,...sk->...k", x, y)) for x, y in ((a, b), (a, a), (b, b)))
+        return ab, aa, bb
+
+    @cached_property
+    def correlations(self) -> Float64:
+        """Of brightness and slope; NaN where a picture does not show a line. (..., lines, 2)."""
+        ab, aa, bb = self.sums
+        shown = np.where(self.inside.mean(axis=-1) > _LEAST_SEEN, 1.0, np.nan)
+        return np.asarray(ab / np.sqrt(np.maximum(aa * bb, _LEAST_POWER)) * shown[..., None])
+
+    def agreement(self) -> Agreement:
+        """What the lines say of the surface.
+
+        Returns
+        -------
+        Agreement
+        """
+        alike, (_, aa, bb) = self.correlations, self.sums
+        n = np.maximum(_summed(self.inside.sum(axis=-1, keepdims=True))[..., 0], 1)
+        contrast = np.sqrt(np.minimum(aa, bb)[..., 1] / n)
+        matched = _medians(np.where(self.inside, self.matched_px, np.nan))
+        return Agreement(alike[..., 1], alike.mean(axis=-1), contrast, self.predicted_px.mean(axis=-1), matched)
 
 
 def _projected(views: Views, world: World, points_mm: Float64) -> tuple[list[Float32], Bools]:
@@ -178,9 +253,13 @@ def _projected(views: Views, world: World, points_mm: Float64) -> tuple[list[Flo
     return found, seen.reshape(shape)
 
 
-def _summed(values: Floats | Bools) -> Float64:
-    """Sum over each line's samples and over neighbouring lines: (lines, samples, k) to (lines, k)."""
-    return np.stack([np.convolve(c, np.ones(_WINDOW), "same") for c in values.sum(axis=1).T], axis=-1)
+def _summed(values: Floats | Ints) -> Float64:
+    """Sum over each line and its neighbours: (..., lines, k)."""
+    found = np.array(values, np.float64)
+    for step in range(1, _MARGIN + 1):
+        found[..., step:, :] += values[..., :-step, :]
+        found[..., :-step, :] += values[..., step:, :]
+    return found
 
 
 def _medians(values: Floats) -> Float64:

@@ -195,7 +195,7 @@ class Samples:
         (u, right_u, v, shift), inside = _projected(views, world, points_mm.reshape(-1, shape[-1], 3))
         shown = inside[..., None]
         a, b = (cv2.remap(p, x, v, cv2.INTER_LINEAR) * shown for p, x in zip(pair, (u, right_u), strict=True))
-        matched = views.disparity_px[v.astype(np.intp), u.astype(np.intp)]
+        matched = cv2.remap(views.disparity_px, u, v, cv2.INTER_NEAREST)
         return cls(*(x.reshape(*shape, *x.shape[2:]) for x in (a, b, inside, shift, matched)))
 
     def part(self, some: slice) -> Samples:
@@ -242,15 +242,18 @@ class Samples:
 
 def _projected(views: Views, world: World, points_mm: Float64) -> tuple[list[Float32], Bools]:
     """Left and right column, row and disparity of points (lines, samples, 3); whether both pictures show them."""
-    (height, width), flat, shape = views.left.shape[:2], points_mm.reshape(-1, 3), points_mm.shape[:2]
-    ahead = (flat - [0.0, 0.0, float(world.camera_height)]) @ world.axes[:, 2]
+    (height, width), shape = views.left.shape[:2], points_mm.shape[:-1]
+    axes, f = world.axes, float(world.focal)
+    seen = axes.T @ points_mm.reshape(-1, 3).T - (float(world.camera_height) * axes[2])[:, None]
     with np.errstate(divide="ignore", invalid="ignore"):
-        u, v = world.pixels(flat).T
-        shift = world.scale / ahead + world.offset
-        columns = (np.minimum(u, u - shift) > 1) & (np.maximum(u, u - shift) < width - 2)
-        seen = (ahead > 0) & columns & (v > 1) & (v < height - 2)
-    found = [np.where(seen, c, 0.0).astype(np.float32).reshape(shape) for c in (u, u - shift, v, shift)]
-    return found, seen.reshape(shape)
+        zoom = f / seen[2]
+        u, v, shift = seen[0] * zoom, seen[1] * zoom + world.centre_px[1], zoom * float(world.scale / f) + world.offset
+        u += world.centre_px[0]
+        right_u = u - shift
+        inside = (seen[2] > 0) & (np.minimum(u, right_u) > 1) & (np.maximum(u, right_u) < width - 2)
+        inside &= (v > 1) & (v < height - 2)
+    found = [np.where(inside, c, 0.0).astype(np.float32).reshape(shape) for c in (u, right_u, v, shift)]
+    return found, inside.reshape(shape)
 
 
 def _summed(values: Floats | Ints) -> Float64:

@@ -15,6 +15,7 @@ from stereolib.measurement.views import Views
 _SAMPLES = 16  # of each line
 _BEYOND_PX = 160  # a face is followed so far beyond where the disparity map has it
 _CORNER_PX = np.arange(-4.0, 4.5, 0.5)  # a corner is tried at so many places about where a face ends
+_NARROWEST_PX = 1.0  # of a first face
 _LEAST_SECOND_PX = 4  # a second face must be followed so far
 _FIRST_PX = 16  # the corner's place is told by so much of the second face
 _WIDEST_PX = 300
@@ -328,11 +329,12 @@ def look_round(views: Views, world: World, stretch: Stretch, outwards: int) -> C
     Corner or None
         None where the end is not seen, or the pictures agree about no second face.
     """
-    end = stretch.left if outwards > 0 else stretch.right
-    if end.past is not Past.OPEN:
-        return None
+    end, other = (stretch.left, stretch.right) if outwards > 0 else (stretch.right, stretch.left)
     f = float(world.focal)
     tried = end.at - outwards * _FIRST[0] / f + _CORNER_PX / f
+    tried = tried[outwards * (tried - other.at) * f > _NARROWEST_PX]
+    if end.past is not Past.OPEN or not len(tried):
+        return None
     _, ground = _second(stretch.line, tried, outwards, np.arange(1.0, _FIRST_PX) / f)
     alike = Samples.of(views, world, _upright(ground, stretch.heights_mm)).correlations.mean(axis=-1)
     far = np.count_nonzero(np.isfinite(ground[..., 0]), axis=1) <= _LEAST_SECOND_PX

@@ -11,7 +11,7 @@ from stereolib.base import Float64
 from stereolib.measurement.agreement import Past
 from stereolib.measurement.box import Box, Edge, Own, Shared, Side, World
 from stereolib.measurement.edges import Peak
-from stereolib.measurement.faces import Face, align_face, find_faces
+from stereolib.measurement.faces import Face, align_face, find_face
 from stereolib.measurement.follow import (
     LEAST_ABOVE_MM,
     Corner,
@@ -114,7 +114,7 @@ def see_box(views: Views, priors: Priors, region: ObjectRegion) -> Pictured:
     turn with the least squares that says how well each is known beforehand.
     """
     world = priors.world(np.zeros(len(Shared)))
-    face = max(find_faces(priors.floor, region, views.pair), key=lambda face: face.pixels)
+    face = find_face(priors.floor, region, views.pair)
     stretch = follow_face(views, world, face, region.top_mm)
     rough = _rough_box(stretch, *(look_round(views, world, stretch, outwards) for outwards in (1, -1)))
     faces = [face]

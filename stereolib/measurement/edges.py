@@ -8,8 +8,9 @@ from typing import TypeAlias
 import cv2
 import numpy as np
 
-from stereolib.base import Float32, Float64, Floats
+from stereolib.base import Float32, Float64, Floats, UInt8
 from stereolib.measurement.plane_alignment import median
+from stereolib.rig import to_light
 
 #: Neighbouring lines are so far apart in the picture, px.
 STEP_PX = 0.25
@@ -22,8 +23,8 @@ _LEAST = 1e-3  # of a difference: what is less is none
 _FLOOR_PX = 0.06  # least standard deviation of an edge: its own blur and staircase
 
 
-#: Left and right picture; None for one that is not looked at.
-Light: TypeAlias = tuple[Float32 | None, Float32 | None]
+#: Left and right picture, or the light that made them; None for one that is not looked at.
+Light: TypeAlias = tuple[UInt8 | Float32 | None, UInt8 | Float32 | None]
 
 
 @dataclass(frozen=True)
@@ -73,8 +74,8 @@ def locate_edge(light: Light, lines: ParallelLines, belief: Float64, *, samples:
 
     Parameters
     ----------
-    light : (left, right), each (H, W, 3) or (H, W) float32 or None
-        Rectified pictures as light (`stereolib.rig.to_light`); None for one that is not looked at.
+    light : (left, right), each (H, W, 3) or (H, W) uint8 or float32, or None
+        Rectified pictures, or their light (`stereolib.rig.to_light`); None for one that is not looked at.
     lines : ParallelLines
     belief : (lines,) float64
         How likely each of them is the edge, before the pictures are looked at.
@@ -135,10 +136,19 @@ def _differences(light: Light, lines: ParallelLines, samples: int, half: int) ->
         if (count := np.count_nonzero(inside)) < _LEAST_SAMPLES:
             continue
         mine, y = (x, v) if count == samples else (x[:, inside], v[:, inside])
-        values = cv2.remap(picture, mine, y, cv2.INTER_LINEAR).reshape(len(x), -1)
+        values = _light(picture, mine, y).reshape(len(x), -1)
         difference = cv2.absdiff(values[2 * half :], values[: -2 * half])
         found.append(cv2.resize(difference, (_GROUPS, len(difference)), interpolation=cv2.INTER_AREA))
     return found
+
+
+def _light(picture: UInt8 | Float32, x: Float32, y: Float32) -> Float32:
+    """Light at places of a picture; made of no more of it than they lie in."""
+    if picture.dtype != np.uint8:
+        return np.asarray(cv2.remap(picture, x, y, cv2.INTER_LINEAR))
+    left, top = int(x.min()), int(y.min())
+    part = to_light(picture[top : int(y.max()) + 2, left : int(x.max()) + 2])
+    return np.asarray(cv2.remap(part, x - left, y - top, cv2.INTER_LINEAR))
 
 
 def _rivals(likely: Float64, off: Float64, best: int) -> float:

@@ -129,7 +129,7 @@ def align_face(pair: AlignedPair, world: World, own: Float64, side: Side) -> lis
     """
     box, flat = Box(own), np.append(Box(own).normal(side), 0.0)
     quad = world.pixels(box.points(_INNER if side is Side.RIGHT else _INNER[:, [1, 0, 2]]))
-    mask = np.zeros(pair.light[0].shape[:2], np.uint8)
+    mask = np.zeros(pair.pictures[0].shape[:2], np.uint8)
     cv2.fillConvexPoly(mask, np.rint(quad).astype(np.int32), 1)
     v, u = (a.astype(float) for a in np.nonzero(mask))
     if len(u) < LEAST_PIXELS:

@@ -236,7 +236,7 @@ def _with_far_end(views: Views, world: World, stretch: Stretch, rough: _Rough) -
     found = {
         side: got
         for side, at in rooted.items()
-        if ends[side].past is Past.OPEN and (got := find_far_end(views.pair.light, world, at.own, side))
+        if ends[side].past is Past.OPEN and (got := find_far_end(views.pair.pictures, world, at.own, side))
     }
     if not found:
         return rough, {}
@@ -279,7 +279,7 @@ def _located(
     """Edges found in the pictures where they are expected; the rivals that some had before remain."""
     found = dict[Edge, Found]()
     for edge in rough.open:
-        got = find_edge(views.pair.light, world, rough.own, edge, rough.first, expected[edge])
+        got = find_edge(views.pair.pictures, world, rough.own, edge, rough.first, expected[edge])
         if got is not None:
             found[edge] = got.besides(before[edge].rivals_px) if edge in before else got
     return found

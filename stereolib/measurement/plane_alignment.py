@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 
 from stereolib.base import Bools, Float32, Float64, Floats, Ints, UInt8
-from stereolib.rig import check_pair, to_grey, to_light
+from stereolib.rig import check_pair, to_grey
 
 _MOST_PIXELS = 1500  # more add nothing but time
 _CELL_PX = 24  # neighbouring pixels err together: those of one cell count as one witness
@@ -51,14 +51,14 @@ class AlignedPair:
     ----------
     levels : two of (left, right), (H / 2, W / 2, 2) and (H, W, 2) float32
         Brightness without its slow changes and of one deviation everywhere, and its slope along the row.
-    light : (left, right), (H, W) or (H, W, 3) float32
-        The pictures as light (`stereolib.rig.to_light`).
+    pictures : (left, right), (H, W) or (H, W, 3) uint8
+        As they came.
     rows_covariance : (3, 3) float64
         Of the row offset that may be left between them (`RowOffset.covariance`).
     """
 
     levels: tuple[tuple[Float32, Float32], ...]
-    light: tuple[Float32, Float32]
+    pictures: tuple[UInt8, UInt8]
     rows_covariance: Float64 = field(default_factory=lambda: np.zeros((3, 3)))
 
     @classmethod
@@ -88,8 +88,7 @@ class AlignedPair:
             sharp = _levelled(to_grey(image))
             coarse.append(_with_slope(cv2.resize(sharp, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)))
             _with_slope(sharp, into)
-        light = to_light(np.concatenate([left, right]))
-        return cls(((coarse[0], coarse[1]), (fine[0], fine[1])), (light[: len(left)], light[len(left) :]), rows)
+        return cls(((coarse[0], coarse[1]), (fine[0], fine[1])), (left, right), rows)
 
 
 def _levelled(grey: UInt8) -> Float32:
@@ -163,7 +162,7 @@ def align(
     """
     some = slice(None, None, max(1, -(-len(u) // most)))
     u, v, x = u[some], v[some], x[some]
-    parameters, width = np.array(start, float), pair.light[0].shape[1]
+    parameters, width = np.array(start, float), pair.pictures[0].shape[1]
     for left, right in pair.levels:
         mine = _sample(left, u, v, left.shape[1] / width)
         for _ in range(_MOST_STEPS):

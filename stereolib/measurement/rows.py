@@ -7,7 +7,7 @@ few hundredths of a pixel over all that was matched.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -234,12 +234,4 @@ class _Cells:
 
 def _mean(values: Floats, shape: tuple[int, int]) -> Floats:
     """Mean over each of so many (columns, rows) cells."""
-    height, width = values.shape
-    return np.asarray(_shares(height, shape[1]) @ values @ _shares(width, shape[0]).T)
-
-
-@lru_cache
-def _shares(pixels: int, cells: int) -> Float32:
-    """Share that each pixel of a row or column has in the mean of each cell: (cells, pixels)."""
-    alone = np.eye(pixels, dtype=np.float32)
-    return np.asarray(cv2.resize(alone, (pixels, cells), interpolation=cv2.INTER_AREA))
+    return np.asarray(cv2.resize(values, shape, interpolation=cv2.INTER_AREA))

@@ -125,6 +125,9 @@ class Edge(Enum):
         return self in (Edge.TOP_RIGHT, Edge.TOP_LEFT)
 
 
+_ENDS = {edge: np.array(edge.value) for edge in Edge}
+
+
 @dataclass(frozen=True, eq=False)
 class World:
     """Cameras, floor and laser for one or many vectors of shared parameters.
@@ -381,7 +384,7 @@ class Box:
         -------
         (..., 2, 3) mm
         """
-        return self.points(np.array(edge.value))
+        return self.points(_ENDS[edge])
 
 
 def derivatives(function: Callable[[Numbers], Numbers], x: Float64) -> tuple[Float64, Float64]:

@@ -152,6 +152,13 @@ class EdgeSeen:
     right: bool = False
 
     @classmethod
+    def through(cls, edge: Edge, first_px: Float64, last_px: Float64, *, right: bool = False) -> EdgeSeen:
+        """Both its ends as they would be seen, (2,) each: in the middle, known to 1 px."""
+        along = last_px - first_px
+        across = np.array([-along[1], along[0]]) / np.hypot(*along)
+        return cls(edge, (first_px + last_px) / 2, across, 1.0, right=right)
+
+    @classmethod
     def near(cls, at: EdgeSeen, std_px: float) -> EdgeSeen:
         """An edge that was not located: it is where it was predicted, roughly."""
         return replace(at, std_px=std_px, located=False)

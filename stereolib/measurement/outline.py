@@ -76,9 +76,7 @@ def predicted(edge: Edge, world: World, own: Float64, *, right: bool = False) ->
     EdgeSeen
         Its middle in the picture, with a standard deviation of 1 px.
     """
-    a, b = world.pixels(Box(own).edge(edge), right)
-    along = (b - a) / np.linalg.norm(b - a)
-    return EdgeSeen(edge, (a + b) / 2, np.array([-along[1], along[0]]), 1.0, right=right)
+    return EdgeSeen.through(edge, *world.pixels(Box(own).edge(edge), right), right=right)
 
 
 def predicted_stds_px(
@@ -304,9 +302,11 @@ class _Eye:
     @classmethod
     def of(cls, world: World, edge: Edge, own: Float64, step: Float64) -> _Eye:
         """How the pictures show an edge of a box."""
-        both = [predicted(edge, world, own, right=right) for right in (False, True)]
-        moved = [predicted(edge, world, own + step, right=at.right) for at in both]
-        left, right = (float((b.point_px - a.point_px) @ a.across) for a, b in zip(both, moved, strict=True))
+        ends = Box(np.stack([own, own + step])).edge(edge).reshape(-1, 3)
+        pixels = world.pixels(np.concatenate([ends, ends]), np.arange(2 * len(ends)) >= len(ends))
+        both, moved = np.moveaxis(pixels.reshape(2, 2, 2, 2), 1, 0)  # (left and right picture, both ends, 2)
+        both = [EdgeSeen.through(edge, *line, right=right) for line, right in zip(both, (False, True), strict=True)]
+        left, right = (float((b.mean(axis=0) - a.point_px) @ a.across) for a, b in zip(both, moved, strict=True))
         if edge not in (Edge.RIGHT_END, Edge.LEFT_END):
             return cls(both[0], step, left, (True, True))
         outwards = 1 if (edge is Edge.RIGHT_END) == (both[0].across[0] > 0) else -1

@@ -222,15 +222,18 @@ class _Problem:
     """
 
     def __init__(self, priors: Priors, seen: tuple[Seen, ...]) -> None:
-        self._priors, self._seen = priors, seen
+        self._priors = priors
         self.owners: list[Observation | None] = [None] * len(Shared)
         self._boxes: list[list[Residuals]] = []
+        self._numbers: list[Ints] = []  # of the observation that each residual of a box belongs to
         for box in seen:
-            kinds: dict[type[Observation], list[Observation]] = {}
-            for o in box.observations:
-                kinds.setdefault(type(o), []).append(o)
-            self._boxes.append([kind.together(several) for kind, several in kinds.items()])
-            self.owners += [o for several in kinds.values() for o in several for _ in range(o.count)]
+            kinds: dict[type[Observation], list[int]] = {}
+            for k, o in enumerate(box.observations):
+                kinds.setdefault(type(o), []).append(k)
+            self._boxes.append([kind.together([box.observations[k] for k in some]) for kind, some in kinds.items()])
+            numbers = [k for some in kinds.values() for k in some for _ in range(box.observations[k].count)]
+            self._numbers.append(np.array(numbers, int))
+            self.owners += [box.observations[k] for k in numbers]
         self.robust = np.array([o is not None and o.robust for o in self.owners])
         self._reach = np.where(self.robust, _REACH**2, _NO_REACH**2)
         self._last: tuple[bytes, tuple[Float64, Float64]] = (b"", (np.zeros(0), np.zeros((0, 0))))
@@ -273,12 +276,11 @@ class _Problem:
     def sorted_by_kind(self, parts: Float64) -> dict[str, Float64]:
         """Sum columns (one a residual) by what gave them."""
         known = ["floor"] * 3 + ["laser"] * 3 + ["cameras"] * 4
-        names = known + [type(o).__name__ for o in self.owners[len(known) :]]
-        return {name: parts[:, [other == name for other in names]].sum(axis=1) for name in dict.fromkeys(names)}
+        names = np.array(known + [type(o).__name__ for o in self.owners[len(known) :]])
+        return {name: parts @ (names == name) for name in dict.fromkeys(names.tolist())}
 
     def misfits(self, cost: Float64) -> tuple[Float64, ...]:
         """Root of the mean cost of each observation of each box, in the order in which they were given."""
-        costs: dict[int, list[float]] = {}
-        for o, value in zip(self.owners, cost.tolist(), strict=True):
-            costs.setdefault(id(o), []).append(value)
-        return tuple(np.array([np.sqrt(np.mean(costs[id(o)])) for o in box.observations]) for box in self._seen)
+        ends = np.cumsum([len(Shared), *(len(numbers) for numbers in self._numbers)])
+        parts = zip(self._numbers, np.split(cost, ends)[1:], strict=False)
+        return tuple(np.sqrt(np.bincount(numbers, part) / np.bincount(numbers)) for numbers, part in parts)

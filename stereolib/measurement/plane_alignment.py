@@ -164,11 +164,13 @@ def align(
     u, v, x = u[some], v[some], x[some]
     parameters, width = np.array(start, float), pair.pictures[0].shape[1]
     for left, right in pair.levels:
-        mine = _sample(left, u, v, left.shape[1] / width)
+        zoom = left.shape[1] / width
+        rows = _places(v, zoom)
+        mine = _sample(left, _places(u, zoom), rows, zoom)
         for _ in range(_MOST_STEPS):
             where = u - x @ parameters
             inside = (where > 2) & (where < width - 3)
-            now = _compare(mine, _sample(right, where, v, left.shape[1] / width), inside)
+            now = _compare(mine, _sample(right, _places(where, zoom), rows, zoom), inside)
             J = x * now.slope[:, None]
             weighted = (J * now.weight[:, None]).T
             try:
@@ -179,7 +181,8 @@ def align(
             if np.mean(np.abs(x @ step)) < _CONVERGED_PX:
                 break
     where = u - x @ parameters
-    down = now.gain * (_sample(right, where, v + 0.5)[0] - _sample(right, where, v - 0.5)[0])
+    columns = _places(where)
+    down = now.gain * (_sample(right, columns, _places(v + 0.5))[0] - _sample(right, columns, _places(v - 0.5))[0])
     bent, curved = ((x * a[:, None]).T for a in (now.bend * now.slope, now.curvature))
     try:
         covariance = clustered_covariance(x, now.slope * now.error, now.weight, cell_of(u, v), now.curvature)
@@ -189,23 +192,47 @@ def align(
     return PlaneFit(parameters, covariance + by_rows @ pair.rows_covariance @ by_rows.T)
 
 
-def _sample(image: Float32, u: Float64, v: Float64, zoom: float = 1.0) -> Float64:
-    """Brightness and slope (2, N) at pixels of the full size, of a picture so many times as large."""
-    x, y = (((a + 0.5) * zoom - 0.5).astype(np.float32)[None] for a in (u, v))
-    found = cv2.remap(image, x, y, cv2.INTER_LINEAR)[0].T.astype(float)  # sums of float32 depend on the processor
-    return np.asarray(found * [[1.0], [zoom]])
+def _places(px: Float64, zoom: float = 1.0) -> Float32:
+    """Columns or rows of pixels of the full size, in a picture so many times as large: (1, N)."""
+    return np.asarray(((px + 0.5) * zoom - 0.5).astype(np.float32)[None])
+
+
+def _sample(image: Float32, x: Float32, y: Float32, zoom: float = 1.0) -> Float64:
+    """Brightness and slope (2, N) at places of a picture that is so many times as large."""
+    found = cv2.remap(image, x, y, cv2.INTER_LINEAR)[0].T.astype(float, order="C")  # float32: depends on the processor
+    found[1] *= zoom
+    return np.asarray(found)
 
 
 @dataclass(frozen=True, eq=False)
 class _Comparison:
-    """Error, slope, Tukey's weight and its derivative of every pixel, curvature, and the gain of the right picture."""
+    """Error and both slopes of every pixel, how far it is off, Tukey's weight's root, the gain of the right picture."""
 
     error: Float64
-    slope: Float64
-    weight: Float64
-    bend: Float64
-    curvature: Float64
+    slopes: tuple[Float64, Float64]
+    off: Float64
+    root: Float64
     gain: float
+
+    @property
+    def slope(self) -> Float64:
+        """Of both pictures."""
+        return 0.5 * (self.slopes[0] + self.slopes[1])
+
+    @property
+    def weight(self) -> Float64:
+        """Tukey's."""
+        return self.root * self.root
+
+    @property
+    def bend(self) -> Float64:
+        """Derivative of the weighted error."""
+        return self.root * (1 - 5 * self.off)
+
+    @property
+    def curvature(self) -> Float64:
+        """Of the cost."""
+        return self.bend * self.slopes[0] * self.slopes[1]
 
 
 def _compare(left: Float64, right: Float64, inside: Bools) -> _Comparison:
@@ -213,9 +240,7 @@ def _compare(left: Float64, right: Float64, inside: Bools) -> _Comparison:
     gain = min(max(float(mine @ theirs) / max(float(theirs @ theirs), 1e-9), _GAINS[0]), _GAINS[1])
     error = (mine - gain * theirs) * inside
     off = (error / max(_TUKEY * median(np.abs(error[::4])), 2.0)) ** 2
-    root = np.maximum(1 - off, 0) * inside
-    bend, mean_slope = root * (1 - 5 * off), 0.5 * (slope + gain * their_slope)
-    return _Comparison(error, mean_slope, root * root, bend, bend * slope * gain * their_slope, gain)
+    return _Comparison(error, (slope, gain * their_slope), off, np.maximum(1 - off, 0) * inside, gain)
 
 
 def median(values: Floats) -> float:

@@ -113,7 +113,8 @@ class Agreement:
         Reach(last=3, stop=5, past=<Past.OPEN: 'it ends there'>)
         """
         (least, most), values = (_SECOND, self.whole) if second else (_FIRST, self.fine)
-        plain = self.contrast < _QUIET * np.quantile(self.contrast[: max(known, 1)], _TYPICAL)
+        typical = np.sort(self.contrast[: max(known, 1)])
+        plain = self.contrast < _QUIET * typical[round(_TYPICAL * (len(typical) - 1))]
         farther = self.matched_px < (1 - _NEARER) * self.predicted_px - _NEARER_PX
         good, bad = (values > least) & ~plain, ~(values > most) & (~plain | farther)
         run = np.convolve(bad, np.ones(_DISAGREE), "valid") == _DISAGREE

@@ -197,7 +197,8 @@ class Samples:
         shown = inside[..., None]
         a, b = (cv2.remap(p, x, v, cv2.INTER_LINEAR) * shown for p, x in zip(pair, (u, right_u), strict=True))
         matched = cv2.remap(views.disparity_px, u, v, cv2.INTER_NEAREST)
-        return cls(*(x.reshape(*shape, *x.shape[2:]) for x in (a, b, inside, shift, matched)))
+        a, b = (x.reshape(*shape, 2) for x in (a, b))
+        return cls(a, b, inside.reshape(shape), shift.reshape(shape), matched.reshape(shape))
 
     def part(self, some: slice) -> Samples:
         """Some of each line's samples.
@@ -210,8 +211,8 @@ class Samples:
         -------
         Samples
         """
-        fine = self.left[..., some, :], self.right[..., some, :]
-        return Samples(*fine, *(x[..., some] for x in (self.inside, self.predicted_px, self.matched_px)))
+        left, right = self.left[..., some, :], self.right[..., some, :]
+        return Samples(left, right, self.inside[..., some], self.predicted_px[..., some], self.matched_px[..., some])
 
     @cached_property
     def sums(self) -> tuple[Float64, Float64, Float64]:

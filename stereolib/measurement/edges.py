@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import cv2
 import numpy as np
@@ -144,11 +144,10 @@ def _differences(light: Light, lines: ParallelLines, samples: int, half: int) ->
 
 def _light(picture: UInt8 | Float32, x: Float32, y: Float32) -> Float32:
     """Light at places of a picture; made of no more of it than they lie in."""
-    if picture.dtype != np.uint8:
-        return np.asarray(cv2.remap(picture, x, y, cv2.INTER_LINEAR))
     left, top = int(x.min()), int(y.min())
-    part = to_light(picture[top : int(y.max()) + 2, left : int(x.max()) + 2])
-    return np.asarray(cv2.remap(part, x - left, y - top, cv2.INTER_LINEAR))
+    part: Any = picture[top : int(y.max()) + 2, left : int(x.max()) + 2]
+    light = to_light(part) if picture.dtype == np.uint8 else part
+    return np.asarray(cv2.remap(light, x - left, y - top, cv2.INTER_LINEAR))
 
 
 def _rivals(likely: Float64, off: Float64, best: int) -> float:

@@ -130,13 +130,15 @@ def align_face(pair: AlignedPair, world: World, own: Float64, side: Side) -> lis
     box, flat = Box(own), np.append(Box(own).normal(side), 0.0)
     quad = world.pixels(box.points(_INNER if side is Side.RIGHT else _INNER[:, [1, 0, 2]]))
     height, width = pair.pictures[0].shape[:2]
-    low, high = (np.clip(np.rint(end), 0, (width, height)).astype(int) for end in (quad.min(axis=0), quad.max(axis=0) + 1))
+    low, high = (
+        np.clip(np.rint(end), 0, (width, height)).astype(int) for end in (quad.min(axis=0), quad.max(axis=0) + 1)
+    )
     mask = np.zeros(np.maximum(high - low, 0)[::-1], np.uint8)
     if mask.size < LEAST_PIXELS:
         return []
     cv2.fillConvexPoly(mask, np.rint(quad).astype(np.int32) - low.astype(np.int32), 1)
     row, column = np.nonzero(mask)
-    u, v = column + float(low[0]), row + float(low[1])
+    u, v = ((a + first).astype(float) for a, first in zip((column, row), low, strict=True))
     if len(u) < LEAST_PIXELS:
         return []
     plane, (centre, x) = world.disparity_plane(flat, box.distance(side)), _about_centre(u, v)

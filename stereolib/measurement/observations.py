@@ -261,7 +261,7 @@ class RangesSeen:
 
 
 def _by_face(face: Ints, vectors: Float64) -> Float64:
-    """Make that of (N, 2) vectors with which both faces' normals (..., 4) have each face's products with its own: (4, N)."""
+    """Vectors (N, 2) as (4, N), to be multiplied by both faces' normals (..., 4): each meets that of its face only."""
     found = np.zeros((2, 2, len(face)))
     found[face, :, np.arange(len(face))] = vectors
     return found.reshape(4, -1)

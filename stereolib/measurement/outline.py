@@ -304,8 +304,8 @@ class _Eye:
         """How the pictures show an edge of a box."""
         ends = Box(np.stack([own, own + step])).edge(edge).reshape(-1, 3)
         pixels = world.pixels(np.concatenate([ends, ends]), np.arange(2 * len(ends)) >= len(ends))
-        both, moved = np.moveaxis(pixels.reshape(2, 2, 2, 2), 1, 0)  # (left and right picture, both ends, 2)
-        both = [EdgeSeen.through(edge, *line, right=right) for line, right in zip(both, (False, True), strict=True)]
+        here, moved = np.moveaxis(pixels.reshape(2, 2, 2, 2), 1, 0)  # (left and right picture, both ends, 2)
+        both = [EdgeSeen.through(edge, *line, right=right) for line, right in zip(here, (False, True), strict=True)]
         left, right = (float((b.mean(axis=0) - a.point_px) @ a.across) for a, b in zip(both, moved, strict=True))
         if edge not in (Edge.RIGHT_END, Edge.LEFT_END):
             return cls(both[0], step, left, (True, True))

@@ -14,11 +14,11 @@ from stereolib.measurement.rows import RowOffset, measure_rows
 from stereolib.rig import RectifiedRig, check_pair, to_grey
 
 #: The pictures are matched in half size: planes and edges are found in the full ones afterwards.
-_HALF = SGBMParams(num_disparities=64, mode="3way")
+_HALF = SGBMParams(num_disparities=96, mode="3way")
 _QUARTER = SGBMParams(num_disparities=64, mode="3way", speckle_window_size=25)
-_ROOM_PX = 4  # beyond what is near, px of the half size
+_ROOM_PX = 8  # beyond them, px of the half size
 _DOUBTFUL = 0.6  # share of unmatched pixels from which on exchanged sides are suspected
-_NEAR = 0.01  # share of the matched pixels that must be nearer than the window for it to follow them
+_NEAR = 0.03  # share of the matched pixels that must be nearer than the window for it to follow them
 _WINDOW_PX = 15  # of the half size, over which mean and deviation are made alike
 _LEAST_DEVIATION = 3.0  # grey levels; less is noise, and stays small
 _LEVELLED = 128.0, 40.0  # mean and deviation of what is matched

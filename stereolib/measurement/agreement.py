@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 from enum import Enum
+from functools import cached_property
 
 import cv2
 import numpy as np
 
-from stereolib.base import Bools, Float32, Float64, Floats
+from stereolib.base import Bools, Float32, Float64, Floats, Ints
 from stereolib.measurement.box import World
 from stereolib.measurement.views import Views
 
@@ -118,7 +119,8 @@ class Agreement:
         Reach(last=3, stop=5, past=<Past.OPEN: 'it ends there'>, sure=3)
         """
         (least, most), values = (_SECOND, self.whole) if second else (_FIRST, self.fine)
-        plain = self.contrast < _QUIET * np.quantile(self.contrast[: max(known, 1)], _TYPICAL)
+        typical = np.sort(self.contrast[: max(known, 1)])
+        plain = self.contrast < _QUIET * typical[round(_TYPICAL * (len(typical) - 1))]
         farther = self.matched_px < (1 - _NEARER) * self.predicted_px - _NEARER_PX
         good, bad = (values > least) & ~plain, ~(values > most) & (~plain | farther)
         run = np.convolve(bad, np.ones(_DISAGREE), "valid") == _DISAGREE
@@ -162,38 +164,124 @@ def agreement(views: Views, world: World, points_mm: Float64) -> Agreement:
     ``sum a b / sqrt(sum a^2 sum b^2)`` over a line's samples and those of its two neighbours on either side, of what
     `AlignedPair` keeps of each picture: brightness without its slow part, and its slope along the rows.
     """
-    left, right = views.pair.levels[1]
-    (u, right_u, v, shift), inside = _projected(views, world, points_mm)
-    a, b = (cv2.remap(p, x, v, cv2.INTER_LINEAR) * inside[..., None] for p, x in ((left, u), (right, right_u)))
-    ab, aa, bb = _summed(a * b), _summed(a * a), _summed(b * b)
-    n = np.maximum(_summed(inside[..., None])[:, 0], 1)
-    alike = ab / np.sqrt(np.maximum(aa * bb, _LEAST_POWER))
-    slope = cv2.remap(views.slope, u, v, cv2.INTER_LINEAR) * inside
-    relief = np.sqrt(_summed((slope * slope)[..., None])[:, 0] / n)
-    shown = np.where(inside.mean(axis=1) > _LEAST_SEEN, 1.0, np.nan)
-    contrast = np.sqrt(np.minimum(aa, bb)[:, 1] / n)
-    matched = np.where(inside, views.disparity_px[v.astype(int), u.astype(int)], np.nan)
-    return Agreement(
-        alike[:, 1] * shown, alike.mean(axis=1) * shown, contrast, relief, shift.mean(axis=1), _medians(matched)
-    )
+    return Samples.of(views, world, points_mm).agreement()
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """Both pictures at samples of a surface, along neighbouring lines.
+
+    Attributes
+    ----------
+    left, right : (..., lines, samples, 2) float32
+        Brightness and slope; 0 where a picture does not show it.
+    slope : (..., lines, samples) float32
+        Of the left picture as it is (`Views.slope`).
+    inside : (..., lines, samples) bool
+        Both show it.
+    predicted_px, matched_px : (..., lines, samples) float32
+        Disparity of the surface, and that which was matched there.
+    """
+
+    left: Float32
+    right: Float32
+    slope: Float32
+    inside: Bools
+    predicted_px: Float32
+    matched_px: Float32
+
+    @classmethod
+    def of(cls, views: Views, world: World, points_mm: Float64) -> Samples:
+        """Look points of a surface up, (..., lines, samples, 3).
+
+        Parameters
+        ----------
+        views : Views
+        world : World
+        points_mm : (..., lines, samples, 3) float64
+
+        Returns
+        -------
+        Samples
+        """
+        shape, pair = points_mm.shape[:-1], views.pair.levels[1]
+        (u, right_u, v, shift), inside = _projected(views, world, points_mm.reshape(-1, shape[-1], 3))
+        shown = inside[..., None]
+        a, b = (cv2.remap(p, x, v, cv2.INTER_LINEAR) * shown for p, x in zip(pair, (u, right_u), strict=True))
+        matched = cv2.remap(views.disparity_px, u, v, cv2.INTER_NEAREST)
+        slope = cv2.remap(views.slope, u, v, cv2.INTER_LINEAR) * inside
+        a, b = (x.reshape(*shape, 2) for x in (a, b))
+        inside, slope = inside.reshape(shape), np.asarray(slope.reshape(shape), np.float32)
+        return cls(a, b, slope, inside, shift.reshape(shape), matched.reshape(shape))
+
+    def part(self, some: slice) -> Samples:
+        """Some of each line's samples.
+
+        Parameters
+        ----------
+        some : slice
+
+        Returns
+        -------
+        Samples
+        """
+        left, right, slope = self.left[..., some, :], self.right[..., some, :], self.slope[..., some]
+        return Samples(
+            left, right, slope, self.inside[..., some], self.predicted_px[..., some], self.matched_px[..., some]
+        )
+
+    @cached_property
+    def sums(self) -> tuple[Float64, Float64, Float64]:
+        """Sums of ``a b``, ``a a`` and ``b b``, each line's with its neighbours'. (..., lines, 2) each."""
+        a, b = self.left, self.right
+        ab, aa, bb = (_summed(np.einsum("...sk,...sk->...k", x, y)) for x, y in ((a, b), (a, a), (b, b)))
+        return ab, aa, bb
+
+    @cached_property
+    def correlations(self) -> Float64:
+        """Of brightness and slope; NaN where a picture does not show a line. (..., lines, 2)."""
+        ab, aa, bb = self.sums
+        shown = np.where(self.inside.mean(axis=-1) > _LEAST_SEEN, 1.0, np.nan)
+        return np.asarray(ab / np.sqrt(np.maximum(aa * bb, _LEAST_POWER)) * shown[..., None])
+
+    def agreement(self) -> Agreement:
+        """What the lines say of the surface.
+
+        Returns
+        -------
+        Agreement
+        """
+        alike, (_, aa, bb) = self.correlations, self.sums
+        n = np.maximum(_summed(self.inside.sum(axis=-1, keepdims=True))[..., 0], 1)
+        contrast = np.sqrt(np.minimum(aa, bb)[..., 1] / n)
+        relief = np.sqrt(_summed((self.slope * self.slope).sum(axis=-1, keepdims=True))[..., 0] / n)
+        matched = _medians(np.where(self.inside, self.matched_px, np.nan))
+        return Agreement(alike[..., 1], alike.mean(axis=-1), contrast, relief, self.predicted_px.mean(axis=-1), matched)
 
 
 def _projected(views: Views, world: World, points_mm: Float64) -> tuple[list[Float32], Bools]:
     """Left and right column, row and disparity of points (lines, samples, 3); whether both pictures show them."""
-    (height, width), flat, shape = views.left.shape[:2], points_mm.reshape(-1, 3), points_mm.shape[:2]
-    ahead = (flat - [0.0, 0.0, float(world.camera_height)]) @ world.axes[:, 2]
+    (height, width), shape = views.left.shape[:2], points_mm.shape[:-1]
+    axes, f = world.axes, float(world.focal)
+    seen = axes.T @ points_mm.reshape(-1, 3).T - (float(world.camera_height) * axes[2])[:, None]
     with np.errstate(divide="ignore", invalid="ignore"):
-        u, v = world.pixels(flat).T
-        shift = world.scale / ahead + world.offset
-        columns = (np.minimum(u, u - shift) > 1) & (np.maximum(u, u - shift) < width - 2)
-        seen = (ahead > 0) & columns & (v > 1) & (v < height - 2)
-    found = [np.where(seen, c, 0.0).astype(np.float32).reshape(shape) for c in (u, u - shift, v, shift)]
-    return found, seen.reshape(shape)
+        zoom = f / seen[2]
+        u, v, shift = seen[0] * zoom, seen[1] * zoom + world.centre_px[1], zoom * float(world.scale / f) + world.offset
+        u += world.centre_px[0]
+        right_u = u - shift
+        inside = (seen[2] > 0) & (np.minimum(u, right_u) > 1) & (np.maximum(u, right_u) < width - 2)
+        inside &= (v > 1) & (v < height - 2)
+    found = [np.where(inside, c, 0.0).astype(np.float32).reshape(shape) for c in (u, right_u, v, shift)]
+    return found, inside.reshape(shape)
 
 
-def _summed(values: Floats | Bools) -> Float64:
-    """Sum over each line's samples and over neighbouring lines: (lines, samples, k) to (lines, k)."""
-    return np.stack([np.convolve(c, np.ones(_WINDOW), "same") for c in values.sum(axis=1).T], axis=-1)
+def _summed(values: Floats | Ints) -> Float64:
+    """Sum over each line and its neighbours: (..., lines, k)."""
+    found = np.array(values, np.float64)
+    for step in range(1, _MARGIN + 1):
+        found[..., step:, :] += values[..., :-step, :]
+        found[..., :-step, :] += values[..., step:, :]
+    return found
 
 
 def _medians(values: Floats) -> Float64:

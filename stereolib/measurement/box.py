@@ -24,8 +24,6 @@ from stereolib.measurement.floor import Floor
 Numbers: TypeAlias = npt.NDArray[Any]  # real, or complex for a derivative
 #: Of derivatives: ``df/dx = Im f(x + i h) / h``.
 COMPLEX_STEP = 1e-30
-_AHEAD = np.array([0.0, 0.0, 1.0])
-_NEXT, _LAST = [1, 2, 0], [2, 0, 1]
 
 
 class Shared(IntEnum):
@@ -63,6 +61,9 @@ class Own(IntEnum):
     HEIGHT = auto()
     RIGHT_BIAS = auto()
     LEFT_BIAS = auto()
+
+
+_CORNER, _SIDES = slice(Own.X, Own.Y + 1), slice(Own.LEFT, Own.RIGHT - 1, -1)
 
 
 class Side(Enum):
@@ -124,6 +125,9 @@ class Edge(Enum):
         return self in (Edge.TOP_RIGHT, Edge.TOP_LEFT)
 
 
+_ENDS = {edge: np.array(edge.value) for edge in Edge}
+
+
 @dataclass(frozen=True, eq=False)
 class World:
     """Cameras, floor and laser for one or many vectors of shared parameters.
@@ -169,10 +173,13 @@ class World:
         World
         """
         rectified, (ahead, left, up) = floor.rectified, floor.axes
-        down = _unit(-up - _column(shared, Shared.PITCH) * ahead - _column(shared, Shared.ROLL) * left)
-        forward = _unit(_AHEAD - down[..., 2:] * down)
-        axes = np.empty((*down.shape[:-1], 3, 3), down.dtype)
-        axes[..., 0, :], axes[..., 1, :], axes[..., 2, :] = forward, _cross(forward, down), -down
+        pitch, roll = shared[..., Shared.PITCH, None], shared[..., Shared.ROLL, None]
+        down = (-up - pitch * ahead - roll * left) / np.sqrt(1 + pitch * pitch + roll * roll)
+        x, y, z = (down[..., k] for k in range(3))
+        level = np.sqrt(1 - z * z)  # of the optical axis (0, 0, 1), which becomes the axis forward
+        axes = np.zeros((*down.shape[:-1], 3, 3), down.dtype)
+        axes[..., 0, :2], axes[..., 0, 2] = down[..., :2] * (-z / level)[..., None], level
+        axes[..., 1, 0], axes[..., 1, 1], axes[..., 2, :] = -y / level, x / level, -down
         focal = rectified.f_px * (1 + shared[..., Shared.FOCAL])
         return cls(
             axes=axes,
@@ -197,19 +204,33 @@ class World:
         Returns
         -------
         (..., 3) px per px, px per px, px
+        """
+        found: Numbers = self.disparity_planes(normal[..., None, :], np.asarray(distance)[..., None])[..., 0, :]
+        return found
+
+    def disparity_planes(self, normals: Numbers, distances: Numbers) -> Numbers:
+        """As `disparity_plane`, of k planes at once.
+
+        Parameters
+        ----------
+        normals : (..., k, 3)
+        distances : (..., k)
+
+        Returns
+        -------
+        (..., k, 3) px per px, px per px, px
 
         Notes
         -----
         With ``X = axes X_c + h z`` the plane is ``m . X_c = 1``, ``m = axes' normal / (distance - h normal_z)``, and
         the disparity ``f B m . K^-1 (u, v, 1)``; on it come the offset, and the rows' offset times the plane's slope.
         """
-        m = (normal[..., None, :] @ self.axes)[..., 0, :]
-        m = m * (self.scale / (distance - self.camera_height * normal[..., 2]))[..., None]
-        a, b = m[..., 0] / self.focal, m[..., 1] / self.focal
-        c = m[..., 2] - a * self.centre_px[0] - b * self.centre_px[1]
-        plane = np.empty((*c.shape, 3), c.dtype)
-        plane[..., 0], plane[..., 1], plane[..., 2] = a, b, c + self.offset + self.rows * b
-        return plane
+        m = normals @ self.axes
+        m *= (self.scale[..., None] / (distances - self.camera_height[..., None] * normals[..., 2]))[..., None]
+        m[..., :2] /= self.focal[..., None, None]
+        u, v = self.centre_px
+        m[..., 2] += self.offset[..., None] - m[..., 0] * u + m[..., 1] * (self.rows[..., None] - v)
+        return m
 
     def pixels(self, points: Numbers, right: Bools | bool = False) -> Numbers:
         """Project points of the world into either picture: (..., N, 3) mm to (..., N, 2) px.
@@ -224,10 +245,14 @@ class World:
         -------
         (..., N, 2) px
         """
-        seen = points @ self.axes - (self.camera_height[..., None] * self.axes[..., 2, :])[..., None, :]
-        found: Numbers = seen[..., :2] / seen[..., 2:] * self.focal[..., None, None] + self.centre_px
-        if np.any(right):
-            found[..., 0] -= np.where(right, self.scale[..., None] / seen[..., 2] + self.offset[..., None], 0.0)
+        seen = points @ self.axes
+        seen -= (self.camera_height[..., None] * self.axes[..., 2, :])[..., None, :]
+        zoom = self.focal[..., None] / seen[..., 2]
+        found: Numbers = seen[..., :2] * zoom[..., None]
+        found += self.centre_px
+        if right is not False:
+            shift = zoom * (self.scale / self.focal)[..., None] + self.offset[..., None]
+            found[..., 0] -= np.where(right, shift, 0.0)
         return found
 
     def from_laser(self, points_mm: Numbers) -> Numbers:
@@ -241,24 +266,17 @@ class World:
         -------
         (..., N, 2)
         """
-        c, s = np.cos(self.laser_yaw)[..., None], np.sin(self.laser_yaw)[..., None]
-        x, y = points_mm[..., 0], points_mm[..., 1]
-        return np.stack([c * x - s * y, s * x + c * y], axis=-1)
+        found: Numbers = points_mm @ np.swapaxes(self.laser_turn, -1, -2)
+        return found
 
-
-def _column(shared: Numbers, name: Shared) -> Numbers:
-    return shared[..., name, None]
-
-
-def _unit(v: Numbers) -> Numbers:
-    found: Numbers = v / np.sqrt((v * v).sum(axis=-1, keepdims=True))
-    return found
-
-
-def _cross(a: Numbers, b: Numbers) -> Numbers:
-    """As `np.cross`, which takes longer to look at its arguments than to multiply."""
-    found: Numbers = a[..., _NEXT] * b[..., _LAST] - a[..., _LAST] * b[..., _NEXT]
-    return found
+    @cached_property
+    def laser_turn(self) -> Numbers:
+        """Rotation matrix from the laser's frame to the world's. (..., 2, 2)."""
+        c, s = np.cos(self.laser_yaw), np.sin(self.laser_yaw)
+        turn = np.empty((*c.shape, 2, 2), c.dtype)
+        turn[..., 0, 0] = turn[..., 1, 1] = c
+        turn[..., 0, 1], turn[..., 1, 0] = -s, s
+        return turn
 
 
 @dataclass(frozen=True, eq=False)
@@ -284,11 +302,11 @@ class Box:
         -------
         (..., 2)
         """
-        return self._normals[..., 0 if side is Side.RIGHT else 1, :]
+        return self.normals[..., 0 if side is Side.RIGHT else 1, :]
 
     @cached_property
-    def _normals(self) -> Numbers:
-        """Of the right and of the left face. (..., 2, 2)."""
+    def normals(self) -> Numbers:
+        """Unit normals of the right and of the left face, away from the camera. (..., 2, 2)."""
         normals = np.empty((*self.own.shape[:-1], 2, 2), self.own.dtype)
         normals[..., 0, 0] = normals[..., 1, 1] = np.cos(self.own[..., Own.TURN])
         normals[..., 0, 1] = normals[..., 1, 0] = np.sin(self.own[..., Own.TURN])
@@ -306,13 +324,18 @@ class Box:
         -------
         (...)
         """
-        found: Numbers = (self.normal(side) * self.corner).sum(axis=-1)
+        return self.distances[..., 0 if side is Side.RIGHT else 1][()]
+
+    @cached_property
+    def distances(self) -> Numbers:
+        """How far behind the origin the right and the left face's lines lie, mm. (..., 2)."""
+        found: Numbers = (self.normals @ self.corner[..., None])[..., 0]
         return found
 
     @property
     def corner(self) -> Numbers:
         """Place of the near corner on the floor. (..., 2) mm."""
-        return self.own[..., [Own.X, Own.Y]]
+        return self.own[..., _CORNER]
 
     def points(self, shares: Float64) -> Numbers:
         """Points of the box, by their shares of (right, left, height).
@@ -326,7 +349,7 @@ class Box:
         (..., N, 3) mm
         """
         found = np.empty((*self.own.shape[:-1], len(shares), 3), self.own.dtype)
-        sides = self.own[..., Own.LEFT : Own.RIGHT - 1 : -1, None] * self._normals  # along the left and the right face
+        sides = self.own[..., _SIDES, None] * self.normals  # along the left and the right face
         found[..., :2] = shares[:, 1::-1] @ sides + self.corner[..., None, :]
         found[..., 2] = self.own[..., Own.HEIGHT, None] * shares[:, 2]
         return found
@@ -361,7 +384,7 @@ class Box:
         -------
         (..., 2, 3) mm
         """
-        return self.points(np.array(edge.value))
+        return self.points(_ENDS[edge])
 
 
 def derivatives(function: Callable[[Numbers], Numbers], x: Float64) -> tuple[Float64, Float64]:

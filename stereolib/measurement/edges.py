@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import cv2
 import numpy as np
 
-from stereolib.base import Float32, Float64, Floats
+from stereolib.base import Float32, Float64, Floats, UInt8
 from stereolib.measurement.plane_alignment import median
+from stereolib.rig import to_light
 
 #: Neighbouring lines are so far apart in the picture, px.
 STEP_PX = 0.25
@@ -24,8 +25,8 @@ _LEAST = 1e-3  # of a difference: what is less is none
 _FLOOR = 0.03  # least standard deviation of an edge, of its width: what blur and staircase do to all of it alike
 
 
-#: Left and right picture; None for one that is not looked at.
-Light: TypeAlias = tuple[Float32 | None, Float32 | None]
+#: Left and right picture, or the light that made them; None for one that is not looked at.
+Light: TypeAlias = tuple[UInt8 | Float32 | None, UInt8 | Float32 | None]
 
 
 @dataclass(frozen=True)
@@ -75,8 +76,8 @@ def locate_edge(light: Light, lines: ParallelLines, belief: Float64, *, samples:
 
     Parameters
     ----------
-    light : (left, right), each (H, W, 3) or (H, W) float32 or None
-        Rectified pictures as light (`stereolib.rig.to_light`); None for one that is not looked at.
+    light : (left, right), each (H, W, 3) or (H, W) uint8 or float32, or None
+        Rectified pictures, or their light (`stereolib.rig.to_light`); None for one that is not looked at.
     lines : ParallelLines
     belief : (lines,) float64
         How likely each of them is the edge, before the pictures are looked at.
@@ -140,10 +141,18 @@ def _differences(light: Light, lines: ParallelLines, samples: int, half: int) ->
         if (count := np.count_nonzero(inside)) < _LEAST_SAMPLES:
             continue
         mine, y = (x, v) if count == samples else (x[:, inside], v[:, inside])
-        values = cv2.remap(picture, mine, y, cv2.INTER_LINEAR).reshape(len(x), -1)
+        values = _light(picture, mine, y).reshape(len(x), -1)
         difference = cv2.absdiff(values[2 * half :], values[: -2 * half])
         found.append(cv2.resize(difference, (_GROUPS, len(difference)), interpolation=cv2.INTER_AREA))
     return found
+
+
+def _light(picture: UInt8 | Float32, x: Float32, y: Float32) -> Float32:
+    """Light at places of a picture; made of no more of it than they lie in."""
+    left, top = int(x.min()), int(y.min())
+    part: Any = picture[top : int(y.max()) + 2, left : int(x.max()) + 2]
+    light = to_light(part) if picture.dtype == np.uint8 else part
+    return np.asarray(cv2.remap(light, x - left, y - top, cv2.INTER_LINEAR))
 
 
 def _width_px(strength: Float64, best: int) -> float:

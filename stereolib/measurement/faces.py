@@ -51,8 +51,8 @@ class Face:
     pixels: int
 
 
-def find_faces(floor: Floor, region: ObjectRegion, pair: AlignedPair) -> tuple[Face, ...]:
-    """Find one or two upright faces of an object, and align both pictures over each.
+def find_face(floor: Floor, region: ObjectRegion, pair: AlignedPair) -> Face:
+    """Find the upright face of an object that shows most, and align both pictures over it.
 
     Parameters
     ----------
@@ -60,12 +60,11 @@ def find_faces(floor: Floor, region: ObjectRegion, pair: AlignedPair) -> tuple[F
     region : ObjectRegion
         Its disparities say where the faces lie.
     pair : AlignedPair
-        Aligned over each face, to a few hundredths of a pixel.
+        Aligned over the face, to a few hundredths of a pixel.
 
     Returns
     -------
-    tuple of Face
-        From right to left.
+    Face
 
     Raises
     ------
@@ -75,7 +74,7 @@ def find_faces(floor: Floor, region: ObjectRegion, pair: AlignedPair) -> tuple[F
     Notes
     -----
     Over the tangent t of the bearing (left positive) an upright face's inverse forward distance is a straight line,
-    ``1 / x = a + b t``; two faces that meet in a near corner are two lines with a ridge. Each is aligned with these
+    ``1 / x = a + b t``; two faces that meet in a near corner are two lines with a ridge. The face is aligned with these
     two coefficients first, then with three, so that a face that leans is seen to.
     """
     scale = floor.rectified.f_px * floor.rectified.baseline_mm
@@ -93,23 +92,22 @@ def find_faces(floor: Floor, region: ObjectRegion, pair: AlignedPair) -> tuple[F
         n, total = np.bincount(index, keep), np.bincount(index, w_px * keep)
     full = _unbroken(np.flatnonzero(n > _FULL * np.sort(n)[int(0.8 * len(n))]), n)
     pieces = _hinge(t.min() + (full + 0.5) * width, total[full] / n[full])
-    faces = []
+    parts = []
     for (low, high), line in pieces:
         margin = min(3 * width, (high - low) / 6)
-        mine = (t > low + margin) & (t < high - margin) & (np.abs(d - ahead * (line[0] + line[1] * t)) < _ON_PX)
-        pixels = int(np.count_nonzero(mine))
-        if pixels < LEAST_PIXELS:
-            continue  # a sliver: the other face carries the measurement
-        um, vm, rays = u[mine], v[mine], np.stack([ahead[mine], aside[mine]]).T
-        level = align(pair, um, vm, scale * rays, np.linalg.solve(rays.T @ rays, rays.T @ d[mine]) / scale)
-        centre, x = _about_centre(um, vm)
-        start = np.linalg.lstsq(x, scale * rays @ level.parameters, rcond=None)[0]
-        fit = align(pair, um, vm, x, start.astype(float))
-        faces.append(Face(centre, fit.parameters, fit.covariance, (float(low), float(high)), pixels))
-    if not faces:
+        parts.append((t > low + margin) & (t < high - margin) & (np.abs(d - ahead * (line[0] + line[1] * t)) < _ON_PX))
+    counts = [int(np.count_nonzero(part)) for part in parts]
+    best = int(np.argmax(counts))
+    if counts[best] < LEAST_PIXELS:
         text = f"no face of the object has {LEAST_PIXELS} matched pixels that agree; light or texture it"
         raise CannotMeasure("no texture", text)
-    return tuple(faces)
+    (low, high), mine = pieces[best][0], parts[best]
+    um, vm, rays = u[mine], v[mine], np.stack([ahead[mine], aside[mine]]).T
+    level = align(pair, um, vm, scale * rays, np.linalg.solve(rays.T @ rays, rays.T @ d[mine]) / scale)
+    centre, x = _about_centre(um, vm)
+    start = np.linalg.lstsq(x, scale * rays @ level.parameters, rcond=None)[0]
+    fit = align(pair, um, vm, x, start.astype(float))
+    return Face(centre, fit.parameters, fit.covariance, (float(low), float(high)), counts[best])
 
 
 def align_face(pair: AlignedPair, world: World, own: Float64, side: Side) -> list[Face]:
@@ -131,9 +129,16 @@ def align_face(pair: AlignedPair, world: World, own: Float64, side: Side) -> lis
     """
     box, flat = Box(own), np.append(Box(own).normal(side), 0.0)
     quad = world.pixels(box.points(_INNER if side is Side.RIGHT else _INNER[:, [1, 0, 2]]))
-    mask = np.zeros(pair.light[0].shape[:2], np.uint8)
-    cv2.fillConvexPoly(mask, np.rint(quad).astype(np.int32), 1)
-    v, u = (a.astype(float) for a in np.nonzero(mask))
+    height, width = pair.pictures[0].shape[:2]
+    low, high = (
+        np.clip(np.rint(end), 0, (width, height)).astype(int) for end in (quad.min(axis=0), quad.max(axis=0) + 1)
+    )
+    mask = np.zeros(np.maximum(high - low, 0)[::-1], np.uint8)
+    if mask.size < LEAST_PIXELS:
+        return []
+    cv2.fillConvexPoly(mask, np.rint(quad).astype(np.int32) - low.astype(np.int32), 1)
+    row, column = np.nonzero(mask)
+    u, v = ((a + first).astype(float) for a, first in zip((column, row), low, strict=True))
     if len(u) < LEAST_PIXELS:
         return []
     plane, (centre, x) = world.disparity_plane(flat, box.distance(side)), _about_centre(u, v)

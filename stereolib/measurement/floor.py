@@ -352,8 +352,9 @@ def _vote(disparity_px: Floats, rectified: RectifiedRig, limits: FloorLimits) ->
     y, x = np.meshgrid(y0 + (y1 - y0) * np.arange(d.shape[0]), x0 + (x1 - x0) * np.arange(d.shape[1]), indexing="ij")
     a = np.stack([x, y, np.ones_like(x), np.where(matched, d, 0.0)]) * matched
     side = _PATCH_PX // _FINE
-    blocks = a.reshape(4, d.shape[0] // side, side, d.shape[1] // side, side)
-    sums = np.einsum("iajbk,lajbk->abil", blocks, blocks)  # moments of (x, y, 1, d) in each patch
+    grid = d.shape[0] // side, d.shape[1] // side
+    patches = a.reshape(4, grid[0], side, grid[1], side).transpose(1, 3, 0, 2, 4).reshape(*grid, 4, side**2)
+    sums = patches @ np.swapaxes(patches, -1, -2)  # moments of (x, y, 1, d) in each patch
     wide = sums[:-1, :-1] + sums[1:, :-1] + sums[:-1, 1:] + sums[1:, 1:]
     every = np.concatenate([sums.reshape(-1, 4, 4), wide.reshape(-1, 4, 4)])
     full = np.concatenate([np.full(sums[..., 0, 0].size, side**2), np.full(wide[..., 0, 0].size, 4 * side**2)])
@@ -365,9 +366,10 @@ def _vote(disparity_px: Floats, rectified: RectifiedRig, limits: FloorLimits) ->
     if not len(planes) or not len(mean):
         raise CannotMeasure("no floor", _NO_FLOOR)
     voters = mean / mean[:, 2:3]
-    off = (voters[:, 3] - planes @ voters[:, :3].T) / floor_tolerance_px(voters[:, 3])
-    on, under = np.abs(off) < 1, off < -_UNDER
-    return np.asarray(planes[(on @ voters[:, 3] - under @ voters[:, 3]).argmax()])
+    each = (voters / floor_tolerance_px(voters[:, 3:])).T
+    off = each[3] - planes @ each[:3]
+    votes = np.subtract(np.abs(off) < 1, off < -_UNDER, dtype=np.float32)
+    return np.asarray(planes[(votes @ voters[:, 3].astype(np.float32)).argmax()])
 
 
 def floor_tolerance_px(disparity_px: Floats) -> Floats:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stereolib.base import Float64
-from stereolib.measurement.agreement import Agreement, Past, Reach, agreement
+from stereolib.measurement.agreement import Agreement, Past, Reach, Samples, agreement
 from stereolib.measurement.box import Box, Numbers, Own, Side, World, derivatives
 from stereolib.measurement.faces import Face
 from stereolib.measurement.views import Views
@@ -15,6 +15,7 @@ from stereolib.measurement.views import Views
 _SAMPLES = 16  # of each line
 _BEYOND_PX = 160  # a face is followed so far beyond where the disparity map has it
 _CORNER_PX = np.arange(-4.0, 4.5, 0.5)  # a corner is tried at so many places about where a face ends
+_NARROWEST_PX = 1.0  # of a first face
 _LEAST_SECOND_PX = 4  # a second face must be followed so far
 _FIRST_PX = 16  # the corner's place is told by so much of the second face
 _WIDEST_PX = 300
@@ -44,11 +45,12 @@ class UprightLine:
     ----------
     normal : (2,) float64
         Away from the camera.
-    distance_mm : float
+    distance_mm : float or (...) float64
+        Of one, or of parallel ones.
     """
 
     normal: Float64
-    distance_mm: float
+    distance_mm: float | Float64
 
     @property
     def along(self) -> Float64:
@@ -77,12 +79,12 @@ class UprightLine:
         facing = ray @ self.normal
         return np.asarray(ray * (self.distance_mm / np.where(facing > 1e-3, facing, np.nan))[..., None])
 
-    def round_corner(self, t: float, outwards: int) -> UprightLine:
+    def round_corner(self, t: Float64 | float, outwards: int) -> UprightLine:
         """The line at a right angle to it, round an end.
 
         Parameters
         ----------
-        t : float
+        t : float or (...) float64
             Tangent of the end's bearing.
         outwards : int
             -1: its right end; 1: its left one.
@@ -92,7 +94,7 @@ class UprightLine:
         UprightLine
         """
         normal = -outwards * self.along
-        return UprightLine(normal, float(normal @ self.at(t)))
+        return UprightLine(normal, self.at(t) @ normal)
 
 
 @dataclass(frozen=True)
@@ -263,17 +265,16 @@ def follow_face(views: Views, world: World, face: Face, top_mm: float) -> Stretc
     stretch, f = _upwards(views, world, face, top_mm), float(world.focal)
     line, (a, b) = stretch.line, face.bearing
 
-    def sideways(outwards: int, heights: Float64) -> End:
-        seen = b if outwards > 0 else a
+    shown, ends = stretch.heights_mm, dict[int, list[End]]()
+    for outwards, seen in ((-1, a), (1, b)):
         inside = round(f * (b - a) / 2)
         t = seen + outwards * np.arange(-inside, _BEYOND_PX) / f
-        return End.of(_compare(views, world, line.at(t), heights).reach(inside), t)
-
-    shown = stretch.heights_mm
-    lower, upper = ([sideways(side, part) for side in (-1, 1)] for part in (shown[:_BAND], shown[-_BAND:]))
+        samples = Samples.of(views, world, _upright(line.at(t), shown))
+        parts = (slice(None), slice(None, _BAND), slice(-_BAND, None))
+        ends[outwards] = [End.of(samples.part(part).agreement().reach(inside), t) for part in parts]
+    stretch = replace(stretch, right=ends[-1][0], left=ends[1][0])
     rise_px = (shown[-_BAND:].mean() - shown[:_BAND].mean()) / stretch.mm_per_px
-    both = [(foot, top) for foot, top in zip(lower, upper, strict=True) if foot.past is top.past is Past.OPEN]
-    stretch = replace(stretch, right=sideways(-1, shown), left=sideways(1, shown))
+    both = [(foot, top) for _, foot, top in ends.values() if foot.past is top.past is Past.OPEN]
     if not both or rise_px < _LEAST_RISE_PX:
         return stretch
     shift = float(np.mean([f * (top.at - foot.at) for foot, top in both]))
@@ -289,8 +290,7 @@ def _upwards(views: Views, world: World, face: Face, top_mm: float) -> Stretch:
     per_px = float(ground[:, 0].mean()) / float(world.focal)
     heights = np.arange(-_BELOW_PX * per_px, _height_at_rim(world, ground.mean(axis=0)), per_px)
     middle = int(np.argmin(np.abs(heights - 0.5 * top_mm)))
-    flat = np.broadcast_to(ground[None], (len(heights), *ground.shape))
-    level = np.concatenate([flat, np.broadcast_to(heights[:, None, None], (*flat.shape[:2], 1))], axis=2)
+    level = np.swapaxes(_upright(ground, heights), 0, 1)
     along, known = agreement(views, world, level), round(0.4 * top_mm / per_px)
     down, up = along.part(slice(middle, None, -1)).reach(known), along.part(slice(middle, None)).reach(known)
     low, foot = (float(heights[max(middle - max(k, 0), 0)]) for k in (down.last, down.stop))
@@ -345,39 +345,37 @@ def look_round(views: Views, world: World, stretch: Stretch, outwards: int) -> C
     Corner or None
         None where the end is not seen, or the pictures agree about no second face.
     """
-    end = stretch.left if outwards > 0 else stretch.right
-    if end.past is not Past.OPEN:
+    end, other = (stretch.left, stretch.right) if outwards > 0 else (stretch.right, stretch.left)
+    f = float(world.focal)
+    tried = end.at - outwards * _FIRST[0] / f + _CORNER_PX / f
+    tried = tried[outwards * (tried - other.at) * f > _NARROWEST_PX]
+    if end.past is not Past.OPEN or not len(tried):
         return None
-    f, best, score = float(world.focal), np.nan, 0.0
-    for t0 in end.at - outwards * _FIRST[0] / f + _CORNER_PX / f:
-        found = _second(views, world, stretch, float(t0), outwards, _FIRST_PX)
-        if found is not None and (mine := float(np.nansum(found[1].whole))) > score:
-            best, score = float(t0), mine
-    whole = _second(views, world, stretch, best, outwards, _WIDEST_PX) if score > 0 else None
-    if whole is None:
+    _, ground = _second(stretch.line, tried, outwards, np.arange(1.0, _FIRST_PX) / f)
+    alike = Samples.of(views, world, _upright(ground, stretch.heights_mm)).correlations.mean(axis=-1)
+    far = np.count_nonzero(np.isfinite(ground[..., 0]), axis=1) <= _LEAST_SECOND_PX
+    scores = np.where(far, 0.0, np.nansum(alike, axis=1))
+    if not scores.max() > 0:
         return None
-    t, along = whole
-    reach = along.reach(_FIRST_PX, second=True)
+    best = tried[[scores.argmax()]]
+    t, ground = _second(stretch.line, best, outwards, np.arange(1.0, _WIDEST_PX) / f)
+    seen = np.isfinite(ground[0, :, 0])
+    t, ground = t[0, seen], ground[0, seen]
+    reach = _compare(views, world, ground, stretch.heights_mm).reach(_FIRST_PX, second=True)
     if reach.last < _LEAST_SECOND_PX:
         return None
-    end, second = End.of(reach, t, second=True), stretch.line.round_corner(best, outwards)
-    return Corner(best, float(np.linalg.norm(second.at(end.at) - stretch.line.at(best))), end, float(reach.last + 1))
+    end, corner = End.of(reach, t, second=True), float(best[0])
+    far_end = stretch.line.round_corner(corner, outwards).at(end.at)
+    return Corner(corner, float(np.linalg.norm(far_end - stretch.line.at(corner))), end, float(reach.last + 1))
 
 
-def _second(
-    views: Views, world: World, stretch: Stretch, t0: float, outwards: int, most_px: int
-) -> tuple[Float64, Agreement] | None:
-    """Tangents beyond a corner, and the agreement over the second face that it would have; None where none is seen."""
-    second = stretch.line.round_corner(t0, outwards)
-    if not second.distance_mm > 0:
-        return None
-    t = t0 + outwards * np.arange(1.0, most_px) / float(world.focal)
+def _second(line: UprightLine, t0: Float64, outwards: int, beyond: Float64) -> tuple[Float64, Float64]:
+    """Tangents (k, N) beyond corners (k,), and the second faces that they would have: (k, N, 2), NaN where none is."""
+    second, t = line.round_corner(t0[:, None], outwards), t0[:, None] + outwards * beyond
     ground = second.at(t)
-    near = np.linalg.norm(ground - stretch.line.at(t0), axis=1) < _FARTHEST_MM
-    count = len(t) if near.all() else int(np.argmin(near))
-    if count <= _LEAST_SECOND_PX:
-        return None
-    return t[:count], _compare(views, world, ground[:count], stretch.heights_mm)
+    near = (np.linalg.norm(ground - line.at(t0[:, None]), axis=-1) < _FARTHEST_MM) & (second.distance_mm > 0)
+    ground[~np.logical_and.accumulate(near, axis=1)] = np.nan
+    return t, ground
 
 
 def follow_again(views: Views, world: World, own: Float64, side: Side) -> End | None:
@@ -453,5 +451,11 @@ def _height_at_rim(world: World, place_mm: Float64) -> float:
 
 def _compare(views: Views, world: World, ground: Float64, heights: Float64) -> Agreement:
     """Agreement over upright lines on points of the floor (N, 2)."""
-    up = np.broadcast_to(heights[None, :, None], (len(ground), len(heights), 1))
-    return agreement(views, world, np.concatenate([np.repeat(ground[:, None], len(heights), axis=1), up], axis=2))
+    return agreement(views, world, _upright(ground, heights))
+
+
+def _upright(ground: Float64, heights: Float64) -> Float64:
+    """Points (..., heights, 3) over points of the floor (..., 2)."""
+    points = np.empty((*ground.shape[:-1], len(heights), 3))
+    points[..., :2], points[..., 2] = ground[..., None, :], heights
+    return points

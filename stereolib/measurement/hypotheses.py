@@ -103,10 +103,10 @@ def judge(priors: Priors, seen: Sequence[Seen], *, scanned: bool) -> Judged:
             scanned,
         )
     solutions, logs = {Moved.NOTHING: first}, {Moved.NOTHING: _evidence(Moved.NOTHING, priors, first)}
-    starts = [replace(s, start=x) for s, x in zip(seen, first.boxes, strict=True)]
     for what in (Moved.LASER, Moved.CAMERAS, Moved.BOTH):
-        wide = widened(priors, what)
-        solutions[what] = solve(wide, starts, first.shared)
+        wide, nearest = widened(priors, what), min(solutions.values(), key=lambda solution: solution.cost)
+        starts = [replace(s, start=x, shared=nearest.shared) for s, x in zip(seen, nearest.boxes, strict=True)]
+        solutions[what] = solve(wide, starts)
         logs[what] = _evidence(what, wide, solutions[what])
     top = max(logs.values())
     weights = {what: float(np.exp(value - top)) for what, value in logs.items()}

@@ -236,7 +236,7 @@ class _Scene:
             return thing
         turn, past = float(thing.pictured.own[Own.TURN]), thing.pictured.past
         readings = scan_observations(footprint, self.priors.laser, turn, past)
-        seen = Seen(thing.seen.start, (*thing.seen.observations, *readings))
+        seen = replace(thing.seen, observations=(*thing.seen.observations, *readings))
         return replace(thing, seen=seen, scanned=bool(readings))
 
     def _scanned(self, thing: _Thing) -> _Thing:
@@ -257,7 +257,8 @@ class _Scene:
             pairs = list(zip(thing.seen.observations, judged.solution.misfits[k].tolist(), strict=True))
             agree = tuple(o for o, misfit in pairs if not (o.of_scan and misfit > _CONTRADICTION))
             scanned = any(o.of_scan for o in agree)
-            kept.append(replace(thing, seen=Seen(judged.solution.boxes[k], agree), scanned=scanned))
+            seen = Seen(judged.solution.boxes[k], agree, judged.solution.shared)
+            kept.append(replace(thing, seen=seen, scanned=scanned))
             if not scanned:
                 where = f"{np.hypot(*thing.seen.start[[Own.X, Own.Y]]):.0f} mm away"
                 warnings.append(f"scan and pair disagree about the object {where}: its sizes come from the pair alone")

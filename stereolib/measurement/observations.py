@@ -2,20 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import Any, Protocol, TypeAlias
 
 import numpy as np
+from scipy.linalg import block_diag
 
-from stereolib.base import Float64
+from stereolib.base import Float64, Ints
 from stereolib.measurement.box import Box, Edge, Numbers, Own, Side, World
 from stereolib.measurement.faces import Face
 
 _GRAZING = 0.05  # cosine between a beam and a normal: flatter beams tell no more
 _UNIFORM = float(np.sqrt(12.0))  # an interval over its standard deviation
 _UNKNOWN_MM = 1000.0  # standard deviation of what nobody may see
+_BIASES = slice(Own.RIGHT_BIAS, Own.LEFT_BIAS + 1)
+_LEAST_PX = 1e-6  # of an edge's length
 _ROUNDING = 1e-12  # of a covariance: directions known better than that are known to it
+
+
+#: Predicted minus observed, in standard deviations: (..., m).
+Residuals: TypeAlias = Callable[[World, Box], Numbers]
 
 
 class Observation(Protocol):
@@ -29,8 +36,13 @@ class Observation(Protocol):
     def of_scan(self) -> bool:
         """The laser saw it."""
 
-    def residuals(self, world: World, box: Box) -> Numbers:
-        """Predicted minus observed, in standard deviations: (..., m)."""
+    @property
+    def count(self) -> int:
+        """How many residuals it has."""
+
+    @staticmethod
+    def together(several: Sequence[Any], /) -> Residuals:
+        """Residuals of several of one kind, one after the other."""
 
 
 def whitening(covariance: Float64) -> Float64:
@@ -86,19 +98,35 @@ class PlaneSeen:
         """The pictures show it."""
         return False
 
+    @property
+    def count(self) -> int:
+        """One a coefficient."""
+        return 3
+
     def residuals(self, world: World, box: Box) -> Numbers:
         """Predicted minus observed disparity plane, in standard deviations: (..., 3)."""
-        if self.side is None:
-            normal = np.zeros((*world.camera_height.shape, 3))
-            normal[..., 2] = 1.0
-            plane = world.disparity_plane(normal, np.zeros_like(world.camera_height))
-        else:
-            flat = box.normal(self.side)
-            normal = np.concatenate([flat, np.zeros_like(flat[..., :1])], axis=-1)
-            plane = world.disparity_plane(normal, box.distance(self.side))
-        at_centre = plane[..., :2] @ self.centre_px + plane[..., 2]
-        predicted = np.concatenate([plane[..., :2], at_centre[..., None]], axis=-1)
-        return (predicted - self.coefficients) @ self.root
+        return self.together((self,))(world, box)
+
+    @staticmethod
+    def together(several: Sequence[PlaneSeen]) -> Residuals:
+        """Residuals of many at once."""
+        moved = [np.array([[1.0, 0.0, p.centre_px[0]], [0.0, 1.0, p.centre_px[1]], [0.0, 0.0, 1.0]]) for p in several]
+        roots = block_diag(*[to_centre @ plane.root for to_centre, plane in zip(moved, several, strict=True)])
+        seen = np.concatenate([plane.coefficients @ plane.root for plane in several])
+
+        def residuals(world: World, box: Box) -> Numbers:
+            normals = np.zeros((*box.own.shape[:-1], len(several), 3), box.own.dtype)
+            distances = np.zeros(normals.shape[:-1], box.own.dtype)
+            for k, plane in enumerate(several):
+                if plane.side is None:
+                    normals[..., k, 2] = 1.0
+                else:
+                    normals[..., k, :2], distances[..., k] = box.normal(plane.side), box.distance(plane.side)
+            planes = world.disparity_planes(normals, distances)
+            found: Numbers = planes.reshape(*planes.shape[:-2], -1) @ roots - seen
+            return found
+
+        return residuals
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,6 +153,13 @@ class EdgeSeen:
     right: bool = False
 
     @classmethod
+    def through(cls, edge: Edge, first_px: Float64, last_px: Float64, *, right: bool = False) -> EdgeSeen:
+        """Both its ends as they would be seen, (2,) each: in the middle, known to 1 px."""
+        along = last_px - first_px
+        across = np.array([-along[1], along[0]]) / max(float(np.hypot(*along)), _LEAST_PX)
+        return cls(edge, (first_px + last_px) / 2, across, 1.0, right=right)
+
+    @classmethod
     def near(cls, at: EdgeSeen, std_px: float) -> EdgeSeen:
         """An edge that was not located: it is where it was predicted, roughly."""
         return replace(at, std_px=std_px, located=False)
@@ -139,35 +174,32 @@ class EdgeSeen:
         """The pictures show it."""
         return False
 
+    @property
+    def count(self) -> int:
+        """Across it."""
+        return 1
+
     def residuals(self, world: World, box: Box) -> Numbers:
         """How far the predicted edge passes the point, across it, in standard deviations: (..., 1)."""
-        return edge_residuals((self,), world, box)
+        return self.together((self,))(world, box)
 
+    @staticmethod
+    def together(several: Sequence[EdgeSeen]) -> Residuals:
+        """Residuals of many at once."""
+        shares = np.concatenate([edge.edge.value for edge in several])
+        right = np.repeat([edge.right for edge in several], 2) if any(edge.right for edge in several) else False
+        point_u, point_v = np.array([edge.point_px for edge in several]).T
+        across_u, across_v = np.array([edge.std_px * edge.across for edge in several]).T
 
-def edge_residuals(edges: Sequence[EdgeSeen], world: World, box: Box) -> Numbers:
-    """How far predicted edges pass the points where they were seen, all at once.
+        def residuals(world: World, box: Box) -> Numbers:
+            ends = world.pixels(box.points(shares), right)
+            u, v = ends[..., ::2, 0], ends[..., ::2, 1]
+            along_u, along_v = ends[..., 1::2, 0] - u, ends[..., 1::2, 1] - v
+            miss = along_u * (v - point_v) - along_v * (u - point_u)
+            found: Numbers = miss / (along_u * across_v - along_v * across_u)
+            return found
 
-    Parameters
-    ----------
-    edges : sequence of n EdgeSeen
-    world : World
-    box : Box
-
-    Returns
-    -------
-    (..., n)
-        In standard deviations.
-    """
-    right = np.repeat([edge.right for edge in edges], 2)
-    ends = world.pixels(box.points(np.concatenate([edge.edge.value for edge in edges])), right)
-    ends = ends.reshape(*ends.shape[:-2], len(edges), 2, 2)
-    point, across = np.array([edge.point_px for edge in edges]), np.array([edge.across for edge in edges])
-    along = ends[..., 1, :] - ends[..., 0, :]
-    off = ends[..., 0, :] - point
-    miss = along[..., 0] * off[..., 1] - along[..., 1] * off[..., 0]
-    facing = along[..., 0] * across[:, 1] - along[..., 1] * across[:, 0]
-    found: Numbers = miss / facing / np.array([edge.std_px for edge in edges])
-    return found
+        return residuals
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,18 +231,41 @@ class RangesSeen:
         """The laser saw it."""
         return True
 
+    @property
+    def count(self) -> int:
+        """One a reading."""
+        return len(self.ranges_mm)
+
     def residuals(self, world: World, box: Box) -> Numbers:
         """Face minus reading along the beams, in standard deviations: (..., N)."""
-        normal = box.normal(self.side)[..., None, :]
-        beams = world.from_laser(self.beams)
-        points = (
-            world.from_laser(self.origins_mm + self.ranges_mm[:, None] * self.beams) + world.laser_place[..., None, :]
+        return self.together((self,))(world, box)
+
+    @staticmethod
+    def together(several: Sequence[RangesSeen]) -> Residuals:
+        """Residuals of many at once."""
+        face = np.concatenate([np.full(seen.count, int(seen.side is Side.LEFT)) for seen in several])
+        sigma = np.concatenate([seen.sigma_mm for seen in several])
+        beams = _by_face(face, np.concatenate([seen.beams for seen in several]))
+        met = _by_face(
+            face, np.concatenate([seen.origins_mm + seen.ranges_mm[:, None] * seen.beams for seen in several])
         )
-        facing = (normal * beams).sum(axis=-1)
-        facing = np.where(facing.real > _GRAZING, facing, _GRAZING)
-        off = box.distance(self.side)[..., None] - (normal * points).sum(axis=-1)
-        found: Numbers = (off / facing + box.own[..., self.side.bias, None]) / self.sigma_mm
-        return found
+
+        def residuals(world: World, box: Box) -> Numbers:
+            normals = (box.normals @ world.laser_turn).reshape(*box.own.shape[:-1], 4)  # in the laser's frame
+            facing = normals @ beams
+            facing = np.where(facing.real > _GRAZING, facing, _GRAZING)
+            off = box.distances - (box.normals @ world.laser_place[..., None])[..., 0]
+            found: Numbers = ((off[..., face] - normals @ met) / facing + box.own[..., _BIASES][..., face]) / sigma
+            return found
+
+        return residuals
+
+
+def _by_face(face: Ints, vectors: Float64) -> Float64:
+    """Vectors (N, 2) as (4, N), to be multiplied by both faces' normals (..., 4): each meets that of its face only."""
+    found = np.zeros((2, 2, len(face)))
+    found[face, :, np.arange(len(face))] = vectors
+    return found.reshape(4, -1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -240,6 +295,16 @@ class EndBetweenBeams:
     def of_scan(self) -> bool:
         """The laser saw it."""
         return True
+
+    @property
+    def count(self) -> int:
+        """Along the face."""
+        return 1
+
+    @staticmethod
+    def together(several: Sequence[EndBetweenBeams]) -> Residuals:
+        """Residuals of some."""
+        return lambda world, box: np.concatenate([end.residuals(world, box) for end in several], axis=-1)
 
     def residuals(self, world: World, box: Box) -> Numbers:
         """End minus the middle of where both beams meet the face, over a uniform interval's deviation: (..., 1)."""
@@ -283,27 +348,21 @@ class OwnPrior:
         """Neither shows it."""
         return False
 
+    @property
+    def count(self) -> int:
+        """One."""
+        return 1
+
     def residuals(self, world: World, box: Box) -> Numbers:
         """Parameter minus value, in standard deviations: (..., 1)."""
-        return prior_residuals((self,), box)
+        return self.together((self,))(world, box)
 
-
-def prior_residuals(priors: Sequence[OwnPrior], box: Box) -> Numbers:
-    """Parameters minus what is known of them beforehand, all at once.
-
-    Parameters
-    ----------
-    priors : sequence of n OwnPrior
-    box : Box
-
-    Returns
-    -------
-    (..., n)
-        In standard deviations.
-    """
-    values, stds = np.array([prior.value for prior in priors]), np.array([prior.std for prior in priors])
-    found: Numbers = (box.own[..., [prior.name for prior in priors]] - values) / stds
-    return found
+    @staticmethod
+    def together(several: Sequence[OwnPrior]) -> Residuals:
+        """Residuals of many at once."""
+        names = np.array([prior.name for prior in several])
+        values, stds = np.array([prior.value for prior in several]), np.array([prior.std for prior in several])
+        return lambda world, box: (box.own[..., names] - values) / stds
 
 
 def weak_priors(own: Float64, bias_mm: float) -> list[Observation]:

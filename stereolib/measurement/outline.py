@@ -10,7 +10,7 @@ import numpy as np
 from stereolib.base import Float64
 from stereolib.measurement.box import Box, Edge, Own, Shared, Side, World, derivatives
 from stereolib.measurement.edges import STEP_PX, Light, ParallelLines, Peak, locate_edge
-from stereolib.measurement.observations import EdgeSeen, edge_residuals
+from stereolib.measurement.observations import EdgeSeen
 from stereolib.measurement.scene_solver import Priors
 
 _CLEAR = 1.5  # least contrast of an edge that is looked for afar, against the lines around it
@@ -19,7 +19,7 @@ _AFAR_PX = 12.0  # the least stretch in which an edge is looked for afar
 _CLEAR_ALONE = 2.5  # and of one that ends a face about which nothing else is known
 _NEARER_PX = 20.0  # by so much nearer edges are e times as likely, where a surface ends in a plain part
 _BEFORE = 0.2  # how likely an edge is where it was located, if its face was followed elsewhere since
-_LEAST_PX_PER_MM, _LEAST_LENGTH_PX = 1e-3, 1e-6
+_LEAST_PX_PER_MM = 1e-3
 _LEAST_REACH_PX, _MOST_REACH_PX = 4.0, 120.0
 _FAR_MM, _EARLY = np.arange(0.0, 1000.0, 2.0), 10  # depths that are tried; a tenth of them is a likely one
 _LEAST_SLIVER_PX, _WIDEST_SLIVER_PX = 3.0, 60.0
@@ -76,9 +76,7 @@ def predicted(edge: Edge, world: World, own: Float64, *, right: bool = False) ->
     EdgeSeen
         Its middle in the picture, with a standard deviation of 1 px.
     """
-    a, b = world.pixels(Box(own).edge(edge), right)
-    along = (b - a) / max(float(np.linalg.norm(b - a)), _LEAST_LENGTH_PX)
-    return EdgeSeen(edge, (a + b) / 2, np.array([-along[1], along[0]]), 1.0, right=right)
+    return EdgeSeen.through(edge, *world.pixels(Box(own).edge(edge), right), right=right)
 
 
 def predicted_stds_px(
@@ -103,7 +101,8 @@ def predicted_stds_px(
     n = len(Shared)
     world = priors.world(x[:n])
     at = [_Eye.of(world, edge, x[n:], edge_direction(edge, x[n:], first)).at for edge in edges]
-    _, J = derivatives(lambda y: edge_residuals(at, priors.world(y[..., :n]), Box(y[..., n:])), x)
+    residuals = EdgeSeen.together(at)
+    _, J = derivatives(lambda y: residuals(priors.world(y[..., :n]), Box(y[..., n:])), x)
     return dict(zip(edges, np.sqrt(np.einsum("ij,jk,ik->i", J, covariance, J)).tolist(), strict=True))
 
 
@@ -304,9 +303,11 @@ class _Eye:
     @classmethod
     def of(cls, world: World, edge: Edge, own: Float64, step: Float64) -> _Eye:
         """How the pictures show an edge of a box."""
-        both = [predicted(edge, world, own, right=right) for right in (False, True)]
-        moved = [predicted(edge, world, own + step, right=at.right) for at in both]
-        left, right = (float((b.point_px - a.point_px) @ a.across) for a, b in zip(both, moved, strict=True))
+        ends = Box(np.stack([own, own + step])).edge(edge).reshape(-1, 3)
+        pixels = world.pixels(np.concatenate([ends, ends]), np.arange(2 * len(ends)) >= len(ends))
+        here, moved = np.moveaxis(pixels.reshape(2, 2, 2, 2), 1, 0)  # (left and right picture, both ends, 2)
+        both = [EdgeSeen.through(edge, *line, right=right) for line, right in zip(here, (False, True), strict=True)]
+        left, right = (float((b.mean(axis=0) - a.point_px) @ a.across) for a, b in zip(both, moved, strict=True))
         if edge not in (Edge.RIGHT_END, Edge.LEFT_END):
             return cls(both[0], step, left, (True, True))
         outwards = 1 if (edge is Edge.RIGHT_END) == (both[0].across[0] > 0) else -1

@@ -11,7 +11,7 @@ from stereolib.base import Float64
 from stereolib.measurement.agreement import Past
 from stereolib.measurement.box import Box, Edge, Own, Shared, Side, World
 from stereolib.measurement.edges import Peak
-from stereolib.measurement.faces import Face, align_face, find_faces
+from stereolib.measurement.faces import Face, align_face, find_face
 from stereolib.measurement.follow import (
     LEAST_ABOVE_MM,
     Corner,
@@ -34,6 +34,7 @@ _LEAST_MM = 1.0  # of a width
 _HIDDEN_MM = 100.0  # what an extent is taken as that nobody sees
 _UNLOCATED_PX = 6.0  # how well an edge is known that was not located, at best
 _LEAST_PLANE_PX = 20.0  # a second face must be so wide to have a plane of its own
+_ROUGHLY = 1e-2  # tolerance of the first least squares, which only predicts
 _ROUNDS = 2  # of edges and least squares
 _PRIOR_PX = (1.0, 4.0)  # how well an edge is taken to be known beforehand, at least and at most
 _CORNER_PX = 2.5  # how well a corner is known from looking round it
@@ -117,7 +118,7 @@ def see_box(views: Views, priors: Priors, region: ObjectRegion) -> Pictured:
     followed again from where it is now known to stand, or, if only one camera sees it, looked for by its far edge.
     """
     world = priors.world(np.zeros(len(Shared)))
-    face = max(find_faces(priors.floor, region, views.pair), key=lambda face: face.pixels)
+    face = find_face(priors.floor, region, views.pair)
     stretch = follow_face(views, world, face, region.top_mm)
     rough = _rough_box(stretch, *(look_round(views, world, stretch, outwards) for outwards in (1, -1)))
     faces = [face]
@@ -136,8 +137,12 @@ def see_box(views: Views, priors: Priors, region: ObjectRegion) -> Pictured:
         located = [each.seen for each in found.values()]
         known = [*rough.planes(faces), *weak_priors(rough.own, priors.laser.bias_mm), *rough.edges(world, found)]
         seen = Seen(rough.own + _move(found), (*known, *located))
-        solution = solve(priors, [seen], None if solution is None else solution.shared)
+        if solution is None:
+            solution = solve(priors, [seen], tolerance=_ROUGHLY)
+        else:
+            solution = solve(priors, [replace(seen, shared=solution.shared)])
     assert solution is not None
+    seen = replace(seen, start=solution.boxes[0], shared=solution.shared)  # near what all boxes together will have
     tilts = [upright_line(world, face, 0.0)[1:] for face in faces]
     refused = _in_the_air(stretch) or _leaning(stretch, tilts, peaks)
     refused = refused or _unfollowed(stretch) or _without_edges(rough, peaks)
@@ -244,7 +249,7 @@ def _with_far_end(views: Views, world: World, stretch: Stretch, rough: _Rough) -
     found = {
         side: got
         for side, at in rooted.items()
-        if ends[side].past is Past.OPEN and (got := find_far_end(views.pair.light, world, at.own, side))
+        if ends[side].past is Past.OPEN and (got := find_far_end(views.pair.pictures, world, at.own, side))
     }
     if not found:
         return rough, {}
@@ -287,7 +292,7 @@ def _located(
     """Edges found in the pictures where they are expected; the rivals that some had before remain."""
     found = dict[Edge, Found]()
     for edge in rough.open:
-        got = find_edge(views.pair.light, world, rough.own, edge, rough.first, expected[edge])
+        got = find_edge(views.pair.pictures, world, rough.own, edge, rough.first, expected[edge])
         if got is not None:
             found[edge] = got.besides(before[edge].rivals_px) if edge in before else got
     return found

@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 
 from stereolib.base import Bools, Float32, Float64, Floats, Ints, UInt8
-from stereolib.rig import check_pair, to_grey, to_light
+from stereolib.rig import check_pair, to_grey
 
 _MOST_PIXELS = 1500  # more add nothing but time
 _CELL_PX = 24  # neighbouring pixels err together: those of one cell count as one witness
@@ -51,14 +51,14 @@ class AlignedPair:
     ----------
     levels : two of (left, right), (H / 2, W / 2, 2) and (H, W, 2) float32
         Brightness without its slow changes and of one deviation everywhere, and its slope along the row.
-    light : (left, right), (H, W) or (H, W, 3) float32
-        The pictures as light (`stereolib.rig.to_light`).
+    pictures : (left, right), (H, W) or (H, W, 3) uint8
+        As they came.
     rows_covariance : (3, 3) float64
         Of the row offset that may be left between them (`RowOffset.covariance`).
     """
 
     levels: tuple[tuple[Float32, Float32], ...]
-    light: tuple[Float32, Float32]
+    pictures: tuple[UInt8, UInt8]
     rows_covariance: Float64 = field(default_factory=lambda: np.zeros((3, 3)))
 
     @classmethod
@@ -88,8 +88,7 @@ class AlignedPair:
             sharp = _levelled(to_grey(image))
             coarse.append(_with_slope(cv2.resize(sharp, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)))
             _with_slope(sharp, into)
-        light = to_light(np.concatenate([left, right]))
-        return cls(((coarse[0], coarse[1]), (fine[0], fine[1])), (light[: len(left)], light[len(left) :]), rows)
+        return cls(((coarse[0], coarse[1]), (fine[0], fine[1])), (left, right), rows)
 
 
 def _levelled(grey: UInt8) -> Float32:
@@ -163,13 +162,15 @@ def align(
     """
     some = slice(None, None, max(1, -(-len(u) // most)))
     u, v, x = u[some], v[some], x[some]
-    parameters, width = np.array(start, float), pair.light[0].shape[1]
+    parameters, width = np.array(start, float), pair.pictures[0].shape[1]
     for left, right in pair.levels:
-        mine = _sample(left, u, v, left.shape[1] / width)
+        zoom = left.shape[1] / width
+        rows = _places(v, zoom)
+        mine = _sample(left, _places(u, zoom), rows, zoom)
         for _ in range(_MOST_STEPS):
             where = u - x @ parameters
             inside = (where > 2) & (where < width - 3)
-            now = _compare(mine, _sample(right, where, v, left.shape[1] / width), inside)
+            now = _compare(mine, _sample(right, _places(where, zoom), rows, zoom), inside)
             J = x * now.slope[:, None]
             weighted = (J * now.weight[:, None]).T
             try:
@@ -180,7 +181,8 @@ def align(
             if np.mean(np.abs(x @ step)) < _CONVERGED_PX:
                 break
     where = u - x @ parameters
-    down = now.gain * (_sample(right, where, v + 0.5)[0] - _sample(right, where, v - 0.5)[0])
+    columns = _places(where)
+    down = now.gain * (_sample(right, columns, _places(v + 0.5))[0] - _sample(right, columns, _places(v - 0.5))[0])
     bent, curved = ((x * a[:, None]).T for a in (now.bend * now.slope, now.curvature))
     try:
         covariance = clustered_covariance(x, now.slope * now.error, now.weight, cell_of(u, v), now.curvature)
@@ -190,23 +192,47 @@ def align(
     return PlaneFit(parameters, covariance + by_rows @ pair.rows_covariance @ by_rows.T)
 
 
-def _sample(image: Float32, u: Float64, v: Float64, zoom: float = 1.0) -> Float64:
-    """Brightness and slope (2, N) at pixels of the full size, of a picture so many times as large."""
-    x, y = (((a + 0.5) * zoom - 0.5).astype(np.float32)[None] for a in (u, v))
-    found = cv2.remap(image, x, y, cv2.INTER_LINEAR)[0].T.astype(float)  # sums of float32 depend on the processor
-    return np.asarray(found * [[1.0], [zoom]])
+def _places(px: Float64, zoom: float = 1.0) -> Float32:
+    """Columns or rows of pixels of the full size, in a picture so many times as large: (1, N)."""
+    return np.asarray(((px + 0.5) * zoom - 0.5).astype(np.float32)[None])
+
+
+def _sample(image: Float32, x: Float32, y: Float32, zoom: float = 1.0) -> Float64:
+    """Brightness and slope (2, N) at places of a picture that is so many times as large."""
+    found = cv2.remap(image, x, y, cv2.INTER_LINEAR)[0].T.astype(float, order="C")  # float32: depends on the processor
+    found[1] *= zoom
+    return np.asarray(found)
 
 
 @dataclass(frozen=True, eq=False)
 class _Comparison:
-    """Error, slope, Tukey's weight and its derivative of every pixel, curvature, and the gain of the right picture."""
+    """Error and both slopes of every pixel, how far it is off, Tukey's weight's root, the gain of the right picture."""
 
     error: Float64
-    slope: Float64
-    weight: Float64
-    bend: Float64
-    curvature: Float64
+    slopes: tuple[Float64, Float64]
+    off: Float64
+    root: Float64
     gain: float
+
+    @property
+    def slope(self) -> Float64:
+        """Of both pictures."""
+        return 0.5 * (self.slopes[0] + self.slopes[1])
+
+    @property
+    def weight(self) -> Float64:
+        """Tukey's."""
+        return self.root * self.root
+
+    @property
+    def bend(self) -> Float64:
+        """Derivative of the weighted error."""
+        return self.root * (1 - 5 * self.off)
+
+    @property
+    def curvature(self) -> Float64:
+        """Of the cost."""
+        return self.bend * self.slopes[0] * self.slopes[1]
 
 
 def _compare(left: Float64, right: Float64, inside: Bools) -> _Comparison:
@@ -214,9 +240,7 @@ def _compare(left: Float64, right: Float64, inside: Bools) -> _Comparison:
     gain = min(max(float(mine @ theirs) / max(float(theirs @ theirs), 1e-9), _GAINS[0]), _GAINS[1])
     error = (mine - gain * theirs) * inside
     off = (error / max(_TUKEY * median(np.abs(error[::4])), 2.0)) ** 2
-    root = np.maximum(1 - off, 0) * inside
-    bend, mean_slope = root * (1 - 5 * off), 0.5 * (slope + gain * their_slope)
-    return _Comparison(error, mean_slope, root * root, bend, bend * slope * gain * their_slope, gain)
+    return _Comparison(error, (slope, gain * their_slope), off, np.maximum(1 - off, 0) * inside, gain)
 
 
 def median(values: Floats) -> float:

@@ -25,6 +25,7 @@ _LEAST_USED = 0.4  # share of a cell that must be matched
 _LEAST_WEIGHT = 4.0  # of a cell: squared grey levels per px
 _MOVED_PX, _CERTAIN = 0.3, 5.0  # an offset so large, in px and in standard deviations, is told
 _SURE_STDS, _LEAST_ROLL = 3.0, 1e-9  # a roll so many deviations from none counts by half
+_NOWHERE_PX = -9.0  # where a pixel stands that nothing was matched with
 _UNKNOWN_PX = 3.0  # standard deviation where nothing tells
 
 
@@ -186,9 +187,9 @@ class _Cells:
     @classmethod
     def of(cls, left: UInt8, right: UInt8, disparity_px: Float32) -> _Cells:
         height, width = left.shape
-        matched = np.isfinite(disparity_px)
-        x = np.where(matched, np.arange(width, dtype=np.float32) - disparity_px, np.float32(-9))
-        used = (matched & (x > 1) & (x < width - 2)).astype(np.float32)
+        x = np.arange(width, dtype=np.float32) - disparity_px
+        cv2.patchNaNs(x, _NOWHERE_PX)
+        used = ((x > 1) & (x < width - 2)).astype(np.float32)
         soft = [np.asarray(cv2.blur(image, (3, 3))) for image in (left, right)]
         along, down = (cv2.Sobel(soft[0], cv2.CV_32F, i, 1 - i, ksize=1, scale=0.5) * used for i in (1, 0))
         shape = width // _CELL, height // _CELL
@@ -207,7 +208,8 @@ class _Cells:
         """Row offset of each cell, (N,), the pictures being compared at a plane that is nearly right."""
         (b, c, a), v = plane.astype(np.float32), np.arange(len(self.left), dtype=np.float32)[:, None]
         shift = np.rint((b * self.x + c * v + a) / _GRID_PX) * np.float32(_GRID_PX)  # as OpenCV does it
-        error = cv2.remap(self.right, self.x, v + shift, cv2.INTER_LINEAR).astype(np.float32) - self.left
+        seen = cv2.remap(self.right, self.x, v + shift, cv2.INTER_LINEAR)
+        error = cv2.subtract(seen, self.left, dtype=cv2.CV_32F)
         by_u, by_v = (_mean(slope * error, self.shape) for slope in self.slopes)
         mean = _mean(shift * self.here, self.shape).ravel()[self.some] / self.share
         return mean - (by_v - self.oblique * by_u).ravel()[self.some] / self.weight

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import cast
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -15,24 +14,23 @@ from stereolib.measurement.box import COMPLEX_STEP, Box, Numbers, Own, Shared, W
 from stereolib.measurement.floor import Floor
 from stereolib.measurement.laser_on_floor import LaserOnFloor
 from stereolib.measurement.observations import (
-    EdgeSeen,
     Observation,
-    OwnPrior,
     PlaneSeen,
-    edge_residuals,
-    prior_residuals,
+    Residuals,
     whitening,
 )
 
 _REACH = 2.5  # standard deviations beyond which an observation that may be mistaken counts less and less
-_TOLERANCE = 1e-5  # relative: a thousandth of a standard deviation, about
+_NO_REACH = 1e6  # of the others
+_TOLERANCE = 1e-4  # relative: a hundredth of a standard deviation at most
 _MOST_STEPS = 40
 _LASER = slice(Shared.LASER_X, Shared.LASER_YAW + 1)
 _CAMERAS = slice(Shared.OFFSET, None)
+_STEPS = 1j * COMPLEX_STEP * np.eye(len(Shared) + len(Own))
 _FLOOR_ROUNDING = np.array([1e-5, 1e-5, 1e-3])  # of a floor's plane: one that is given is known so well at most
-#: About what the parameters are off at first.
-_SHARED_SCALE = np.array([1e-2, 1e-3, 1e-3, 1.0, 1.0, 1e-3, 0.1, 0.1, 1e-3, 1e-3])
-_OWN_SCALE = np.array([1.0, 1.0, 1e-3, 1.0, 1.0, 1.0, 0.5, 0.5])
+#: What the parameters are off at first, at most: the first step goes no farther.
+_SHARED_SCALE = np.array([0.1, 0.01, 0.01, 10.0, 10.0, 0.01, 1.0, 1.0, 0.01, 0.01])
+_OWN_SCALE = np.array([10.0, 10.0, 0.01, 10.0, 10.0, 10.0, 5.0, 5.0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,9 +82,12 @@ class Priors:
         -------
         (..., 10)
         """
-        laser, floor = self.roots
-        seen = PlaneSeen(np.zeros(2), self.floor.plane, floor).residuals(world, Box(shared))
-        return np.concatenate([seen, shared[..., _LASER] @ laser, shared[..., _CAMERAS] / self.cameras_std], axis=-1)
+        seen, laser = self._floor_seen(world, Box(shared)), shared[..., _LASER] @ self.roots[0]
+        return np.concatenate([seen, laser, shared[..., _CAMERAS] / self.cameras_std], axis=-1)
+
+    @cached_property
+    def _floor_seen(self) -> Residuals:
+        return PlaneSeen.together((PlaneSeen(np.zeros(2), self.floor.plane, self.roots[1]),))
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,21 +152,25 @@ class Seen:
     start : (8,) float64
         In the order of `Own`.
     observations : sequence of Observation
+    shared : (10,) float64
+        What is shared, as this box has it: the search begins at the mean.
     """
 
     start: Float64
     observations: Sequence[Observation] = field(default_factory=tuple)
+    shared: Float64 = field(default_factory=lambda: np.zeros(len(Shared)))
 
 
-def solve(priors: Priors, seen: Sequence[Seen], shared: Float64 | None = None) -> Solution:
+def solve(priors: Priors, seen: Sequence[Seen], *, tolerance: float = _TOLERANCE) -> Solution:
     """Find what all boxes and the shared parameters are.
 
     Parameters
     ----------
     priors : Priors
     seen : sequence of Seen
-    shared : (10,) float64, optional
-        Where to start.
+    tolerance : float
+        Relative, of the cost and of the way from the start: where it ends. A solution that only predicts where
+        something is seen may be a hundredth off.
 
     Returns
     -------
@@ -178,32 +183,31 @@ def solve(priors: Priors, seen: Sequence[Seen], shared: Float64 | None = None) -
     observations that may be mistaken. The covariance is ``(J' W J)^-1``, ``W = rho'``.
     """
     problem = _Problem(priors, tuple(seen))
-    x0 = np.concatenate([np.zeros(len(Shared)) if shared is None else shared, *(s.start for s in seen)])
+    shared = np.mean([s.shared for s in seen], axis=0) if seen else np.zeros(len(Shared))
+    x0 = np.concatenate([shared, *(s.start for s in seen)])
     scale = np.concatenate([_SHARED_SCALE, *([_OWN_SCALE] * len(seen))])
     found = least_squares(
-        lambda x: problem.at(x)[0],
-        x0,
-        jac=lambda x: problem.at(x)[1],
+        lambda y: problem.at(x0 + scale * y)[0],
+        np.zeros(len(x0)),
+        jac=lambda y: problem.at(x0 + scale * y)[1] * scale,
         loss=problem.loss,
-        x_scale=scale,
-        xtol=_TOLERANCE,
-        ftol=_TOLERANCE,
+        xtol=tolerance,
+        ftol=tolerance,
         max_nfev=_MOST_STEPS,
     )
-    r, J = problem.at(found.x)
-    weight = problem.loss(r**2)[1]
+    x = x0 + scale * found.x
+    r, J = problem.at(x)
+    rho, weight, _ = problem.loss(r**2)
     unit = J * (np.sqrt(weight)[:, None] * scale)
     precision = unit.T @ unit
     covariance = np.linalg.inv(precision) * np.outer(scale, scale)
     volume = float(np.log(scale).sum() - 0.5 * np.linalg.slogdet(precision)[1])
-    boxes = tuple(found.x[_places(k)[len(Shared) :]] for k in range(len(seen)))
+    boxes = tuple(x[_places(k)[len(Shared) :]] for k in range(len(seen)))
     given = problem.sorted_by_kind(weight * (covariance @ J.T) ** 2)
-    cost, of_scan = 0.5 * (problem.loss(r**2)[0] - 1), problem.of_scan
+    cost, of_scan = 0.5 * (rho - 1), problem.of_scan
     excess = sum(max(float(cost[some].sum()), 0.0) for some in (of_scan, problem.robust & ~of_scan))
-    shared = found.x[: len(Shared)]
-    return Solution(
-        shared, boxes, covariance, float(found.cost), volume, problem.misfits(problem.loss(r**2)[0]), excess, given
-    )
+    misfits = problem.misfits(rho)
+    return Solution(x[: len(Shared)], boxes, covariance, float(found.cost), volume, misfits, excess, given)
 
 
 def _places(box: int) -> Ints:
@@ -211,35 +215,28 @@ def _places(box: int) -> Ints:
     return np.concatenate([np.arange(len(Shared)), len(Shared) + len(Own) * box + np.arange(len(Own))])
 
 
-def _grouped(observations: Sequence[Observation]) -> list[tuple[Observation, ...]]:
-    """Edges together, priors together, all others alone: a group's residuals are taken at once."""
-    edges = tuple(o for o in observations if isinstance(o, EdgeSeen))
-    priors = tuple(o for o in observations if isinstance(o, OwnPrior))
-    rest: list[tuple[Observation, ...]] = [(o,) for o in observations if not isinstance(o, EdgeSeen | OwnPrior)]
-    together: list[tuple[Observation, ...]] = [group for group in (edges, priors) if group]
-    return together + rest
-
-
-def _residuals(group: tuple[Observation, ...], world: World, box: Box) -> Numbers:
-    if isinstance(group[0], EdgeSeen):
-        return edge_residuals(cast(tuple[EdgeSeen, ...], group), world, box)
-    if isinstance(group[0], OwnPrior):
-        return prior_residuals(cast(tuple[OwnPrior, ...], group), box)
-    return group[0].residuals(world, box)
-
-
 class _Problem:
     """Residuals and Jacobian of a scene, kept for the last point: `least_squares` asks for them one after the other.
 
-    Their order: the shared ones, then box by box and group by group; `owners` tells whose each is.
+    Their order: the shared ones, then box by box and kind by kind; `owners` tells whose each is.
     """
 
     def __init__(self, priors: Priors, seen: tuple[Seen, ...]) -> None:
-        self._priors, self._seen = priors, seen
-        self._groups = [_grouped(box.observations) for box in seen]
+        self._priors = priors
+        self.owners: list[Observation | None] = [None] * len(Shared)
+        self._boxes: list[list[Residuals]] = []
+        self._numbers: list[Ints] = []  # of the observation that each residual of a box belongs to
+        for box in seen:
+            kinds: dict[type[Observation], list[int]] = {}
+            for k, o in enumerate(box.observations):
+                kinds.setdefault(type(o), []).append(k)
+            self._boxes.append([kind.together([box.observations[k] for k in some]) for kind, some in kinds.items()])
+            numbers = [k for some in kinds.values() for k in some for _ in range(box.observations[k].count)]
+            self._numbers.append(np.array(numbers, int))
+            self.owners += [box.observations[k] for k in numbers]
+        self.robust = np.array([o is not None and o.robust for o in self.owners])
+        self._reach = np.where(self.robust, _REACH**2, _NO_REACH**2)
         self._last: tuple[bytes, tuple[Float64, Float64]] = (b"", (np.zeros(0), np.zeros((0, 0))))
-        self.owners: list[Observation | None] = []
-        self.robust = np.zeros(0, bool)
 
     def at(self, x: Float64) -> tuple[Float64, Float64]:
         """Residuals (m,) and their Jacobian (m, n)."""
@@ -248,33 +245,25 @@ class _Problem:
         return self._last[1]
 
     def _evaluate(self, x: Float64) -> tuple[Float64, Float64]:
-        shared, own = len(Shared), len(Own)
-        step = 1j * COMPLEX_STEP * np.eye(shared + own)
-        world = self._priors.world(x[:shared] + step[:, :shared])
-        known = self._priors.residuals(x[:shared] + step[:, :shared], world)
-        values, rows = [known[0].real], [np.pad(known.imag[:shared].T, ((0, 0), (0, len(x) - shared)))]
-        owners: list[Observation | None] = [None] * known.shape[-1]
-        for k, groups in enumerate(self._groups):
-            at = _places(k)
-            model = Box(x[at[shared:]] + step[:, shared:])
-            for group in groups:
-                moved = _residuals(group, world, model)
-                wide = np.zeros((moved.shape[-1], len(x)))
-                wide[:, at] = moved.imag.T
-                values.append(moved[0].real)
-                rows.append(wide)
-                if not self.owners:
-                    owners += [o for o in group for _ in range(moved.shape[-1] // len(group))]
-        if not self.owners:
-            self.owners = owners
-            self.robust = np.array([o is not None and o.robust for o in owners])
-        return np.concatenate(values), np.concatenate(rows) / COMPLEX_STEP
+        n = len(Shared)
+        shared = x[:n] + _STEPS[:, :n]
+        world = self._priors.world(shared)
+        parts = [self._priors.residuals(shared, world)]
+        J, row = np.zeros((len(self.owners), len(x))), n
+        J[:n, :n] = parts[0].imag[:n].T
+        for residuals, at in zip(self._boxes, range(n, len(x), len(Own)), strict=True):
+            box = Box(x[at : at + len(Own)] + _STEPS[:, n:])
+            parts.append(np.concatenate([each(world, box) for each in residuals], axis=-1))
+            rows = slice(row, row := row + parts[-1].shape[-1])
+            J[rows, :n], J[rows, at : at + len(Own)] = parts[-1].imag[:n].T, parts[-1].imag[n:].T
+        return np.concatenate([part[0].real for part in parts]), J / COMPLEX_STEP
 
     def loss(self, s: Float64) -> Float64:
         """Value and first two derivatives of rho: (3, m)."""
-        rho = np.stack([s, np.ones_like(s), np.zeros_like(s)])
-        t = 1 + s[self.robust] / _REACH**2
-        rho[:, self.robust] = _REACH**2 * np.log(t), 1 / t, -1 / (_REACH * t) ** 2
+        t, rho = s / self._reach, np.empty((3, len(s)))
+        rho[0] = self._reach * np.log1p(t)
+        rho[1] = 1 / (1 + t)
+        rho[2] = -(rho[1] ** 2) / self._reach
         return rho
 
     @property
@@ -287,12 +276,11 @@ class _Problem:
     def sorted_by_kind(self, parts: Float64) -> dict[str, Float64]:
         """Sum columns (one a residual) by what gave them."""
         known = ["floor"] * 3 + ["laser"] * 3 + ["cameras"] * 4
-        names = known + [type(o).__name__ for o in self.owners[len(known) :]]
-        return {name: parts[:, [other == name for other in names]].sum(axis=1) for name in dict.fromkeys(names)}
+        names = np.array(known + [type(o).__name__ for o in self.owners[len(known) :]])
+        return {name: parts @ (names == name) for name in dict.fromkeys(names.tolist())}
 
     def misfits(self, cost: Float64) -> tuple[Float64, ...]:
         """Root of the mean cost of each observation of each box, in the order in which they were given."""
-        costs: dict[int, list[float]] = {}
-        for o, value in zip(self.owners, cost.tolist(), strict=True):
-            costs.setdefault(id(o), []).append(value)
-        return tuple(np.array([np.sqrt(np.mean(costs[id(o)])) for o in box.observations]) for box in self._seen)
+        ends = np.cumsum([len(Shared), *(len(numbers) for numbers in self._numbers)])
+        parts = zip(self._numbers, np.split(cost, ends)[1:], strict=False)
+        return tuple(np.sqrt(np.bincount(numbers, part) / np.bincount(numbers)) for numbers, part in parts)

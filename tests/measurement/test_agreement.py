@@ -8,7 +8,7 @@ import pytest
 from support.boxes import FLOOR, RECT
 
 from stereolib.measurement import Views
-from stereolib.measurement.agreement import Agreement, Past, agreement
+from stereolib.measurement.agreement import Agreement, Past, Samples, agreement
 from stereolib.measurement.box import World
 
 N = 60
@@ -111,3 +111,16 @@ def test_behind_the_camera_and_outside_of_the_pictures_nothing_is_told(wall):
     aside = np.tile([500.0, 900.0, 100.0], (6, 16, 1))
     for points in (behind, aside):
         assert np.isnan(agreement(views, world, points).fine).all()
+
+
+def test_a_part_of_the_samples_is_compared_as_if_alone(wall):
+    views, world, _ = wall
+    points = np.empty((60, 16, 3))
+    points[..., 0], points[..., 1] = 800.0, np.linspace(-50, 10, 60)[:, None]
+    points[..., 2] = np.linspace(50, 250, 16)
+    some = Samples.of(views, world, np.stack([points, points + 5.0])).part(slice(4))
+    alone = agreement(views, world, points[:, :4])
+    assert some.correlations[0, :, 1] == pytest.approx(alone.fine, rel=1e-5)
+    assert Samples.of(views, world, points).part(slice(4)).agreement().contrast == pytest.approx(
+        alone.contrast, rel=1e-5
+    )

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from stereolib.measurement.edges import STEP_PX, ParallelLines, locate_edge
+from stereolib.rig import to_light
 
 OFF = STEP_PX * np.arange(-60, 61)
 SHIFT_PX = 40.0
@@ -85,3 +86,12 @@ def test_outside_of_the_pictures_there_is_none():
     assert locate_edge(both((120.0, 0.3)), lines(middle=400.0), FLAT) is None
     left, right = both((20.0, 0.3))  # the right picture does not show it
     assert locate_edge((left, right), lines(middle=20.0), FLAT).position_px == pytest.approx(0, abs=0.15)
+
+
+@pytest.mark.parametrize("colours", [1, 3])
+def test_the_light_of_a_picture_is_that_of_the_part_that_is_looked_at(colours):
+    pictures = [(255 * picture.clip(0, 1) ** (1 / 2.2)).astype(np.uint8) for picture in both((121.3, 0.3))]
+    pictures = [np.squeeze(np.stack([picture] * colours, axis=-1)) for picture in pictures]
+    seen = locate_edge((pictures[0], pictures[1]), lines(), FLAT)
+    light = locate_edge((to_light(pictures[0]), to_light(pictures[1])), lines(), FLAT)
+    assert seen.position_px == pytest.approx(light.position_px, abs=1e-3) and abs(seen.position_px - 1.3) < 0.15

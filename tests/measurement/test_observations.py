@@ -88,3 +88,16 @@ def test_who_saw_what():
     }  # fmt: skip
     assert not FLOOR_SEEN.robust
     assert {o.name for o in weak_priors(OWN, HERE.bias_mm)} == set(Own) - {Own.TURN}
+
+
+def test_many_at_once_are_each_by_itself():
+    """Of either face and the floor, real and complex, from a world and a box that are off."""
+    x = np.concatenate([shared(pitch=0.01, offset=0.3, laser_x=8.0, laser_yaw=0.05), OWN + 1e-3])
+    kinds = {kind: [o for o in everything(WORLD) if type(o) is kind] for kind in map(type, everything(WORLD))}
+    kinds[PlaneSeen].append(FLOOR_SEEN)
+    for y in (x, x + 1j * 1e-30 * np.eye(len(x))):
+        world, box = PRIORS.world(y[..., :N]), Box(y[..., N:])
+        for kind, some in kinds.items():
+            each = [o.residuals(world, box) for o in some]
+            assert [r.shape[-1] for r in each] == [o.count for o in some] and len(some) > 1
+            assert kind.together(some)(world, box) == pytest.approx(np.concatenate(each, axis=-1), rel=1e-9)

@@ -10,7 +10,7 @@ import numpy as np
 from stereolib.base import Float64
 from stereolib.measurement import Instrument, Views, find_floor, find_objects
 from stereolib.measurement.box import Own, World
-from stereolib.measurement.faces import find_faces
+from stereolib.measurement.faces import find_face
 from stereolib.measurement.follow import Stretch, follow_face
 from stereolib.measurement.measure import scene_priors
 from stereolib.measurement.pictured import Pictured, see_box
@@ -33,7 +33,7 @@ class Shown:
     regions: list
 
     def stretch(self) -> Stretch:
-        face = max(find_faces(self.priors.floor, self.regions[0], self.views.pair), key=lambda face: face.pixels)
+        face = find_face(self.priors.floor, self.regions[0], self.views.pair)
         return follow_face(self.views, self.world, face, self.regions[0].top_mm)
 
     def box(self) -> Pictured:

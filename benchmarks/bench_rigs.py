@@ -32,7 +32,7 @@ INTERVAL_STDS, INTERVAL_SHARE = 1.96, 0.95
 def of_scene(rows: tuple[str, ...], number: int) -> dict[str, Told]:
     """Measure one scene with each disturbance."""
     cv2.setNumThreads(1)
-    return {row: tell(*case(row, number)) for row in rows}
+    return {row: tell(*case(row, number), of_pair=ROWS[row].of_pair) for row in rows}
 
 
 def summary(told: list[Told], silent_pct: float) -> dict[str, Any]:

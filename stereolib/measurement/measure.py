@@ -351,8 +351,15 @@ def _why_unseen(footprint: Footprint, priors: Priors, no_floor: str) -> Why:
 
 
 def _said_of_the_rig(views: Views, judged: Judged, instrument: Instrument) -> list[str]:
-    """What has moved since its calibration."""
+    """What has moved since its calibration, and what nobody could tell."""
     said, solution = [views.rows.warning] if views.rows.warning else [], judged.solution
+    if solution.boxes and not judged.scanned:
+        rectified, nearest = instrument.rectified, min(float(np.hypot(*own[[Own.X, Own.Y]])) for own in solution.boxes)
+        pct = 100 * nearest / (rectified.f_px * rectified.baseline_mm)
+        said.append(
+            f"sizes are the pair's alone: if a camera was turned sideways since its calibration, nothing here shows it; "
+            f"each pixel of it changes them by {pct:.1f} %, which is not in their intervals"
+        )
     if instrument.lidar is None and judged.scanned:
         (x, y, yaw), std = solution.laser, solution.laser_std
         place = f"{x:.0f} ± {std[0]:.0f} mm ahead, {y:.0f} ± {std[1]:.0f} mm to the left"

@@ -27,7 +27,7 @@ _MOST_Z, _MOST_RMS_Z = 5.0, 2.0  # chance reaches neither over the sizes of a ro
 
 @cache
 def told(row: str) -> list[Told]:
-    return [tell(*case(row, number, shoot)) for number in NUMBERS[ROWS[row].scenes]]
+    return [tell(*case(row, number, shoot), of_pair=ROWS[row].of_pair) for number in NUMBERS[ROWS[row].scenes]]
 
 
 @pytest.mark.parametrize("row", ROWS)

@@ -73,7 +73,8 @@ def test_a_scan_that_tells_nothing_leaves_the_pair(readings):
     """The sensor did not turn, or its window is covered."""
     found = texture(laser.LaserScan(np.where(readings > 0, readings, np.nan), np.ones(360)))
     assert re.match(r"the scan tells nothing.*pair alone: [02] of the scan's 360 beams.*see that", found.warnings[0])
-    assert len(found.warnings) == 1
+    assert re.search(r"turned sideways since its calibration.* by 1\.0 %", found.warnings[1])
+    assert len(found.warnings) == 2
     np.testing.assert_allclose(the_cube(found).size_mm, 300, atol=2)
 
 

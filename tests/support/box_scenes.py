@@ -29,7 +29,14 @@ from stereolib.calibration import (
     rectified_std,
     rig_covariance,
 )
-from stereolib.measurement import Instrument, MeasuredObject, Measurement, SystematicUncertainty, measure_objects
+from stereolib.measurement import (
+    Instrument,
+    MeasuredObject,
+    Measurement,
+    Source,
+    SystematicUncertainty,
+    measure_objects,
+)
 from stereolib.reproduction import code_sha256
 from stereolib.rig import Camera, StereoRig, read_pair, rigid
 from stereolib.virtual import VirtualLidar, Webcam, cube_scene, laser_boards, recordings, render_pair
@@ -354,12 +361,13 @@ def measure(shot: Shot, known: Instrument) -> Measurement:
     return measure_objects(shot.left, shot.right, shot.scan, known)
 
 
-def the_box(measured: Measurement, truth: BoxScene) -> MeasuredObject | None:
-    """The object that stands where the box does."""
+def the_box(measured: Measurement, truth: BoxScene, *, of_pair: bool = False) -> MeasuredObject | None:
+    """The object that stands where the box does; with `of_pair` not one that the scan alone shows."""
     at = truth.box.T_world_box[:2, 3]
-    off = [float(np.hypot(*(thing.position_mm - at))) for thing in measured.objects]
+    things = [each for each in measured.objects if not (of_pair and each.sources.get("lines") is Source.SCAN)]
+    off = [float(np.hypot(*(thing.position_mm - at))) for thing in things]
     nearest = int(np.argmin(off)) if off else -1
-    return measured.objects[nearest] if off and off[nearest] < _MISTAKEN_MM else None
+    return things[nearest] if off and off[nearest] < _MISTAKEN_MM else None
 
 
 def errors(thing: MeasuredObject | None, truth: BoxScene) -> dict[str, tuple[float, float]]:

@@ -40,12 +40,15 @@ class Row:
     silent_pct : float
         An error beyond it is silent: it is told, and nobody could know. Where nothing may be told as if it stood,
         less than 10.
+    of_pair : bool
+        What the scan alone shows is of another scene, and not held against this one.
     """
 
     about: str
     disturb: Disturbance
     scenes: str = "plain"
     silent_pct: float = 10.0
+    of_pair: bool = False
 
 
 def untouched(shot: Shot, known: Instrument, rng: np.random.Generator) -> Case:
@@ -249,7 +252,7 @@ ROWS: dict[str, Row] = {
     "laser_side_30": Row("laser 30 mm to one side", laser_moved(sideways_mm=30.0)),
     "laser_any_50": Row("laser 50 mm in any direction", laser_moved(any_way_mm=50.0)),
     "laser_unknown": Row("laser's pose unknown, up to 50 mm and 5 degrees off", laser_pose_unknown),
-    "other_scan": Row("scan of another scene", other_scan),
+    "other_scan": Row("scan of another scene", other_scan, of_pair=True),
     "no_scan": Row("no scan", no_scan),
     "emitter": Row("laser's emitter 25 mm beside its axis", emitter_beside_axis),
     "gain_0.5": Row("right picture's gain 0.5", right_gain(0.5)),
@@ -319,11 +322,11 @@ class Told:
     nothing: bool
 
 
-def tell(shot: Shot, known: Instrument) -> Told:
+def tell(shot: Shot, known: Instrument, *, of_pair: bool = False) -> Told:
     """Measure a case."""
     measurable = box_scenes.is_measurable(shot.truth)
     try:
-        thing = box_scenes.the_box(box_scenes.measure(shot, known), shot.truth)
+        thing = box_scenes.the_box(box_scenes.measure(shot, known), shot.truth, of_pair=of_pair)
     except ValueError as error:
         return Told({}, measurable, _in_short(str(error)), True)
     except Exception as error:  # a row of a bench goes on, and says so

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -114,7 +114,7 @@ class Diagnosis:
     coverage: Coverage
     groups: tuple[tuple[str, ...], ...]
     error_map: ErrorMap
-    rectified_std: dict[str, float]
+    rectified_std: dict[str, Any]
     square_error_pct: float
     board_error_pct: float
     epipolar_rms_px: float

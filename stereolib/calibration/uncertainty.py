@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -246,7 +246,7 @@ def triangulation_jacobian(rig: StereoRig, points_mm: Float64) -> Float64:
     return np.asarray(-np.linalg.solve(AT @ A, AT @ B))
 
 
-def rectified_std(rectified: RectifiedRig, covariance: Float64, *, step_px: int = 40) -> dict[str, float]:
+def rectified_std(rectified: RectifiedRig, covariance: Float64, *, step_px: int = 40) -> dict[str, Any]:
     """Tell what the uncertainty of a calibration leaves open in its rectified pictures, as standard deviations.
 
     Parameters
@@ -261,26 +261,56 @@ def rectified_std(rectified: RectifiedRig, covariance: Float64, *, step_px: int 
     Returns
     -------
     dict
-        ``f_px`` and ``baseline_mm``; ``offset_px``, by which all disparities are shifted alike: ready for
-        ``SystematicUncertainty(**...)`` of `stereolib.measurement`.
+        ``f_px`` and ``baseline_mm``; ``offset_px``, by which all disparities are shifted alike; ``correlation``, of the
+        first with the second and the third, and of these two: ready for ``SystematicUncertainty(**...)`` of
+        `stereolib.measurement`.
+
+    See Also
+    --------
+    rectified_covariance : with what goes together.
+    """
+    found = rectified_covariance(rectified, covariance, step_px=step_px)
+    std = np.sqrt(np.maximum(np.diag(found), 0.0))
+    correlation = (found / np.maximum(np.outer(std, std), 1e-30))[np.triu_indices(3, 1)]
+    return dict(zip(("f_px", "baseline_mm", "offset_px"), std.tolist(), strict=True)) | {
+        "correlation": tuple(np.clip(correlation, -1.0, 1.0).tolist())
+    }
+
+
+def rectified_covariance(rectified: RectifiedRig, covariance: Float64, *, step_px: int = 40) -> Float64:
+    """Tell what the uncertainty of a calibration leaves open in its rectified pictures, and what of it goes together.
+
+    Parameters
+    ----------
+    rectified : RectifiedRig
+        Of the calibrated rig.
+    covariance : (s, s) float64
+        From `rig_covariance`.
+    step_px : int
+        Spacing of the left pixels that are asked.
+
+    Returns
+    -------
+    (3, 3) float64
+        Of the focal length (px), the baseline (mm) and the shift of all disparities (px), as true minus believed.
 
     Notes
     -----
     Pixels stay, the parameters move: the inverse depth moves by ``a + b / Z`` over the image and depths of 6.5 to
-    15 baselines, fitted by least squares; ``offset_px = f B std(a)``. Taken from the whole covariance: the errors of cx
-    and of the turn about y, each of some tenths of a pixel, cancel but for their sum.
+    15 baselines, fitted by least squares. So disparities are ``f B / Z + offset`` with ``offset = -f B a`` and the
+    baseline changed by ``-b - df / f`` of itself. Taken from the whole covariance: the errors of cx and of the turn
+    about y, each of some tenths of a pixel, cancel but for their sum.
     """
     rig, scale = rectified.rig, rectified.f_px * rectified.baseline_mm
     grids = [_grid(rig, k * rig.baseline_mm, step_px)[2:] for k in _BASELINES]
     points = np.concatenate([points[in_sight] for points, in_sight in grids])
     depth = points[:, 2]
     moves = -triangulation_jacobian(rig, points)[:, 2] / depth[:, None] ** 2
-    offset = scale * np.linalg.lstsq(np.column_stack([np.ones_like(depth), 1 / depth]), moves, rcond=None)[0][0]
+    constant, by_depth = np.linalg.lstsq(np.column_stack([np.ones_like(depth), 1 / depth]), moves, rcond=None)[0]
     n, focal = 4 + rig.left.dist.size, np.zeros(len(covariance))
     focal[[0, 1, n, n + 1]] = rectified.f_px / sum(camera.K[i, i] for camera in (rig.left, rig.right) for i in (0, 1))
-    along = np.concatenate([np.zeros(len(covariance) - 3), rig.T / rig.baseline_mm])
-    rows = {"f_px": focal, "baseline_mm": along, "offset_px": offset}
-    return {name: float(np.sqrt(max(row @ covariance @ row, 0.0))) for name, row in rows.items()}
+    rows = np.stack([focal, -rectified.baseline_mm * (by_depth + focal / rectified.f_px), -scale * constant])
+    return np.asarray(rows @ covariance @ rows.T)
 
 
 def error_map(

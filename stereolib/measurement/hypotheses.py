@@ -128,12 +128,12 @@ def widened(priors: Priors, what: Moved) -> Priors:
     Priors
         With variances added: of the laser's pose (50 mm, 50 mm, 5 degrees)^2, of the disparities' offset (1 px)^2.
     """
-    laser, std = priors.laser, priors.cameras_std.copy()
+    laser, cameras = priors.laser, priors.cameras.copy()
     if what.laser:
         laser = replace(laser, covariance=laser.covariance + _MOVED_LASER)
     if what.cameras:
-        std[0] = np.hypot(std[0], _MOVED_OFFSET_PX)
-    return replace(priors, laser=laser, cameras_std=std)
+        cameras[0, 0] += _MOVED_OFFSET_PX**2
+    return replace(priors, laser=laser, cameras=cameras)
 
 
 def _loosened(solution: Solution, priors: Priors, wide: Priors) -> Solution:
@@ -149,7 +149,7 @@ def _loosened(solution: Solution, priors: Priors, wide: Priors) -> Solution:
 def _prior_log(what: Moved, priors: Priors) -> float:
     """Logarithm of a hypothesis's probability, over the volume of what it leaves open."""
     odds = what.laser * np.log(_LASER_ODDS) + what.cameras * np.log(_CAMERA_ODDS)
-    volume = 0.5 * np.linalg.slogdet(priors.laser.covariance)[1] + np.log(priors.cameras_std).sum()
+    volume = 0.5 * sum(np.linalg.slogdet(known)[1] for known in (priors.laser.covariance, priors.cameras))
     return float(odds - volume)
 
 

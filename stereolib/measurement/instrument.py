@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from stereolib.base import read_json, write_atomic
+from stereolib.base import Float64, read_json, write_atomic
 from stereolib.calibration import LidarCamera
 from stereolib.rig import RectifiedRig, StereoRig
 
@@ -28,11 +28,22 @@ class SystematicUncertainty:
         Of the focal length after rectification, and of the baseline.
     offset_px : float
         Error that shifts every disparity of the picture alike.
+    correlation : tuple of 3 floats
+        Of the focal length with the baseline and with the offset, and of these two.
     """
 
     f_px: float = 0.0
     baseline_mm: float = 0.0
     offset_px: float = 0.0
+    correlation: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    @property
+    def covariance(self) -> Float64:
+        """Of focal length (px), baseline (mm) and offset (px). (3, 3)."""
+        std, together = np.array([self.f_px, self.baseline_mm, self.offset_px]), np.eye(3)
+        together[np.triu_indices(3, 1)] = self.correlation
+        together.T[np.triu_indices(3, 1)] = self.correlation
+        return np.asarray(together * np.outer(std, std))
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +85,7 @@ class Instrument:
         remedy = "run `stereolib calibrate` again"
         try:
             known = text.get("calibration", {}).get("std", {}).get("rectified", {})
-            uncertainty = SystematicUncertainty(**{name: _deviation(name, known[name]) for name in sorted(known)})
+            uncertainty = _uncertainty(**known)
             laser = text.get("lidar")
             remedy = 'run `stereolib calibrate-laser` again, or take the entry "lidar" out of the file'
             lidar = None if laser is None else _lidar(laser["T_left_lidar"], laser["covariance"])
@@ -115,10 +126,14 @@ def _read_rig(path: str | PathLike[str]) -> tuple[StereoRig, Mapping[str, Any]]:
     return StereoRig.load(path), read_json(path)
 
 
-def _deviation(name: str, value: Any) -> float:
-    if not 0 <= float(value) < np.inf:
-        raise ValueError(f"the deviation of {name} must be a finite number from 0 on, got {value}")
-    return float(value)
+def _uncertainty(correlation: Any = (0.0, 0.0, 0.0), **stds: Any) -> SystematicUncertainty:
+    together = tuple(float(r) for r in correlation)
+    if len(together) != 3 or not all(abs(r) <= 1 for r in together):
+        raise ValueError(f"three correlations from -1 to 1 are needed, got {correlation}")
+    for name, value in stds.items():
+        if not 0 <= float(value) < np.inf:
+            raise ValueError(f"the deviation of {name} must be a finite number from 0 on, got {value}")
+    return SystematicUncertainty(**{name: float(value) for name, value in stds.items()}, correlation=together)
 
 
 def _lidar(pose: Any, covariance: Any) -> LidarCamera:

@@ -40,7 +40,8 @@ _SHOWN = 0.5  # share of a footprint that the right camera must show
 _WALL_PX = 4.0  # of disparity, two of the half size: so near a wall of the scan a region without a face is a part of it
 _NOWHERE = np.zeros((0, 2))
 _LIKELY = 0.5  # probability from which something is said to have moved
-_LEAST_STD = 1e-5  # of what a calibration knows, px or shares
+_LEAST_STD = 1e-5  # of what a calibration knows, px or mm
+_CALIBRATED = [2, 3, 0]  # of offset, rows, focal length and baseline: in the order of `SystematicUncertainty`
 _LEAST_BEAMS = 2  # in the left picture: one may be a neighbour's
 _CONTRADICTION = 3.0  # standard deviations by which readings miss the face they were on, as `Solution.misfits` counts
 
@@ -158,11 +159,13 @@ def scene_priors(views: Views, instrument: Instrument, floor: Floor) -> Priors:
     -------
     Priors
     """
-    rectified, unsure = instrument.rectified, instrument.uncertainty
-    shares = (unsure.f_px / rectified.f_px, unsure.baseline_mm / rectified.baseline_mm)
-    std = np.maximum([unsure.offset_px, views.rows.std_px, *shares], _LEAST_STD)
+    rectified, share = instrument.rectified, np.ones(4)
+    share[2:] = rectified.f_px, rectified.baseline_mm
+    cameras = np.diag([_LEAST_STD**2] * 4)
+    cameras[1, 1] += views.rows.std_px**2
+    cameras[np.ix_(_CALIBRATED, _CALIBRATED)] += instrument.uncertainty.covariance
     laser = _BELOW if instrument.lidar is None else LaserOnFloor.of(instrument.lidar, floor)
-    return Priors(floor, laser, std)
+    return Priors(floor, laser, cameras / np.outer(share, share))
 
 
 def _floor_below(instrument: Instrument) -> Floor:
@@ -357,7 +360,7 @@ def _said_of_the_rig(views: Views, judged: Judged, instrument: Instrument) -> li
         rectified, nearest = instrument.rectified, min(float(np.hypot(*own[[Own.X, Own.Y]])) for own in solution.boxes)
         pct = 100 * nearest / (rectified.f_px * rectified.baseline_mm)
         said.append(
-            f"sizes are the pair's alone: if a camera was turned sideways since its calibration, nothing here shows it; "
+            "sizes are the pair's alone: if a camera was turned sideways since its calibration, nothing here shows it; "
             f"each pixel of it changes them by {pct:.1f} %, which is not in their intervals"
         )
     if instrument.lidar is None and judged.scanned:

@@ -43,13 +43,14 @@ class Priors:
         As it was seen.
     laser : LaserOnFloor
         As it was calibrated.
-    cameras_std : (4,) float64
-        Of `Shared`'s last four, from the calibration: offset and rows (px), focal length and baseline (shares).
+    cameras : (4, 4) float64
+        Covariance of `Shared`'s last four, from the calibration: offset and rows (px), focal length and baseline
+        (shares).
     """
 
     floor: Floor
     laser: LaserOnFloor
-    cameras_std: Float64
+    cameras: Float64
 
     def world(self, shared: Numbers) -> World:
         """Cameras, floor and laser for shared parameters.
@@ -65,9 +66,10 @@ class Priors:
         return World.of(self.floor, self.laser.t, self.laser.yaw_rad, shared)
 
     @cached_property
-    def roots(self) -> tuple[Float64, Float64]:
-        """What makes errors of the laser's pose and of the floor's plane independent: two (3, 3)."""
-        return whitening(self.laser.covariance), whitening(self.floor.covariance + np.diag(_FLOOR_ROUNDING**2))
+    def roots(self) -> tuple[Float64, Float64, Float64]:
+        """What makes errors of laser, floor and cameras independent: (3, 3), (3, 3) and (4, 4)."""
+        floor = self.floor.covariance + np.diag(_FLOOR_ROUNDING**2)
+        return whitening(self.laser.covariance), whitening(floor), whitening(self.cameras)
 
     def residuals(self, shared: Numbers, world: World) -> Numbers:
         """Shared parameters minus what is known of them, and the floor, in standard deviations: (..., 10).
@@ -82,8 +84,9 @@ class Priors:
         -------
         (..., 10)
         """
-        seen, laser = self._floor_seen(world, Box(shared)), shared[..., _LASER] @ self.roots[0]
-        return np.concatenate([seen, laser, shared[..., _CAMERAS] / self.cameras_std], axis=-1)
+        laser, _, cameras = self.roots
+        seen = self._floor_seen(world, Box(shared))
+        return np.concatenate([seen, shared[..., _LASER] @ laser, shared[..., _CAMERAS] @ cameras], axis=-1)
 
     @cached_property
     def _floor_seen(self) -> Residuals:

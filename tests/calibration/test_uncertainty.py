@@ -173,16 +173,17 @@ def test_rectified_errors_of_single_parameters():
 
     def moved_by(**parts):
         moves = np.array([parts.get(name.replace(" ", "_"), 0.0) for name in names])
-        return rectified_std(rectified, np.outer(moves, moves))
+        found = rectified_std(rectified, np.outer(moves, moves))
+        return {name: found[name] for name in ("f_px", "baseline_mm", "offset_px")}
 
     assert moved_by(right_cx=0.5) == pytest.approx(
-        {"f_px": 0, "baseline_mm": 0, "offset_px": 0.5 * zoom}, rel=0.02, abs=1e-9
+        {"f_px": 0, "baseline_mm": 0, "offset_px": 0.5 * zoom}, rel=0.02, abs=1e-3
     )
     along = rig.T / rig.baseline_mm
     longer = moved_by(**{f"T{axis}": 0.2 * part for axis, part in zip("xyz", along, strict=True)})
     assert longer == pytest.approx({"f_px": 0, "baseline_mm": 0.2, "offset_px": 0}, abs=2e-3)
     focal = moved_by(**{f"{side}_f{axis}": 2.0 for side in ("left", "right") for axis in "xy"})
-    assert (focal["f_px"], focal["baseline_mm"]) == pytest.approx((2.0 * zoom, 0))
+    assert (focal["f_px"], focal["baseline_mm"]) == pytest.approx((2.0 * zoom, 0), abs=1e-2)
     # A turn of the right camera about y and the opposite shift of its principal point cancel, but for the middle.
     turn = 0.5 / rig.right.K[0, 0]
     both = [moved_by(right_cx=0.5, Ry=sign * turn)["offset_px"] for sign in (-1, 1)]

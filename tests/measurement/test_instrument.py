@@ -68,3 +68,21 @@ def test_deviations_that_are_none_are_refused_with_what_to_do(tmp_path, name, va
     path.write_text(path.read_text().replace("0.1", json.dumps(value)))
     with pytest.raises(ValueError, match=r"rig\.json: .*damaged.*run `stereolib calibrate` again$"):
         Instrument.load(path)
+
+
+def test_what_of_a_calibration_goes_together_is_kept(tmp_path):
+    path, known = (
+        tmp_path / "rig.json",
+        {"f_px": 2.0, "baseline_mm": 0.5, "offset_px": 0.1, "correlation": [0.5, 0.0, -0.8]},
+    )
+    StereoRig.save(RECT.rig, path, calibration={"std": {"rectified": known}})
+    covariance = Instrument.load(path).uncertainty.covariance
+    assert covariance == pytest.approx(np.array([[4.0, 0.5, 0.0], [0.5, 0.25, -0.04], [0.0, -0.04, 0.01]]))
+
+
+@pytest.mark.parametrize("together", [[0.1, 0.2], [0.0, 1.5, 0.0], ["much", 0, 0], None])
+def test_correlations_that_are_none_are_refused_with_what_to_do(tmp_path, together):
+    path = tmp_path / "rig.json"
+    StereoRig.save(RECT.rig, path, calibration={"std": {"rectified": {"f_px": 0.1, "correlation": together}}})
+    with pytest.raises(ValueError, match=r"rig\.json: .*damaged.*run `stereolib calibrate` again$"):
+        Instrument.load(path)

@@ -16,7 +16,7 @@ from stereolib.measurement.scanned import scan_observations, scanned_box, sides_
 from stereolib.measurement.scene_solver import Priors, solve
 
 NEAR = np.diag([0.5**2, 0.5**2, 1e-6])
-STD = np.array([0.03, 0.03, 2e-4, 2e-4])
+STD = np.diag([0.03, 0.03, 2e-4, 2e-4]) ** 2
 
 
 def drawn(laser, seed, sigma_mm=1.5):

@@ -53,7 +53,7 @@ def test_stated_deviations_are_those_of_draws(see):
     laser_std = np.sqrt(np.diag(HERE.covariance))
     for _ in range(25):
         x = STILL.copy()
-        x[3:6], x[6:] = rng.normal(0, laser_std), rng.normal(0, PRIORS.cameras_std)
+        x[3:6], x[6:] = rng.normal(0, laser_std), rng.multivariate_normal(np.zeros(4), PRIORS.cameras)
         floor = rng.multivariate_normal(FLOOR.plane, FLOOR.covariance, method="eigh")  # as it was seen
         priors = replace(PRIORS, floor=replace(FLOOR, plane=floor))
         seen, boxes = [], []
@@ -128,6 +128,6 @@ def test_a_scene_without_boxes_is_its_priors():
     found = solve(PRIORS, [])
     assert found.boxes == () and found.shared == pytest.approx(STILL, abs=1e-9)
     std = np.sqrt(np.diag(found.covariance))
-    assert std[Shared.OFFSET] == pytest.approx(PRIORS.cameras_std[0])
+    assert std[Shared.OFFSET] == pytest.approx(PRIORS.cameras[0, 0] ** 0.5)
     assert std[0] * FLOOR.camera_height_mm == pytest.approx(0.5, rel=0.01)
     assert isinstance(PRIORS.laser, LaserOnFloor)

@@ -16,7 +16,7 @@ FLOOR = floor_from_pose(
     RECT, recordings.setup(), height_std_mm=0.5, pitch_std_rad=np.radians(0.03), roll_std_rad=np.radians(0.03)
 )
 HERE = LaserOnFloor(np.eye(2), np.zeros(2), np.diag([1.0, 1.0, np.radians(0.2) ** 2]), bias_mm=0.5)
-PRIORS = Priors(FLOOR, HERE, np.array([0.03, 0.03, 2e-4, 2e-4]))
+PRIORS = Priors(FLOOR, HERE, np.diag([0.03, 0.03, 2e-4, 2e-4]) ** 2)
 STILL = np.zeros(len(Shared))
 #: Near corner at (700, 20), right side 300 mm, left side 200 mm, height 250 mm.
 OWN = np.array([700.0, 20.0, np.radians(40), 300.0, 200.0, 250.0, 0.0, 0.0])

@@ -47,6 +47,26 @@ def test_points_project_as_the_cameras_show_them(name):
     assert world.pixels(points) == pytest.approx(camera[:, :2] / camera[:, 2:] * RECT.f_px + RECT.P1[:2, 2], abs=1e-6)
 
 
+def test_the_right_picture_shows_points_farther_left_by_their_disparity():
+    world, points = PRIORS.world(shared(offset=0.25)), BOX.points(np.random.default_rng(1).random((6, 3)))
+    right = np.arange(6) % 2 == 1
+    left_px, px = world.pixels(points), world.pixels(points, right)
+    ahead = (points - [0.0, 0.0, float(world.camera_height)]) @ world.axes[:, 2]
+    shift = float(world.scale) / ahead + 0.25
+    assert px == pytest.approx(left_px - np.outer(shift * right, [1.0, 0.0])) and (shift > 20).all()
+
+
+@pytest.mark.parametrize("first", Side)
+def test_a_box_from_the_other_end_of_a_face_is_the_same_box(first):
+    other = BOX.from_other_end(first)
+    corners = [[a, b, c] for a in (0.0, 1.0) for b in (0.0, 1.0) for c in (0.0, 1.0)]
+    mine, theirs = (np.array(sorted(map(tuple, b.points(np.array(corners)).round(6)))) for b in (BOX, other))
+    assert mine == pytest.approx(theirs, abs=1e-5)
+    assert other.normal(first.other) == pytest.approx(BOX.normal(first))  # the face is the other side's now
+    assert other.corner == pytest.approx(BOX.edge(first.end)[0, :2])
+    assert other.from_other_end(first.other).own == pytest.approx(BOX.own)
+
+
 def test_disparities_of_faces_and_floor_are_the_virtual_rig_s():
     """The cube at 45 degrees, 700 mm ahead: each pixel of its faces, and of the floor."""
     seen = render_truth(cube_scene(700.0), RECT, recordings.setup())

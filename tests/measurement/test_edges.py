@@ -62,6 +62,28 @@ def test_a_rival_widens_the_deviation():
     assert alone.std_px == pytest.approx(faint.std_px, abs=0.1) and faint.rivals_px < 0.2
 
 
+def test_of_two_alike_the_one_where_texture_ends_is_the_edge():
+    """A line of the texture's, and the object's end beyond it, a little fainter: behind it all is plain."""
+    plain, textured = (both((116.0, 0.3), (124.0, 0.29)) for _ in range(2))
+    rng = np.random.default_rng(3)
+    for picture, end in zip(textured, (124, 84), strict=True):
+        picture[:, :end] *= 1 + 0.1 * rng.standard_normal((picture.shape[0], end, *(1,) * (picture.ndim - 2)))
+    assert locate_edge(plain, lines(), FLAT).position_px == pytest.approx(-4, abs=0.5)
+    assert locate_edge(textured, lines(), FLAT).position_px == pytest.approx(4, abs=0.5)
+
+
+def test_a_blurred_edge_is_less_well_known():
+    sharp = both((120.3, 0.3))
+    soft = tuple(cv2.GaussianBlur(picture, (0, 0), 2.0) for picture in sharp)
+    assert locate_edge(soft, lines(), FLAT).std_px > 1.5 * locate_edge(sharp, lines(), FLAT).std_px
+
+
+def test_one_picture_may_be_left_out():
+    left, right = both((120.0, 0.3))
+    for pair in ((left, None), (None, right)):
+        assert locate_edge(pair, lines(), FLAT).position_px == pytest.approx(0, abs=0.15)
+
+
 def test_what_is_believed_chooses_between_two():
     pair = both((114.0, 0.3), (126.0, -0.3))
     for expected in (-6.0, 6.0):

@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.boxes import OTHER, OWN, PRIORS, STILL, everything, pictured, readings, shared, start
+from support.boxes import OTHER, OWN, PRIORS, STILL, ends, everything, pictured, readings, shared, start
 
-from stereolib.measurement.box import Own
+from stereolib.measurement.box import Edge, Own, Shared, Side
 from stereolib.measurement.hypotheses import Moved, judge
-from stereolib.measurement.scene_solver import Seen
+from stereolib.measurement.scene_solver import Seen, solve
 
 SIZES = [Own.RIGHT, Own.LEFT, Own.HEIGHT]
 
@@ -74,3 +74,26 @@ def test_readings_of_one_face_alone_move_nothing_without_need():
     seen = [*pictured(world, rng=np.random.default_rng(6)), *readings(world, OWN, np.random.default_rng(7))[:1]]
     assert judge(PRIORS, [Seen(start(), seen)], scanned=True).chance(laser=True) < 0.05
     assert Moved.BOTH.laser and Moved.BOTH.cameras and not Moved.CAMERAS.laser
+
+
+def test_an_end_that_the_laser_alone_tells_is_known_no_better_than_its_mount():
+    """One face and its two ends in the scan; the pictures show neither end, so that the scan may slide along it."""
+    world, rng = PRIORS.world(STILL), np.random.default_rng(8)
+    face = [o for o in pictured(world, rng=rng) if getattr(o, "edge", Edge.TOP_RIGHT) is Edge.TOP_RIGHT]
+    face = [o for o in face if getattr(o, "side", Side.RIGHT) is Side.RIGHT]
+    laser = [
+        *readings(world, OWN, rng, [Side.RIGHT]),
+        *ends(world, OWN, rng, [(Side.RIGHT, False), (Side.RIGHT, True)]),
+    ]
+    alone, sure = (
+        judge(PRIORS, [Seen(start(), [*face, *laser])], scanned=True),
+        solve(PRIORS, [Seen(start(), [*face, *laser])]),
+    )
+    at = len(Shared) + Own.Y
+    along = [np.sqrt(found.covariance[at, at]) for found in (alone.solution, sure)]
+    assert along[1] < 6 and 10 < along[0] < 20  # one laser in ten was shifted by 50 mm
+    seen = [Seen(start(), everything(world, rng=rng))]  # where the pictures show it too, nothing is left open
+    both = [
+        np.sqrt(found.covariance[at, at]) for found in (judge(PRIORS, seen, scanned=True).solution, solve(PRIORS, seen))
+    ]
+    assert both[0] == pytest.approx(both[1], rel=0.1)

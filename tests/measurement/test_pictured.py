@@ -12,6 +12,7 @@ from support.pictured import HIGH, recorded, rendered, true_box
 from stereolib.measurement import CannotMeasure, ObjectRegion, Reason
 from stereolib.measurement.agreement import Past
 from stereolib.measurement.box import Edge, Own, Shared, Side
+from stereolib.measurement.follow import look_round
 from stereolib.measurement.pictured import see_box
 from stereolib.virtual import recordings
 
@@ -43,6 +44,22 @@ def test_a_sliver_tells_the_depth():
     seen, true = rendered(*case).box(), true_box(*case)
     assert seen.first is Side.LEFT and np.abs(z(seen, true)).max() < 4
     assert 0 < seen.solution.covariance[-5, -5] < 8.0**2
+
+
+@pytest.mark.parametrize(("yaw_deg", "lateral", "right"), [(-3.0, 60.0, True), (4.0, -120.0, False)])
+def test_a_sliver_that_one_camera_sees_tells_the_depth_by_its_far_edge(yaw_deg, lateral, right):
+    case = (700.0, (260.0, 260.0, 220.0), yaw_deg)
+    shown = rendered(*case, lateral=lateral)
+    seen = shown.box()
+    depth = seen.first.other.extent
+    std = np.sqrt(np.diag(seen.solution.covariance))[len(Shared) :]
+    assert seen.edges[seen.first.other.end].right is right and look_round_is_vain(shown)
+    assert abs(seen.own[depth] - 260) < min(3 * std[depth], 20) and std[depth] < 10
+
+
+def look_round_is_vain(shown):
+    stretch = shown.stretch()
+    return all(look_round(shown.views, shown.world, stretch, outwards) is None for outwards in (-1, 1))
 
 
 def test_a_top_from_above_tells_the_depth():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Protocol, TypeAlias
+from typing import Any, ClassVar, Protocol, TypeAlias
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -78,6 +78,8 @@ class PlaneSeen:
         The face; None: the floor.
     """
 
+    of_scan: ClassVar[bool] = False  # the pictures show it
+
     centre_px: Float64
     coefficients: Float64
     root: Float64
@@ -92,11 +94,6 @@ class PlaneSeen:
     def robust(self) -> bool:
         """A face may be mistaken; the floor holds for all."""
         return self.side is not None
-
-    @property
-    def of_scan(self) -> bool:
-        """The pictures show it."""
-        return False
 
     @property
     def count(self) -> int:
@@ -145,6 +142,9 @@ class EdgeSeen:
         The point lies in the right picture.
     """
 
+    of_scan: ClassVar[bool] = False  # the pictures show it
+    robust: ClassVar[bool] = True  # it may be another edge
+
     edge: Edge
     point_px: Float64
     across: Float64
@@ -163,16 +163,6 @@ class EdgeSeen:
     def near(cls, at: EdgeSeen, std_px: float) -> EdgeSeen:
         """An edge that was not located: it is where it was predicted, roughly."""
         return replace(at, std_px=std_px, located=False)
-
-    @property
-    def robust(self) -> bool:
-        """It may be another edge."""
-        return True
-
-    @property
-    def of_scan(self) -> bool:
-        """The pictures show it."""
-        return False
 
     @property
     def count(self) -> int:
@@ -215,21 +205,14 @@ class RangesSeen:
         Along the beam.
     """
 
+    of_scan: ClassVar[bool] = True  # the laser saw it
+    robust: ClassVar[bool] = True  # some may have met something else
+
     side: Side
     origins_mm: Float64
     beams: Float64
     ranges_mm: Float64
     sigma_mm: Float64
-
-    @property
-    def robust(self) -> bool:
-        """Some may have met something else."""
-        return True
-
-    @property
-    def of_scan(self) -> bool:
-        """The laser saw it."""
-        return True
 
     @property
     def count(self) -> int:
@@ -281,20 +264,13 @@ class EndBetweenBeams:
         Of the last beam on it and of the next one.
     """
 
+    of_scan: ClassVar[bool] = True  # the laser saw it
+    robust: ClassVar[bool] = True  # the next beam may have been lost on the face itself
+
     side: Side
     at_corner: bool
     origins_mm: Float64
     beams: Float64
-
-    @property
-    def robust(self) -> bool:
-        """The next beam may have been lost on the face itself."""
-        return True
-
-    @property
-    def of_scan(self) -> bool:
-        """The laser saw it."""
-        return True
 
     @property
     def count(self) -> int:
@@ -334,19 +310,12 @@ class OwnPrior:
     value, std : float
     """
 
+    of_scan: ClassVar[bool] = False  # neither shows it
+    robust: ClassVar[bool] = False  # it is not a reading
+
     name: Own
     value: float
     std: float
-
-    @property
-    def robust(self) -> bool:
-        """It is not a reading."""
-        return False
-
-    @property
-    def of_scan(self) -> bool:
-        """Neither shows it."""
-        return False
 
     @property
     def count(self) -> int:

@@ -38,6 +38,7 @@ _ROUGHLY = 1e-2  # tolerance of the first least squares, which only predicts
 _ROUNDS = 2  # of edges and least squares
 _PRIOR_PX = (1.0, 4.0)  # how well an edge is taken to be known beforehand, at least and at most
 _CORNER_PX = 2.5  # how well a corner is known from looking round it
+_LEAST_TOP_PX = 8.0
 _MOST_CHANGE = 3.0  # factor between a face's width as it was followed and as its edges have it
 _KNOWN = 0.1  # of a face's width: what is known so well is not asked of the top
 _FAR_END_PX = 2.0  # how well the end of a sliver is known
@@ -148,6 +149,9 @@ def see_box(views: Views, priors: Priors, region: ObjectRegion) -> Pictured:
     refused = refused or _unfollowed(stretch) or _without_edges(rough, peaks)
     misfits = zip(seen.observations, solution.misfits[0].tolist(), strict=True)
     doubtful = frozenset(o.edge for o, misfit in misfits if isinstance(o, EdgeSeen) and misfit > _CONTRADICTION)
+    doubtful |= {
+        side.end for side in Side if solution.boxes[0][side.extent] < _LEAST_MM
+    }  # no box is narrower than that
     return Pictured(seen, solution, rough.past, rough.first, tuple(faces), refused, doubtful)
 
 
@@ -226,7 +230,8 @@ def _seen_again(
     """Look at the second face again, now that its place is known; and which edges are to be located anew."""
     side = rough.first.other
     if side.end not in rough.ends:
-        return _with_far_end(views, world, stretch, rough)
+        from_above = _top_px(world, rough.own) > _LEAST_TOP_PX  # its back edge tells more than a sliver's end
+        return (rough, {}) if from_above else _with_far_end(views, world, stretch, rough)
     end = follow_again(views, world, rough.own, side) if side.end in rough.open else None
     if end is None or end.past is not Past.OPEN or not end.overlaps(rough.ends[side.end], float(world.focal)):
         return rough, {}
@@ -239,6 +244,13 @@ def _expected(end: End, beyond_px: float = 0.0, *, was_located: bool = False) ->
     """Where an edge is expected, of a face that was followed to an end, if the model has it so far beyond that."""
     low, high = -end.inside_px - beyond_px, end.outside_px - beyond_px
     return Expected(_END_PRIOR_PX, low, high, end.inside_px - beyond_px, was_located)
+
+
+def _top_px(world: World, own: Float64) -> float:
+    """Height in the picture of a top that goes back by 100 mm; 0 where the camera stands below it."""
+    ahead = own[[Own.X, Own.Y]] * np.array([[1.0], [1.0 + _HIDDEN_MM / np.hypot(*own[[Own.X, Own.Y]])]])
+    (_, front), (_, back) = world.pixels(np.column_stack([ahead, np.full(2, own[Own.HEIGHT])]))
+    return max(float(front - back), 0.0)
 
 
 def _with_far_end(views: Views, world: World, stretch: Stretch, rough: _Rough) -> tuple[_Rough, dict[Edge, Expected]]:

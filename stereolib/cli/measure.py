@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,11 +14,13 @@ from stereolib.cli.outputs import check_ending, check_outputs
 from stereolib.cli.told import object_details, object_facts, object_title, wrapped
 
 if TYPE_CHECKING:
+    from stereolib.base import UInt8
     from stereolib.measurement import Floor, Measurement
     from stereolib.rig import RectifiedRig
 
 _FLOOR_STD = (1.0, 0.2)  # mm, degrees: what a ruler and a phone's level tell
 _STEEPEST = 90.0  # degrees
+_OTHER_FLOOR = 16.3  # squared deviations of three numbers, which chance passes once in 1,000
 
 _NOTES = """\
 A box shows two faces: length, width, height. A face shows one: its width, as its depth is hidden. Round things have a
@@ -30,7 +33,12 @@ exit code: 0 something was measured, 1 nothing was, 2 wrong input"""
 def _configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("left", type=Path, metavar="LEFT", help="picture of the left camera, as it comes")
     parser.add_argument("right", type=Path, metavar="RIGHT", help="picture of the right camera")
-    parser.add_argument("--scan", type=Path, metavar="FILE", help="the laser, recorded at the same time (lrf record)")
+    parser.add_argument(
+        "--scan",
+        type=Path,
+        metavar="FILE",
+        help="the laser, recorded at the same time (lrf record), or a .csv: angle_deg,range_mm",
+    )
     parser.add_argument("--calibration", type=Path, required=True, metavar="FILE", help="calibration.json")
     parser.add_argument(
         "--floor",
@@ -48,8 +56,8 @@ def _configure(parser: argparse.ArgumentParser) -> None:
 def _run(arguments: argparse.Namespace) -> int:
     import cv2
 
-    from stereolib import laser
     from stereolib.base import write_atomic
+    from stereolib.mapping import read_scan
     from stereolib.measurement import Instrument, draw_objects, measure_objects
     from stereolib.rig import read_pair
 
@@ -58,9 +66,11 @@ def _run(arguments: argparse.Namespace) -> int:
     check_outputs([picture], force=arguments.force, option="--picture")
     instrument = Instrument.load(arguments.calibration)
     pair = read_pair(arguments.left, arguments.right)
-    scan = None if arguments.scan is None else laser.average(laser.turns(laser.read_recording(arguments.scan)))
+    scan = None if arguments.scan is None else read_scan(arguments.scan)
     floor = None if arguments.floor is None else floor_by_hand(instrument.rectified, arguments.floor)
     measured = measure_objects(*pair, scan, instrument, floor=floor)
+    if floor is not None and (text := otherwise_seen(pair, floor)):
+        measured = replace(measured, warnings=(text, *measured.warnings))
     write_atomic(picture, cv2.imencode(".png", draw_objects(measured))[1].tobytes())
     facts = measured_facts(measured) | {"picture": str(picture)}
     print(json.dumps(facts, indent=1, allow_nan=False) if arguments.json else measured_text(measured))
@@ -96,6 +106,28 @@ def floor_by_hand(rectified: RectifiedRig, numbers: tuple[float, ...]) -> Floor:
     (height, _), (pitch, std) = numbers[::2], np.radians(numbers[1::2]).tolist()
     pose = rigid(rectified.R1.T, np.zeros(3)) @ pose_left_world(pitch, height)
     return floor_from_pose(rectified, pose, height_std_mm=numbers[2], pitch_std_rad=std, roll_std_rad=std)
+
+
+def otherwise_seen(pair: tuple[UInt8, UInt8], floor: Floor) -> str:
+    """What is to be said where the pictures show another floor than the one that was given; "" where they do not."""
+    import numpy as np
+
+    from stereolib.measurement import CannotMeasure, Views, find_floor
+
+    try:
+        seen = find_floor(Views.of(*pair, floor.rectified), floor.rectified)
+    except CannotMeasure:
+        return ""
+    off = seen.plane - floor.plane
+    if off @ np.linalg.solve(seen.covariance + floor.covariance, off) < _OTHER_FLOOR:
+        return ""
+    there, given = (
+        f"{f.camera_height_mm:.0f} mm below the camera, which looks {np.degrees(f.pitch_rad):.1f} degrees up"
+        for f in (seen, floor)
+    )
+    return (
+        f"--floor contradicts the pictures: they show a floor {there}; given is {given}. Leave it away, or correct it"
+    )
 
 
 def measured_facts(measured: Measurement) -> dict[str, Any]:

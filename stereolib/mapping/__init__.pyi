@@ -6,7 +6,7 @@ from .recorded import RecordedMap, map_recordings, measure_station
 from .scan_matching import ScanMatch, disturb_poses, refine_poses
 from .shapes import COLORS, Cloud, Solid, colored_cloud, join_clouds, map_solids
 from .sightings import MapObject
-from .station_folder import RecordedStation, StationFolder, list_stations
+from .station_folder import RecordedStation, StationFolder, list_stations, read_scan
 from .stations import Station, station_names
 from .view import view_map
 from .walls import MapWall
@@ -39,6 +39,7 @@ __all__ = [
     "merge_stations",
     "occupancy_grid",
     "place_stations",
+    "read_scan",
     "refine_poses",
     "size_table",
     "station_names",

@@ -25,6 +25,7 @@ _PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp")
 _SCANS = (".bin", ".csv")
 _POSE_COLUMNS, _SCAN_COLUMNS = ("station", "x_mm", "y_mm", "yaw_deg"), ("angle_deg", "range_mm")
 _LEAST_BEAMS = 30  # of a scan
+_LEAST_TURNS = 3  # that may stand for a whole one, if each of them lost a packet
 _UNEVEN = 0.01  # share of a step by which beams of a file may stand off their even places
 
 
@@ -74,7 +75,7 @@ class RecordedStation:
         return pair
 
     def read_scan(self) -> LaserScan | None:
-        """Read its scan: the median of all turns of a recording.
+        """Read its scan.
 
         Returns
         -------
@@ -83,17 +84,37 @@ class RecordedStation:
         Raises
         ------
         ValueError
-            If it is no recording, holds no whole turn, or its columns are no scan.
+            As `read_scan`.
         """
-        if self.scan is None:
-            return None
-        if self.scan.suffix.lower() == ".csv":
-            return _scan_of_table(self.scan)
-        try:
-            return average(turns(read_recording(self.scan)))
-        except ValueError as error:
-            text = str(error)
-            raise ValueError(text if text.startswith(str(self.scan)) else f"{self.scan}: {text}") from None
+        return None if self.scan is None else read_scan(self.scan)
+
+
+def read_scan(path: Path) -> LaserScan:
+    """Read a scan: the median of all turns of a recording, or a table of angles and ranges.
+
+    Parameters
+    ----------
+    path : Path
+        As `stereolib.laser.save_recording` writes it; or a .csv with the columns ``angle_deg,range_mm``.
+
+    Returns
+    -------
+    LaserScan
+        Where every turn lost a packet, of what is left of three at least.
+
+    Raises
+    ------
+    ValueError
+        If it is no recording, holds no whole turn, or its columns are no scan.
+    """
+    if path.suffix.lower() == ".csv":
+        return _scan_of_table(path)
+    try:
+        found = turns(read_recording(path))
+        return average(found, complete_only=len(found) < _LEAST_TURNS or any(turn.complete for turn in found))
+    except ValueError as error:
+        text = str(error)
+        raise ValueError(text if text.startswith(str(path)) else f"{path}: {text}") from None
 
 
 @dataclass(frozen=True)

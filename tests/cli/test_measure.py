@@ -59,6 +59,15 @@ def test_a_floor_by_hand_where_none_is_seen(files, capsys):
     assert cube["height_mm"] == pytest.approx(300, abs=3 * cube["height_std_mm"]) and cube["height_std_mm"] > 0.5
 
 
+def test_a_floor_by_hand_that_the_pictures_contradict_is_said(files, capsys):
+    true = floor_from_pose(RECT, recordings.setup("pitched"))
+    height, pitch = true.camera_height_mm, np.degrees(true.pitch_rad)
+    for off_deg, said in ((0.0, False), (1.5, True)):
+        run(files, f"--floor={height:.1f},{pitch + off_deg:.2f}", "--json", "--force")
+        warnings = json.loads(capsys.readouterr().out)["warnings"]
+        assert any("--floor contradicts the pictures" in text for text in warnings) is said
+
+
 @pytest.mark.parametrize(("text", "why"), [("85", "is not HEIGHT,PITCH"), ("-3,8", "above 0 mm"), ("85,95", "between")])
 def test_a_floor_that_is_none_is_named(files, capsys, text, why):
     with pytest.raises(SystemExit) as ended:

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from stereolib.mapping import list_stations
+from stereolib.mapping import list_stations, read_scan
 from stereolib.virtual import walk
 
 GREY = np.full((48, 64, 3), 90, np.uint8)
@@ -35,6 +35,26 @@ def test_files_are_told_apart_by_their_names(folder):
     assert found.stations[0].pose == pytest.approx((10, -20.5, np.pi / 2)) and found.stations[1].pose is None
     assert found.stations[0].read_pair((64, 48))[1].shape == (48, 64, 3) and found.stations[1].read_pair((1, 1)) is None
     assert list_stations(folder, _poses(folder, "2,1,2,3")).stations[1].pose == pytest.approx((1, 2, np.radians(3)))
+
+
+def test_a_scan_of_which_every_turn_lost_a_packet_is_read(folder):
+    """22 bytes make a packet, 90 of them a turn: one of each is damaged."""
+    scan = folder / "1_scan.bin"
+    whole, data = read_scan(scan), bytearray(scan.read_bytes())
+    for at in range(10 * 22 + 5, len(data), 90 * 22):
+        data[at] ^= 0xFF
+    scan.write_bytes(data)
+    seen = read_scan(scan)
+    assert (
+        np.isfinite(whole.ranges_mm).sum() - 4
+        <= np.isfinite(seen.ranges_mm).sum()
+        <= np.isfinite(whole.ranges_mm).sum()
+    )
+    both = np.isfinite(whole.ranges_mm) & np.isfinite(seen.ranges_mm)
+    assert np.abs(seen.ranges_mm - whole.ranges_mm)[both].max() < 20
+    scan.write_bytes(data[: 45 * 22])  # half a turn is none
+    with pytest.raises(ValueError, match=r"1_scan\.bin: .*turn"):
+        read_scan(scan)
 
 
 def test_scan_as_a_table_is_the_recorded_one(folder):

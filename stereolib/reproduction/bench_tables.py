@@ -102,8 +102,8 @@ def rigs_table(results: Path) -> str:
     inside, silent = goals["within_2_sigma_pct"], goals["silent"]
     head = (
         "what is wrong", "boxes refused", "lack a size, of those that could have all", "sizes told",
-        "median error of length / width / height / volume, %", f"in the 95 % interval, % ({inside})", "inside ± σ, %",
-        f"wrong, unsaid ({silent})",
+        "median error of length / width / height / volume, %", "95th percentile of all, %",
+        f"in the 95 % interval, % ({inside})", "inside ± σ, %", f"wrong, unsaid ({silent})",
     )  # fmt: skip
     lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
     for name, row in found["rows"].items():
@@ -113,7 +113,8 @@ def rigs_table(results: Path) -> str:
         cells = (
             row["about"], f"{row['refused']} of {row['scenes']}",
             _marked(f"{lacking:g} % of {row['measurable']}" + f" ({goal})" * bool(goal), not meets(lacking, goal)),
-            f"{row['sizes']}", medians, _marked(f"{row.get('within_2_sigma_pct', '-')}", off_goal),
+            f"{row['sizes']}", medians, f"{row['p95_pct']:.2g}" if "p95_pct" in row else "-",
+            _marked(f"{row.get('within_2_sigma_pct', '-')}", off_goal),
             f"{row.get('within_1_sigma_pct', '-')}",
             _marked(f"{row['silent']} beyond {row['silent_beyond_pct']:g} %", not meets(row["silent"], silent)),
         )  # fmt: skip

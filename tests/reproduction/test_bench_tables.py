@@ -57,7 +57,7 @@ def test_virtual_stands_where_a_figure_comes_from_the_virtual_rig() -> None:
 def a_rig(**changed: object) -> dict[str, object]:
     """A row as `benchmarks/bench_rigs.py` writes it."""
     row = {
-        "about": "nothing is wrong", "scenes": 200, "sizes": 500, "within_1_sigma_pct": 68.0,
+        "about": "nothing is wrong", "scenes": 200, "sizes": 500, "p95_pct": 1.5, "within_1_sigma_pct": 68.0,
         "within_2_sigma_pct": 95.0, "binomial_p": 1.0, "silent": 0, "silent_beyond_pct": 10.0, "refused": 3,
         "measurable": 150, "measurable_lacking_pct": 6.0,
         **{size: {"told": 100, "median_pct": 0.1} for size in ("length", "width", "height")}, "volume": {"told": 0},
@@ -73,7 +73,7 @@ def the_rig(folder: Path, name: str = "undisturbed", **changed: object) -> str:
 def test_a_disturbed_rig_has_its_refusals_beside_its_errors(tmp_path: Path) -> None:
     row = the_rig(tmp_path)
     assert row == (
-        "| nothing is wrong | 3 of 200 | 6 % of 150 (at most 10) | 500 | 0.1 / 0.1 / 0.1 / - | 95.0 | 68.0 "
+        "| nothing is wrong | 3 of 200 | 6 % of 150 (at most 10) | 500 | 0.1 / 0.1 / 0.1 / - | 1.5 | 95.0 | 68.0 "
         "| 0 beyond 10 % |"
     )
 
@@ -91,7 +91,7 @@ def test_a_disturbed_rig_says_which_goal_it_misses(tmp_path: Path, changed: dict
 def test_a_row_without_a_size_is_shown(tmp_path: Path) -> None:
     nothing = {size: {"told": 0} for size in ("length", "width", "height", "volume")}
     row = a_rig(sizes=0, binomial_p=None, refused=200, **nothing)
-    del row["within_1_sigma_pct"], row["within_2_sigma_pct"]
+    del row["p95_pct"], row["within_1_sigma_pct"], row["within_2_sigma_pct"]
     (tmp_path / "rigs.json").write_text(json.dumps({"rows": {"undisturbed": row}}))
     assert "| 200 of 200 |" in bench_tables.rigs_table(tmp_path) and "- / - / - / -" in bench_tables.rigs_table(
         tmp_path

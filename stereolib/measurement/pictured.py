@@ -21,13 +21,13 @@ from stereolib.measurement.follow import (
     follow_face,
     follow_top,
     look_round,
-    upright_line,
 )
 from stereolib.measurement.observations import EdgeSeen, PlaneSeen, weak_priors
 from stereolib.measurement.outline import Expected, Found, find_edge, find_far_end, predicted, predicted_stds_px
 from stereolib.measurement.reasons import Reason, Why
 from stereolib.measurement.regions import ObjectRegion
 from stereolib.measurement.scene_solver import Priors, Seen, Solution, solve
+from stereolib.measurement.upright_line import upright_line
 from stereolib.measurement.views import Views
 
 _LEAST_MM = 1.0  # of a width

@@ -10,7 +10,8 @@ from support.pictured import HIGH, recorded, rendered, true_box
 from stereolib.measurement import Face
 from stereolib.measurement.agreement import Past, Reach
 from stereolib.measurement.box import Box, Own, Side
-from stereolib.measurement.follow import End, UprightLine, follow_top, look_round, upright_line
+from stereolib.measurement.follow import End, follow_top, look_round
+from stereolib.measurement.upright_line import UprightLine, upright_line
 
 SLIVER = (700.0, (260.0, 260.0, 220.0), -13.0)
 FROM_ABOVE = (620.0, (220.0, 330.0, 130.0), -25.0)

@@ -10,11 +10,9 @@ import cv2
 import numpy as np
 
 from stereolib.base import Float32, UInt8
+from stereolib.calibration.refinement import refine
 from stereolib.rig import check_pair, to_grey
 
-#: Steps, and px: to the end, where one of 1e-3 px stops elsewhere on every processor; as fast, most corners take few.
-_CORNER_STOP = (100, 1e-7)
-_HALF_WINDOW_PX = (2, 15)  # of the refinement: less holds no gradient, more reaches over what a lens bends
 _LEAST_NUMBERED = 8  # corners of a ChArUco board: a pose has six unknowns, some are to spare
 _ASPECTS = (0.8, 1.25)  # printers stretch by a per cent, so that anything beyond is a slip
 
@@ -125,7 +123,7 @@ class BoardViews:
     board : Checkerboard or Charuco
     size : (width, height), px
     left_px, right_px : (n, corners, 2) float32, px
-        NaN for corners that were not found (never on a checkerboard).
+        NaN for corners that were not found (on a checkerboard outermost ones too near its rim).
     names : tuple of str
         Of those pairs.
     missing : tuple of str
@@ -162,8 +160,8 @@ def find_checkerboard(image: UInt8, board: Checkerboard) -> Float32 | None:
     """Find the corners of a checkerboard to sub-pixel.
 
     The sector-based detector goes first (Duda & Frese, BMVC 2018: robust to noise and blur), where it finds nothing
-    the classic one. Both are refined on the grey-value gradient (Foerstner, `cv2.cornerSubPix`) in a window that
-    reaches half way to the nearest corner: the sector-based corners alone are off by 0.1 px rms and at times by
+    the classic one. Both are refined on the grey-value gradient (`refine`) in a window that reaches half way to the
+    nearest corner, and over no rim of the board: the sector-based corners alone are off by 0.1 px rms and at times by
     pixels on tilted boards, the refined ones by 0.04 px.
 
     Parameters
@@ -174,7 +172,8 @@ def find_checkerboard(image: UInt8, board: Checkerboard) -> Float32 | None:
     Returns
     -------
     (columns * rows, 2) float32, px, or None
-        In the order of `Checkerboard.points_mm`, up to a half turn of the board (see `match_order`).
+        In the order of `Checkerboard.points_mm`, up to a half turn of the board (see `match_order`); NaN for an
+        outermost corner too near the board's rim.
     """
     grey, inner = to_grey(image), (board.columns, board.rows)
     detected, corners = cv2.findChessboardCornersSB(grey, inner, flags=cv2.CALIB_CB_NORMALIZE_IMAGE)
@@ -183,7 +182,7 @@ def find_checkerboard(image: UInt8, board: Checkerboard) -> Float32 | None:
     if not detected:
         flags = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_FAST_CHECK
         detected, corners = cv2.findChessboardCorners(grey, inner, flags=flags)
-    return _refined(grey, corners.reshape(-1, 2), board) if detected else None
+    return refine(grey, corners.reshape(-1, 2), board.rows) if detected else None
 
 
 def find_charuco(image: UInt8, board: Charuco) -> Float32 | None:
@@ -209,7 +208,8 @@ def find_charuco(image: UInt8, board: Charuco) -> Float32 | None:
         return None
     all_corners = np.full((board.columns * board.rows, 2), np.nan, np.float32)
     all_corners[ids.ravel()] = corners.reshape(-1, 2)
-    return _refined(grey, all_corners, board)
+    # the window reaches no marker, whose edges would pull at it
+    return refine(grey, all_corners, board.rows, reach=(1 - board.marker_mm / board.square_mm) / 2)
 
 
 def find_board(image: UInt8, board: Board) -> Float32 | None:
@@ -235,21 +235,19 @@ def find_board(image: UInt8, board: Board) -> Float32 | None:
 def match_order(left_px: Float32, right_px: Float32) -> Float32:
     """Turn the right view's corners by 180 degrees if they run against the left view's.
 
-    Numbered corners need no such care; where some are missing (NaN) nothing is turned.
-
     Parameters
     ----------
     left_px, right_px : (N, 2) float32, px
+        NaN where a corner was not found.
 
     Returns
     -------
     (N, 2) float32, px
         The right view's.
     """
-    if np.isnan(left_px[[0, -1]]).any() or np.isnan(right_px[[0, -1]]).any():
-        return right_px
-    along = (left_px[-1] - left_px[0]) @ (right_px[-1] - right_px[0])
-    return right_px if along > 0 else right_px[::-1].copy()
+    half = len(left_px) // 2
+    left, right = (np.nanmean(view[-half:], axis=0) - np.nanmean(view[:half], axis=0) for view in (left_px, right_px))
+    return right_px if left @ right > 0 else right_px[::-1].copy()
 
 
 def find_in_pairs(
@@ -360,7 +358,8 @@ def pair_views(
         why = f"no board of {pattern} was found in both views of any of {listed}: count inner corners, not squares"
         raise ValueError(f"{why}, and keep the whole board with a white rim in view; give markers' size if it has any")
     left_px = np.stack([left for _, left, _ in both])
-    right_px = np.stack([match_order(left, right) for _, left, right in both])
+    numbered = isinstance(board, Charuco)
+    right_px = np.stack([right if numbered else match_order(left, right) for _, left, right in both])
     return BoardViews(board, size, left_px, right_px, tuple(name for name, _, _ in both), missing)
 
 
@@ -368,21 +367,3 @@ def _grid(columns: int, rows: int, width_mm: float, height_mm: float) -> Float32
     grid = np.zeros((columns * rows, 3), np.float32)
     grid[:, :2] = np.mgrid[:columns, :rows].T.reshape(-1, 2) * (width_mm, height_mm)
     return grid
-
-
-def _refined(grey: UInt8, corners_px: Float32, board: Board) -> Float32:
-    """Move corners (N, 2) onto the grey-value gradient.
-
-    The window reaches half of the shortest edge in pixels, within `_HALF_WINDOW_PX`, and no marker,
-    whose edges would pull at it.
-    """
-    reach = (1 - board.marker_mm / board.square_mm) / 2 if isinstance(board, Charuco) else 0.5
-    grid = corners_px.reshape(board.rows, board.columns, 2)
-    edges = [np.linalg.norm(np.diff(grid, axis=axis), axis=2).ravel() for axis in (0, 1)]
-    half = int(np.clip(reach * np.nanmin(np.concatenate(edges)), *_HALF_WINDOW_PX))
-    criteria = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, *_CORNER_STOP)
-    known = np.isfinite(corners_px).all(axis=1)
-    refined = corners_px.astype(np.float32, copy=True)
-    window = refined[known].reshape(-1, 1, 2)
-    refined[known] = cv2.cornerSubPix(grey, window, (half, half), (-1, -1), criteria)[:, 0]
-    return refined

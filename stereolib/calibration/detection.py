@@ -18,7 +18,7 @@ from stereolib.rig import read_image
 
 #: Folder beside the images; one small file for each view, named by what was in the image and which board was sought.
 CACHE = ".stereolib_corners"
-_VERSION = 2  # of the detector: a change of its results must change it
+_VERSION = 3  # of the detector: a change of its results must change it
 _CACHE_LIMIT_BYTES = 2**20  # corners of a board are some kB
 _LISTED = 20  # lines of an error's list, a screen
 Files = Sequence[str | PathLike[str]]

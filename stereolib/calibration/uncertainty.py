@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.special import stdtrit
 
 from stereolib.base import Bools, Float64, Ints
 from stereolib.calibration.bundle_adjustment import (
@@ -22,10 +23,9 @@ from stereolib.rig import RectifiedRig, StereoRig
 if TYPE_CHECKING:
     import pandas as pd
 
-#: Fewer pairs than this say too little about their own scatter.
-MIN_JACKKNIFE = 10
 #: Half the width of a 95 % interval in standard deviations: Student's t for thirty pairs.
 INTERVAL_STDS = 2.05
+_INTERVAL, _USUAL_PAIRS = 0.975, 30  # quantile of Student's t, and the number of pairs whose t is `INTERVAL_STDS`
 _DIST_NAMES = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4", "tau_x", "tau_y")
 #: Parameters of a lens, the coefficients in OpenCV's order.
 LENS_NAMES = ("fx", "fy", "cx", "cy", *_DIST_NAMES)
@@ -114,8 +114,10 @@ def rig_covariance(fitted: RigFit, *, method: str = "auto") -> Float64:
     method : "auto" | "jackknife" | "corners"
         ``"corners"`` takes every corner's error as independent: ``sigma^2 (J'J)^-1``. ``"jackknife"`` leaves each pair
         out in turn, ``(n - 1)/n sum d_k d_k'``, and so also counts errors that a pair's corners share: a board that
-        bends, a hand that moved between two shutters. On rendered boards both agree; on real webcams the first is too
-        small several times over. ``"auto"`` is the jackknife from `MIN_JACKKNIFE` pairs on.
+        bends, a hand that moved between two shutters. With the detector's noise alone both agree; on pictures of
+        bent boards, and on real webcams, the first is too small several times over. ``"auto"`` is the jackknife,
+        widened for few pairs by Student's t, ``(t(n - 1) / t(29))^2``, so that `INTERVAL_STDS` deviations make the
+        95 % interval for any number of pairs from five on.
 
     Returns
     -------
@@ -133,12 +135,14 @@ def rig_covariance(fitted: RigFit, *, method: str = "auto") -> Float64:
     """
     if method not in ("auto", "jackknife", "corners"):
         raise ValueError(f'method must be "auto", "jackknife" or "corners", got {method!r}')
-    pairs = len(fitted.turns)
-    if method == "corners" or (method == "auto" and pairs < MIN_JACKKNIFE):
+    if method == "corners":
         return fitted.sigma_px**2 * inverse_normal(fitted.normal.sum(axis=0))
-    moves = fitted.without_each()
+    pairs, moves = len(fitted.turns), fitted.without_each()
     moves = moves - moves.mean(axis=0)
-    return np.asarray((pairs - 1) / pairs * moves.T @ moves)
+    widened = 1.0
+    if method == "auto":
+        widened = float(np.divide(*stdtrit([pairs - 1, _USUAL_PAIRS - 1], _INTERVAL)))
+    return np.asarray(widened**2 * (pairs - 1) / pairs * moves.T @ moves)
 
 
 def rig_parameter_names(rig: StereoRig) -> tuple[str, ...]:

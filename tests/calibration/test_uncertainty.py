@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.stats import t as student
 from support.corners import corner_set, draw_poses, draw_rig
 
 from stereolib.calibration import (
@@ -102,9 +103,31 @@ def test_errors_that_a_board_shares_are_counted(views, fitted):
     assert 0.75 < enough < 1.35 < 2 < too_little
 
 
-def test_few_pairs_use_the_corners(views):
-    few = bundle_adjustment.fit_rig(views.only(range(6)), draw_rig(np.random.default_rng(11)))
-    np.testing.assert_array_equal(rig_covariance(few), rig_covariance(few, method="corners"))
+@pytest.mark.parametrize("pairs", [5, 8, 12])
+def test_disjoint_few_pairs_agree_within_their_intervals(pairs):
+    """Each pair's right corners shifted as one, as a hand does that moves between two shutters."""
+    inside = []
+    for k in range(12):
+        rng = np.random.default_rng([31, pairs, k])
+        rig, fits = draw_rig(rng), []
+        for _ in range(2):
+            views = corner_set(rng, rig=rig, pairs=pairs)
+            shift = rng.normal(0, 0.1, (pairs, 1, 2))
+            shaken = type(views)(views.board, views.size, views.left_px, views.right_px + shift, views.names, ())
+            fits.append(bundle_adjustment.fit_rig(shaken, rig))
+        off = np.abs(bundle_adjustment.rig_difference(fits[0].rig, fits[1].rig))
+        widths = {m: np.hypot(*(std(rig_covariance(f, method=m)) for f in fits)) for m in ("auto", "corners")}
+        inside.append([off < INTERVAL_STDS * width for width in widths.values()])
+    auto, corners = np.mean(inside, axis=(0, 2))
+    assert 0.93 <= auto <= (1 if pairs < 8 else 0.995)  # five are stated too widely rather than not
+    assert corners < 0.85
+
+
+def test_few_pairs_are_widened_by_students_t(views):
+    for count in (6, 12, len(views)):
+        few = bundle_adjustment.fit_rig(views.only(range(count)), draw_rig(np.random.default_rng(11)))
+        widened = std(rig_covariance(few)) / std(rig_covariance(few, method="jackknife"))
+        np.testing.assert_allclose(widened, student.ppf(0.975, count - 1) / student.ppf(0.975, 29))
     with pytest.raises(ValueError, match=r"must be .*got 'guess'"):
         rig_covariance(few, method="guess")
 

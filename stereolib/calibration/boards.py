@@ -16,6 +16,7 @@ from stereolib.rig import check_pair, to_grey
 _CORNER_STOP = (100, 1e-7)
 _HALF_WINDOW_PX = (2, 15)  # of the refinement: less holds no gradient, more reaches over what a lens bends
 _LEAST_NUMBERED = 8  # corners of a ChArUco board: a pose has six unknowns, some are to spare
+_LEAST_SQUARE_MM = 1.0  # no camera sees a board of smaller ones at a distance: metres were given
 _ASPECTS = (0.8, 1.25)  # printers stretch by a per cent, so that anything beyond is a slip
 
 
@@ -52,8 +53,7 @@ class Checkerboard:
         if self.columns == self.rows:
             why = f"a board of {self.columns}x{self.rows} inner corners looks the same after a quarter turn"
             raise ValueError(f"{why}: use one with different numbers of columns and rows")
-        if not (np.isfinite(self.square_mm) and self.square_mm > 0):
-            raise ValueError(f"the square's edge must be a positive number of mm, got {self.square_mm}")
+        _check_square(self.square_mm)
         if not _ASPECTS[0] < self.aspect < _ASPECTS[1]:
             raise ValueError(f"a square's height over its width must be near 1, got {self.aspect}")
 
@@ -92,6 +92,7 @@ class Charuco:
     def __post_init__(self) -> None:
         if self.columns < 2 or self.rows < 2:
             raise ValueError(f"a ChArUco board needs at least 2x2 inner corners, got {self.columns}x{self.rows}")
+        _check_square(self.square_mm)
         if not 0 < self.marker_mm < self.square_mm < np.inf:
             why = "a marker must be smaller than its square, both in mm"
             raise ValueError(f"{why}, got {self.marker_mm} and {self.square_mm}")
@@ -362,6 +363,14 @@ def pair_views(
     left_px = np.stack([left for _, left, _ in both])
     right_px = np.stack([match_order(left, right) for _, left, right in both])
     return BoardViews(board, size, left_px, right_px, tuple(name for name, _, _ in both), missing)
+
+
+def _check_square(square_mm: float) -> None:
+    if not (np.isfinite(square_mm) and square_mm > 0):
+        raise ValueError(f"the square's edge must be a positive number of mm, got {square_mm}")
+    if square_mm < _LEAST_SQUARE_MM:
+        meant = f"for {square_mm:g} m that is {1000 * square_mm:g}"
+        raise ValueError(f"the square's edge was given as {square_mm:g}, but millimetres are expected: {meant}")
 
 
 def _grid(columns: int, rows: int, width_mm: float, height_mm: float) -> Float32:

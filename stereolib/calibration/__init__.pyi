@@ -8,6 +8,7 @@ from .laser_boards import LaserBoardView, find_board_in_scan, find_laser_boards_
 from .laser_pose import LidarCamera, calibrate_lidar_to_camera
 from .lens_choice import HoldOut, choose_lens_model, hold_out_errors, hold_out_rigs, hold_out_splits
 from .lens_models import LENS_MODELS, LensFold, fold_inside
+from .outliers import MIN_PAIRS
 from .solve import (
     CameraCalibration,
     StereoCalibration,
@@ -35,6 +36,7 @@ from .wording import (
     calibration_facts,
     calibration_text,
     check_rows,
+    error_row,
     meaning_rows,
     parameter_rows,
 )
@@ -42,6 +44,7 @@ from .wording import (
 __all__ = [
     "INTERVAL_STDS",
     "LENS_MODELS",
+    "MIN_PAIRS",
     "VERDICT_MEANINGS",
     "Agreement",
     "Board",
@@ -75,6 +78,7 @@ __all__ = [
     "diagnose",
     "epipolar_errors_px",
     "error_map",
+    "error_row",
     "find_board",
     "find_board_in_scan",
     "find_charuco",

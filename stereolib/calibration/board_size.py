@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from stereolib.base import Float64, Floats
-from stereolib.calibration.boards import Board, BoardViews
-from stereolib.calibration.bundle_adjustment import RigFit, moved_rig
+from stereolib.calibration.boards import Board, BoardViews, Checkerboard
+from stereolib.calibration.bundle_adjustment import RigFit, fit_rig, moved_rig
 from stereolib.rig import StereoRig
+
+_TRIED_STRETCH = 0.01  # of a square's height: the secant's step
+_STRETCH = 0.003  # of a square's height: printers do that, and it costs less than the limits
+_STRETCH_SHARE = 0.1  # of the residuals (of its root) that a stretch must explain to be named
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,6 +135,39 @@ def board_size_error_pct(points_mm: Floats, board: Board) -> tuple[float, float]
     both = rows[0] + columns[0], rows[1] + columns[1]
     square_pct, board_pct = (100 * (a / b - 1) if b else np.nan for a, b in (both, longer))
     return square_pct, board_pct
+
+
+def board_stretch(views: BoardViews, fitted: RigFit) -> tuple[float, float] | None:
+    """Find out whether a checkerboard's squares are as high as they were said to be.
+
+    Parameters
+    ----------
+    views : BoardViews
+    fitted : RigFit
+        Of these views.
+
+    Returns
+    -------
+    (stretch, std) or None
+        What is to be added to the board's aspect, and its standard deviation; None where nothing speaks for it.
+
+    Notes
+    -----
+    The residuals of a second fit, with squares 1 % higher, give the height that fits best: a secant step of
+    Gauss-Newton in which all other parameters follow. Its deviation is the jackknife's.
+    """
+    board = views.board
+    if not isinstance(board, Checkerboard):
+        return None
+    stretched = replace(views, board=replace(board, aspect=board.aspect + _TRIED_STRETCH))
+    before = fitted.residuals_px
+    change = np.where(fitted.known[..., None], fit_rig(stretched, fitted.rig).residuals_px - before, 0.0)
+    along, length = (before * change).sum(axis=(1, 2, 3)), (change**2).sum(axis=(1, 2, 3))
+    stretch = -_TRIED_STRETCH * float(along.sum() / max(length.sum(), 1e-30))
+    if abs(stretch) < _STRETCH or along.sum() ** 2 < _STRETCH_SHARE * length.sum() * (before**2).sum():
+        return None
+    others = -_TRIED_STRETCH * (along.sum() - along) / (length.sum() - length)
+    return stretch, float(np.sqrt((len(others) - 1) * np.var(others)))
 
 
 def _spans(grid: Floats) -> float:

@@ -14,6 +14,7 @@ from stereolib.calibration.refinement import refine
 from stereolib.rig import check_pair, to_grey
 
 _LEAST_NUMBERED = 8  # corners of a ChArUco board: a pose has six unknowns, some are to spare
+_LEAST_SQUARE_MM = 1.0  # no camera sees a board of smaller ones at a distance: metres were given
 _ASPECTS = (0.8, 1.25)  # printers stretch by a per cent, so that anything beyond is a slip
 
 
@@ -50,8 +51,7 @@ class Checkerboard:
         if self.columns == self.rows:
             why = f"a board of {self.columns}x{self.rows} inner corners looks the same after a quarter turn"
             raise ValueError(f"{why}: use one with different numbers of columns and rows")
-        if not (np.isfinite(self.square_mm) and self.square_mm > 0):
-            raise ValueError(f"the square's edge must be a positive number of mm, got {self.square_mm}")
+        _check_square(self.square_mm)
         if not _ASPECTS[0] < self.aspect < _ASPECTS[1]:
             raise ValueError(f"a square's height over its width must be near 1, got {self.aspect}")
 
@@ -90,6 +90,7 @@ class Charuco:
     def __post_init__(self) -> None:
         if self.columns < 2 or self.rows < 2:
             raise ValueError(f"a ChArUco board needs at least 2x2 inner corners, got {self.columns}x{self.rows}")
+        _check_square(self.square_mm)
         if not 0 < self.marker_mm < self.square_mm < np.inf:
             why = "a marker must be smaller than its square, both in mm"
             raise ValueError(f"{why}, got {self.marker_mm} and {self.square_mm}")
@@ -361,6 +362,14 @@ def pair_views(
     numbered = isinstance(board, Charuco)
     right_px = np.stack([right if numbered else match_order(left, right) for _, left, right in both])
     return BoardViews(board, size, left_px, right_px, tuple(name for name, _, _ in both), missing)
+
+
+def _check_square(square_mm: float) -> None:
+    if not (np.isfinite(square_mm) and square_mm > 0):
+        raise ValueError(f"the square's edge must be a positive number of mm, got {square_mm}")
+    if square_mm < _LEAST_SQUARE_MM:
+        meant = f"for {square_mm:g} m that is {1000 * square_mm:g}"
+        raise ValueError(f"the square's edge was given as {square_mm:g}, but millimetres are expected: {meant}")
 
 
 def _grid(columns: int, rows: int, width_mm: float, height_mm: float) -> Float32:

@@ -2,42 +2,62 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from stereolib.base import Float64
-from stereolib.calibration.board_size import left_out_size_errors
+from stereolib.calibration.board_size import board_stretch, left_out_size_errors
 from stereolib.calibration.boards import BoardViews, Checkerboard
-from stereolib.calibration.bundle_adjustment import RigFit, fit_rig
+from stereolib.calibration.bundle_adjustment import RigFit
 from stereolib.calibration.coverage import Coverage, judge_coverage
-from stereolib.calibration.lens_choice import HoldOut, choose_lens_model, neighbour_errors
+from stereolib.calibration.lens_choice import (
+    HoldOut,
+    choose_lens_model,
+    left_out_errors,
+    lens_errors_mm,
+    neighbour_fits,
+)
 from stereolib.calibration.lens_models import LensFold, fold_inside
-from stereolib.calibration.outliers import sort_pairs
-from stereolib.calibration.solve import epipolar_errors_px
+from stereolib.calibration.misfits import by_reason, in_short
+from stereolib.calibration.outliers import SortedPairs, sort_pairs
+from stereolib.calibration.solve import epipolar_errors_px, rectified_scale
 from stereolib.calibration.uncertainty import ErrorMap, RigStd, error_map, rectified_std, rig_covariance, rig_std
 from stereolib.rig import StereoRig
 
-#: Up to the first a calibration is good, up to the second usable: corners and rows in pixels of an image 640 wide (more
-#: for wider ones), focal lengths, sizes and depths in per cent; 0.5 % is 1.5 mm on the paper's cube.
-_RMS_PX, _EPIPOLAR_PX, _LENGTH_PCT = (0.5, 2.0), (0.3, 1.0), (0.5, 2.0)
+#: What decides the verdict, per cent of a depth or a length: up to the first a calibration is good, up to the second
+#: usable; 0.5 % is 1.5 mm on the paper's cube.
+_ERROR_PCT = (0.5, 2.0)
+#: What is worth advice: corners and rows in pixels of an image 640 wide (more for wider ones), focal lengths in per cent.
+_RMS_PX, _EPIPOLAR_PX, _FOCAL_PCT = 0.5, 0.3, 0.5
 _WIDTH_PX = 640
 _FEW_PAIRS = 8  # fewer say too little about what they leave out
-_MANY_REFUSED = 4  # more than a quarter of the pairs left out: the rest is hardly better
 _RULER = (0.02, 2.0)  # share of the baseline, and mm: a ruler between two lenses is no better
 _LITTLE_IMAGE = 0.2  # share of the images: a lens that was seen on less is a guess elsewhere
-_TRIED_STRETCH = 0.01  # of a square's height: the secant's step
-_STRETCH = 0.003  # of a square's height: printers do that, and it costs less than the limits
-_STRETCH_SHARE = 0.1  # of the residuals (of its root) that a stretch must explain to be named
+_MAGNIFIED = 3.0  # times: rows err as many times more, and a ninth of each picture is left
+_LEAST_LEFT = 1 / _MAGNIFIED**2  # of each picture: where cropping fails, nothing is magnified but as little is left
 _FOLDED = 0.001  # of the image: less is worth a word and nothing more
 _SQUARES_MM = (5.0, 300.0)  # other sizes were hardly meant in millimetres
-_LISTED = 6  # names in one sentence
-Finding = tuple[int, str]  # how bad (0 a remark, 1 usable, 2 bad), and what
+_LISTED = 4  # pairs of names in one sentence
+_ADVICE = 3  # lines: more are not read
+_NUMBERS = {2: "two", 3: "three", 4: "four"}
+_NOTE, _REMARK, _USABLE, _BAD = -1, 0, 1, 2  # for the record; advice; what makes the verdict no better than that
+
+
+class Finding(NamedTuple):
+    """A sentence on a calibration, and what it means for the verdict."""
+
+    level: int
+    text: str
 
 
 class Check(NamedTuple):
-    """A measured quantity of a calibration and its limits: up to ``good``, up to ``usable``, beyond that bad."""
+    """A measured quantity of a calibration and its limits: up to ``good``, up to ``usable``, beyond that bad.
+
+    Where ``usable`` is infinite the quantity is worth advice beyond ``good`` and never decides the verdict.
+    """
 
     name: str
     value: float
@@ -45,6 +65,11 @@ class Check(NamedTuple):
     good: float
     usable: float
     remedy: str
+
+    @property
+    def decides(self) -> bool:
+        """Whether it counts in the verdict."""
+        return bool(np.isfinite(self.usable))
 
     @property
     def level(self) -> int:
@@ -69,8 +94,12 @@ class Diagnosis:
     rms_px : float
         Of the fit over all corners.
     std : RigStd
+    pairs : tuple of str
+        Names of all pairs in which both cameras saw the board.
     pairs_refused : dict
-        Name of each pair left out of the fit though both cameras saw the board, and the reason.
+        Name of each of these that was left out of the fit, and the reason.
+    pairs_repeated : dict
+        Name of each of these that shows the board where another pair does, and that one's name.
     pair_rms_px : (n, 2) float64
         Of the pairs used, left and right.
     residuals_px : (2, n, corners, 2) float64
@@ -79,9 +108,13 @@ class Diagnosis:
     groups : tuple of tuple of str
         Names of the pairs of each position of the rig, largest first; one group for a sound set.
     error_map : ErrorMap
-        At the boards' median distance, or where it was asked for.
+        Where it was asked for; what a lens model too short makes wrong is in it.
+    lens_error_pct : float
+        So much of depth or length, whichever is more, is due to a lens model too short; 0 if it is not.
     rectified_std : dict
-        From `rectified_std`; empty if the rig cannot be rectified.
+        From `rectified_std`; empty if the rig cannot be rectified, or sees nothing where rigs measure.
+    magnification, picture_left : float
+        From `rectified_scale`; NaN if the rig cannot be rectified.
     square_error_pct, board_error_pct : float
         Mean over pairs of how wrong the size of the squares, and of the board's longer edge, is, each pair left out
         of its rig.
@@ -96,11 +129,13 @@ class Diagnosis:
     checks : tuple of Check
         Everything that has limits.
     warnings : tuple of str
-        Everything noteworthy, one sentence each.
+        Everything noteworthy, one sentence each, causes before what they cause.
     verdict : str
-        ``"good"``, ``"usable"`` or ``"bad"``.
+        ``"good"``, ``"usable"`` or ``"bad"``: by the errors of depth and length, and what makes these untrue.
     reasons : tuple of str
-        The sentences that made it so.
+        The sentences that made it so, the worst first.
+    advice : tuple of str
+        The first three others that name something to be done.
     """
 
     model: str
@@ -108,13 +143,18 @@ class Diagnosis:
     rig: StereoRig
     rms_px: float
     std: RigStd
+    pairs: tuple[str, ...]
     pairs_refused: dict[str, str]
+    pairs_repeated: dict[str, str]
     pair_rms_px: Float64
     residuals_px: Float64
     coverage: Coverage
     groups: tuple[tuple[str, ...], ...]
     error_map: ErrorMap
+    lens_error_pct: float
     rectified_std: dict[str, Any]
+    magnification: float
+    picture_left: float
     square_error_pct: float
     board_error_pct: float
     epipolar_rms_px: float
@@ -126,6 +166,7 @@ class Diagnosis:
     warnings: tuple[str, ...] = ()
     verdict: str = ""
     reasons: tuple[str, ...] = ()
+    advice: tuple[str, ...] = ()
 
     @property
     def pairs_used(self) -> tuple[str, ...]:
@@ -138,13 +179,33 @@ class Diagnosis:
         return dict.fromkeys(self.views.missing, "the board was not found in both views") | self.pairs_refused
 
     @property
-    def remarks(self) -> list[str]:
-        """The warnings that are not among the verdict's reasons."""
-        return [text for text in self.warnings if text not in self.reasons]
+    def left_out_by_reason(self) -> list[tuple[str, str]]:
+        """Names of pairs, in short, and why the calibration does not stand on them: one line for each reason."""
+        return by_reason(self.pairs_left_out, self.pairs)
+
+    @property
+    def depth_mm(self) -> float:
+        """Standard deviation of a depth where it was asked for: the median over the picture; NaN if none is seen."""
+        return _median(self.error_map.depth_mm)
+
+    @property
+    def length_mm(self) -> float:
+        """Standard deviation of a length of ``error_map.of_mm`` there, likewise."""
+        return _median(self.error_map.length_mm)
+
+    @property
+    def depth_pct(self) -> float:
+        """Standard deviation of a depth, of the depth, %."""
+        return 100 * self.depth_mm / self.error_map.at_mm
+
+    @property
+    def length_pct(self) -> float:
+        """Standard deviation of a length, of the length, %."""
+        return 100 * self.length_mm / self.error_map.of_mm
 
 
 def diagnose(
-    views: BoardViews, *, model: str = "brown3", ruler_mm: float | None = None, at_mm: float | None = None
+    views: BoardViews, *, model: str = "brown3", ruler_mm: float | None = None, at_mm: float = 1000.0
 ) -> Diagnosis:
     """Calibrate a rig from board pairs and judge the result.
 
@@ -156,8 +217,8 @@ def diagnose(
         A name of `LENS_MODELS`.
     ruler_mm : float, optional
         The distance of the two lenses by a ruler: checks the board's size.
-    at_mm : float, optional
-        Where depths are judged; the boards' median distance if not given.
+    at_mm : float
+        Where the rig is to measure: errors are judged there.
 
     Returns
     -------
@@ -166,7 +227,14 @@ def diagnose(
     Raises
     ------
     ValueError
-        Fewer than 3 pairs, all views alike, left and right exchanged, or pairs that do not belong together.
+        Fewer than 5 usable pairs, all views alike, left and right exchanged, or pairs that do not belong together.
+
+    Notes
+    -----
+    The verdict follows the error of depth and of length, one standard deviation, and what makes this untrue: a lens model
+    too short (what it makes wrong is added), boards left out whose size comes out wrong, a ruler that contradicts, squares
+    not as high as wide, a rig that moved, one that cannot be rectified or sees nothing there, a lens that folds where
+    boards were seen. All else is advice.
     """
     for what, value in (("ruler's reading", ruler_mm), ("distance to judge depths at", at_mm)):
         if value is not None and not (np.isfinite(value) and value > 0):
@@ -176,78 +244,127 @@ def diagnose(
     fit, rig = pairs.calibration.fit, pairs.calibration.rig
     covariance = rig_covariance(fit)
     sizes = left_out_size_errors(used, fit)
-    epipolar, unrectified = _epipolar(rig, used)
-    middles_mm = fit.shifts + fit.turns @ used.board.points_mm.mean(axis=0)
-    at_mm = at_mm or float(f"{np.median(middles_mm[:, 2]):.2g}")
-    worst = int(np.nanargmax(epipolar)) if np.isfinite(epipolar).any() else int(fit.pair_rms_px.max(axis=1).argmax())
-    folds = [(side, fold) for side in ("left", "right") if (fold := fold_inside(getattr(rig, side)))]
+    rows, scale, unrectified = _rectified(rig, used)
+    worst = int(np.nanargmax(rows)) if np.isfinite(rows).any() else int(fit.pair_rms_px.max(axis=1).argmax())
+    fits = neighbour_fits(used, fit, model) if len(used) >= _FEW_PAIRS else {}
+    lenses = left_out_errors(fits)
+    errors, lens_error_pct = _with_lens(error_map(rig, covariance, at_mm=at_mm), rig, fits, _better(lenses, model))
     diagnosis = Diagnosis(
         model=model,
         views=used,
         rig=rig,
         rms_px=fit.rms_px,
         std=rig_std(rig, covariance),
+        pairs=views.names,
         pairs_refused={views.names[k]: why for k, why in sorted(pairs.refused.items())},
+        pairs_repeated={views.names[k]: views.names[other] for k, other in sorted(pairs.repeated.items())},
         pair_rms_px=fit.pair_rms_px,
         residuals_px=np.where(fit.known[..., None], fit.residuals_px, np.nan).transpose(1, 0, 2, 3),
         coverage=judge_coverage(used, fit.turns, fit.shifts),
         groups=tuple(tuple(views.names[k] for k in group) for group in pairs.groups),
-        error_map=error_map(rig, covariance, at_mm=at_mm),
-        rectified_std={} if unrectified else rectified_std(rig.rectify(), covariance),
+        error_map=errors,
+        lens_error_pct=lens_error_pct,
+        rectified_std=_rectified_std(rig, covariance) if np.isfinite(scale[0]) else {},
+        magnification=scale[0],
+        picture_left=scale[1],
         square_error_pct=sizes.square_error_pct,
         board_error_pct=sizes.board_error_pct,
-        epipolar_rms_px=float(np.sqrt(np.nanmean(epipolar**2))) if np.isfinite(epipolar).any() else np.nan,
+        epipolar_rms_px=float(np.sqrt(np.nanmean(rows**2))) if np.isfinite(rows).any() else np.nan,
         worst_pair=used.names[worst],
-        worst_pair_px=float(epipolar[worst]),
-        folds=tuple(f"the {side} lens {fold}" for side, fold in folds),
-        lenses=tuple(neighbour_errors(used, fit, model)) if len(used) >= _FEW_PAIRS else (),
+        worst_pair_px=float(rows[worst]),
+        folds=tuple(f"the {side} lens {fold}" for side, fold in _folds(rig)),
+        lenses=lenses,
     )
     diagnosis = replace(diagnosis, checks=_checks(diagnosis))
-    findings = [  # causes before what they cause
-        *_set_findings(diagnosis, pairs.moved, ruler_mm),
-        *_board_findings(used, fit),
-        *unrectified,
-        *_lens_findings(diagnosis),
-        *_coverage_findings(diagnosis),
-        *_check_findings(diagnosis),
-        *(_fold_finding(diagnosis, *fold) for fold in folds),
-    ]
-    level = max((level for level, _ in findings), default=0)
-    reasons = tuple(text for at, text in findings if at == level and level)
-    verdict = ("good", "usable", "bad")[level]
-    return replace(diagnosis, warnings=tuple(text for _, text in findings), verdict=verdict, reasons=reasons)
+    return _judged(
+        diagnosis,
+        [
+            *_moved_findings(diagnosis, pairs),
+            *_ruler_findings(diagnosis, ruler_mm),
+            *_pair_findings(diagnosis),
+            *_board_findings(used, fit),
+            *unrectified,
+            *_lens_findings(diagnosis),
+            *_coverage_findings(diagnosis),
+            *_check_findings(diagnosis),
+            *(_fold_finding(diagnosis, *fold) for fold in _folds(rig)),
+        ],
+    )
 
 
-def _set_findings(diagnosis: Diagnosis, moved: tuple[str, ...], ruler_mm: float | None) -> list[Finding]:
-    """What is wrong with the set of pairs."""
-    findings = [(2, f"two positions of the rig are mixed: {text}") for text in moved]
-    total = len(diagnosis.views) + len(diagnosis.pairs_refused)
-    if lone := [name for name, why in diagnosis.pairs_refused.items() if not why.startswith("belongs to")]:
-        listed = ", ".join(lone[:_LISTED]) + (", ..." if len(lone) > _LISTED else "")
-        level = 1 + (len(lone) > total / _MANY_REFUSED)
-        findings.append((level, f"{len(lone)} of {total} pairs were left out: {listed}"))
+def _judged(diagnosis: Diagnosis, findings: list[Finding]) -> Diagnosis:
+    """The verdict, its reasons and what is to be done.
+
+    Findings come with causes before what they cause: a rig that moved, scale, single pairs, the board, the lens, what
+    boards leave out, then the errors that all of this makes, and last what concerns few pixels. So whoever follows the
+    first line of advice may find the others gone.
+    """
+    reasons = sorted((f for f in findings if f.level > _REMARK), key=lambda finding: -finding.level)
+    return replace(
+        diagnosis,
+        warnings=tuple(finding.text for finding in findings),
+        verdict=("good", "usable", "bad")[max((f.level for f in reasons), default=0)],
+        reasons=tuple(finding.text for finding in reasons),
+        advice=tuple(finding.text for finding in findings if finding.level == _REMARK)[:_ADVICE],
+    )
+
+
+def _moved_findings(diagnosis: Diagnosis, pairs: SortedPairs) -> list[Finding]:
+    """Whether the set mixes several positions of the rig."""
+    if not pairs.moved_by:
+        return []
+    groups = "; ".join(f"{len(group)} pairs: {in_short(group, diagnosis.pairs)}" for group in diagnosis.groups)
+    number = _NUMBERS.get(len(diagnosis.groups), f"{len(diagnosis.groups)}")
+    text = f"{number} positions of the rig are mixed ({', '.join(pairs.moved_by)}): calibrate each group by itself"
+    return [Finding(_BAD, f"{text} ({groups})")]
+
+
+def _ruler_findings(diagnosis: Diagnosis, ruler_mm: float | None) -> list[Finding]:
+    """Whether the scale can be right."""
+    findings = []
     baseline, square = diagnosis.rig.baseline_mm, diagnosis.views.board.square_mm
     if ruler_mm is not None and abs(baseline / ruler_mm - 1) > max(_RULER[0], _RULER[1] / ruler_mm):
         text = f"the baseline comes out {baseline:.1f} mm, the ruler says {ruler_mm:.1f} mm"
         squares = f"so the squares would be {square * ruler_mm / baseline:.2f} mm and not {square:g} mm"
-        findings.append((2, f"the board or the ruler is measured wrong: {text}, {squares}"))
+        findings.append(Finding(_BAD, f"the board or the ruler is measured wrong: {text}, {squares}"))
     if not _SQUARES_MM[0] <= square <= _SQUARES_MM[1]:
         text = f"squares of {square:g} mm and a baseline of {baseline:.3g} mm"
-        findings.append((0, f"{text}: was the square's edge given in millimetres?"))
+        findings.append(Finding(_REMARK, f"{text}: was the square's edge given in millimetres?"))
     return findings
 
 
-def _coverage_findings(diagnosis: Diagnosis) -> list[Finding]:
-    """What the boards leave out."""
-    findings: list[Finding] = []
-    count, coverage = len(diagnosis.views), diagnosis.coverage
-    if count < _FEW_PAIRS:
-        findings.append((1, f"{count} pairs are few: {_FEW_PAIRS} or more make the result trustworthy"))
-    remedy = ": hold the board there in some pictures"
-    findings += [(1, text + remedy * ("no views" in text)) for text in coverage.missing]
-    if coverage.image < _LITTLE_IMAGE:
-        findings.append((1, f"the boards cover only {100 * coverage.image:.0f} % of the images: hold them nearer"))
+def _pair_findings(diagnosis: Diagnosis) -> list[Finding]:
+    """Pairs that say nothing, or something else than the others."""
+    d, total = diagnosis, len(diagnosis.pairs)
+    others = {name for group in d.groups[1:] for name in group} | set(d.pairs_repeated)
+    lone = {name: why for name, why in d.pairs_refused.items() if name not in others}
+    findings = []
+    for names, reason in by_reason(lone, d.pairs):
+        count = sum(why == reason for why in lone.values())
+        findings.append(Finding(_REMARK, f"{count} of {total} pairs were left out, {names}: {reason}"))
+    if d.pairs_repeated:
+        listed = [f"{name} as {other}" for name, other in d.pairs_repeated.items()]
+        names = ", ".join(listed[:_LISTED]) + ", ..." * (len(listed) > _LISTED)
+        text = (
+            f"{len(listed)} of {total} pairs show the board where another does ({names}): copies, or it was held still"
+        )
+        why = "one of each is used, more would make the deviations too small; move the board between pictures"
+        findings.append(Finding(_REMARK, f"{text}; {why}"))
     return findings
+
+
+def _board_findings(used: BoardViews, fit: RigFit) -> list[Finding]:
+    """Whether the board's squares are as high as wide."""
+    board, found = used.board, board_stretch(used, fit)
+    if found is None or not isinstance(board, Checkerboard):
+        return []
+    off, std, aspect = 100 * found[0] / board.aspect, 100 * found[1], board.aspect + found[0]
+    wide = 2 * board.square_mm / (1 + aspect)
+    than = "they are wide" if board.aspect == 1 else "given"
+    text = f"the board's squares come out {abs(off):.1f} % {'higher' if off > 0 else 'lower'} than {than}"
+    remedy = "measure both sides of the board and give a square's width x height, as --square-mm"
+    text += f" (± {std:.2f} %; width runs along the {board.columns} corners): {remedy} {wide:.2f}x{wide * aspect:.2f}"
+    return [Finding(_level(abs(off)), text)]
 
 
 def _lens_findings(diagnosis: Diagnosis) -> list[Finding]:
@@ -258,9 +375,63 @@ def _lens_findings(diagnosis: Diagnosis) -> list[Finding]:
     errors = f"({best.hold_out_rms_px:.3f} px against {ours.hold_out_rms_px:.3f} px)"
     if best.coefficients > ours.coefficients:
         text = f"the lens model {model} is too short: {best.model} predicts boards left out better {errors}"
-        return [(1, f"{text}, and no deviation stated here counts that; use --model {best.model}")]
+        differ = f"the two differ by {diagnosis.lens_error_pct:.2g} % at {diagnosis.error_map.at_mm:g} mm"
+        return [Finding(_level(diagnosis.lens_error_pct), f"{text}; {differ}: use --model {best.model}")]
     text = f"the last coefficients of {model} cannot be told from these pictures: {best.model} predicts boards left out"
-    return [(0, f"{text} as well {errors}; use --model {best.model}")]
+    return [Finding(_REMARK, f"{text} as well {errors}: use --model {best.model}")]
+
+
+def _coverage_findings(diagnosis: Diagnosis) -> list[Finding]:
+    """What the boards leave out."""
+    findings: list[Finding] = []
+    count, coverage = len(diagnosis.views), diagnosis.coverage
+    if count < _FEW_PAIRS:
+        findings.append(Finding(_REMARK, f"{count} pairs are few: 15 to 30 make the result trustworthy"))
+    regions = [text for text in coverage.missing if text.startswith("no views")]
+    if poses := [text for text in coverage.missing if text not in regions]:
+        findings.append(Finding(_REMARK, f"{'; '.join(poses)}: add such pictures"))
+    if regions:
+        findings.append(Finding(_REMARK, f"{'; '.join(regions)}: hold the board there in some pictures"))
+    if coverage.image < _LITTLE_IMAGE:
+        text = f"the boards cover only {100 * coverage.image:.0f} % of the images: hold them nearer"
+        findings.append(Finding(_REMARK, text))
+    return findings
+
+
+def _checks(diagnosis: Diagnosis) -> tuple[Check, ...]:
+    """Everything with limits that could be measured."""
+    d, rig, std, at = diagnosis, diagnosis.rig, diagnosis.std, f"at {diagnosis.error_map.at_mm:g} mm"
+    scale = max(1.0, d.views.size[0] / _WIDTH_PX)
+    lenses = (rig.left, std.left_K), (rig.right, std.right_K)
+    focal_pct = 100 * float(max((K_std[:2] / np.diag(camera.K)[:2]).max() for camera, K_std in lenses))
+    checks = []
+    if np.isfinite(d.depth_pct):
+        remedy = "take more pictures, near and far and all over the image"
+        checks.append(Check(f"depths {at} are sure to", d.depth_pct, "%", *_ERROR_PCT, remedy))
+        checks.append(Check(f"lengths {at} are sure to", d.length_pct, "%", *_ERROR_PCT, remedy))
+    remedy = "is the board flat, and was it held still?"
+    checks.append(Check("squares of boards left out are wrong by", d.square_error_pct, "%", *_ERROR_PCT, remedy))
+    remedy = "is the board flat, held still, and in focus?"
+    checks.append(Check("corners fit to", d.rms_px, "px rms", _RMS_PX * scale, np.inf, remedy))
+    if np.isfinite(d.epipolar_rms_px) and d.magnification <= _MAGNIFIED:
+        remedy, limit = "did a camera or its focus move between pictures?", _EPIPOLAR_PX * scale
+        checks.append(Check("rows differ after rectification by", d.epipolar_rms_px, "px rms", limit, np.inf, remedy))
+    remedy = "take more pictures, the board tilted by 20 to 40 degrees, both ways"
+    checks.append(Check("the focal length is sure to", focal_pct, "%", _FOCAL_PCT, np.inf, remedy))
+    return tuple(checks)
+
+
+def _check_findings(diagnosis: Diagnosis) -> list[Finding]:
+    """What exceeds its limits; of depths and lengths, which are unsure for the same reasons, the worse."""
+    at_mm, checks = diagnosis.error_map.at_mm, list(diagnosis.checks)
+    if not np.isfinite(diagnosis.depth_pct):
+        remedy = "give the distance where you measure as --at-mm, or point the cameras there"
+        findings = [Finding(_BAD, f"at {at_mm:g} mm the two views do not overlap: {remedy}")]
+    else:
+        worse, checks = max(checks[:2], key=lambda check: check.value), checks[2:]
+        findings = [Finding(worse.level, str(worse))] if worse.level else []
+    findings += [Finding(check.level if check.decides else _REMARK, str(check)) for check in checks if check.level]
+    return findings
 
 
 def _fold_finding(diagnosis: Diagnosis, side: str, fold: LensFold) -> Finding:
@@ -268,73 +439,66 @@ def _fold_finding(diagnosis: Diagnosis, side: str, fold: LensFold) -> Finding:
     corners = diagnosis.views.left_px if side == "left" else diagnosis.views.right_px
     known = corners[np.isfinite(corners).all(axis=2)]
     if np.isnan(getattr(diagnosis.rig, side).rays(known)).any():
-        return 2, f"the {side} lens {fold}, where boards were seen: use a shorter --model"
-    level = int(fold.share > _FOLDED)
-    remedy = "boards held there or a shorter --model mend it" if level else "too few to matter"
-    return level, f"the {side} lens {fold}; those pixels cannot be rectified: {remedy}"
+        return Finding(_BAD, f"the {side} lens {fold}, where boards were seen: use a shorter --model")
+    much = fold.share > _FOLDED
+    remedy = "boards held there or a shorter --model mend it" if much else "too few to matter"
+    text = f"the {side} lens {fold}; those pixels cannot be rectified: {remedy}"
+    return Finding(_REMARK if much else _NOTE, text)
 
 
-def _board_findings(used: BoardViews, fit: RigFit) -> list[Finding]:
-    """Whether the board's squares are as high as wide.
-
-    The residuals of a second fit, with squares 1 % higher, give the height that fits best: a secant step of
-    Gauss-Newton in which all other parameters follow. Its deviation is the jackknife's.
-    """
-    board = used.board
-    if not isinstance(board, Checkerboard):
-        return []
-    stretched = replace(used, board=replace(board, aspect=board.aspect + _TRIED_STRETCH))
-    before = fit.residuals_px
-    change = np.where(fit.known[..., None], fit_rig(stretched, fit.rig).residuals_px - before, 0.0)
-    along, length = (before * change).sum(axis=(1, 2, 3)), (change**2).sum(axis=(1, 2, 3))
-    stretch = -_TRIED_STRETCH * float(along.sum() / max(length.sum(), 1e-30))
-    if abs(stretch) < _STRETCH or along.sum() ** 2 < _STRETCH_SHARE * length.sum() * (before**2).sum():
-        return []
-    others = -_TRIED_STRETCH * (along.sum() - along) / (length.sum() - length)
-    off, std = 100 * stretch / board.aspect, 100 * np.sqrt((len(others) - 1) * np.var(others))
-    than, aspect = "they are wide" if board.aspect == 1 else "given", board.aspect + stretch
-    wide = 2 * board.square_mm / (1 + aspect)
-    text = f"the board's squares come out {abs(off):.1f} % {'higher' if off > 0 else 'lower'} than {than}"
-    remedy = "measure both sides of the board and give a square's width x height, as --square-mm"
-    text += f" (± {std:.2f} %; width runs along the {board.columns} corners): {remedy} {wide:.2f}x{wide * aspect:.2f}"
-    return [(1, text)]
+def _folds(rig: StereoRig) -> list[tuple[str, LensFold]]:
+    return [(side, fold) for side in ("left", "right") if (fold := fold_inside(getattr(rig, side)))]
 
 
-def _checks(diagnosis: Diagnosis) -> tuple[Check, ...]:
-    """Everything with limits that could be measured."""
-    rig, std, errors = diagnosis.rig, diagnosis.std, diagnosis.error_map
-    scale = max(1.0, diagnosis.views.size[0] / _WIDTH_PX)
-    rms, rows = ((good * scale, usable * scale) for good, usable in (_RMS_PX, _EPIPOLAR_PX))
-    lenses = (rig.left, std.left_K), (rig.right, std.right_K)
-    focal_pct = 100 * float(max((K_std[:2] / np.diag(camera.K)[:2]).max() for camera, K_std in lenses))
-    square_pct, rows_px = diagnosis.square_error_pct, diagnosis.epipolar_rms_px
-    checks = [Check("corners fit to", diagnosis.rms_px, "px rms", *rms, "is the board flat, held still, and in focus?")]
-    if np.isfinite(rows_px):
-        remedy = "did a camera or its focus move between pictures?"
-        checks.append(Check("rows differ after rectification by", rows_px, "px rms", *rows, remedy))
-    remedy = "is the board flat, and was it held still?"
-    checks.append(Check("squares of boards left out are wrong by", square_pct, "%", *_LENGTH_PCT, remedy))
-    remedy = "take more pictures, the board tilted by 20 to 40 degrees, both ways"
-    checks.append(Check("the focal length is sure to", focal_pct, "%", *_LENGTH_PCT, remedy))
-    if np.isfinite(errors.depth_mm).any():
-        depth_pct = 100 * float(np.nanmedian(errors.depth_mm)) / errors.at_mm
-        remedy = "take more pictures, near and far and all over the image"
-        checks.append(Check(f"depths at {errors.at_mm:g} mm are sure to", depth_pct, "%", *_LENGTH_PCT, remedy))
-    return tuple(checks)
+def _better(lenses: tuple[HoldOut, ...], model: str) -> str | None:
+    """The longer lens model that predicts boards better, if there is one."""
+    if not lenses or (best := choose_lens_model(lenses)) == model:
+        return None
+    coefficients = {lens.model: lens.coefficients for lens in lenses}
+    return best if coefficients[best] > coefficients[model] else None
 
 
-def _check_findings(diagnosis: Diagnosis) -> list[Finding]:
-    findings = [(check.level, str(check)) for check in diagnosis.checks if check.level]
-    at_mm = diagnosis.error_map.at_mm
-    if not np.isfinite(diagnosis.error_map.depth_mm).any():
-        findings.append((1, f"at {at_mm:g} mm the two views do not overlap: no depth can be judged there"))
-    return findings
+def _with_lens(errors: ErrorMap, rig: StereoRig, fits: dict[str, RigFit], better: str | None) -> tuple[ErrorMap, float]:
+    """Errors with what the lens model makes wrong added, and that part alone in per cent, of depth or of length."""
+    if better is None:
+        return errors, 0.0
+    depth, length = (np.abs(off) for off in lens_errors_mm(rig, fits[better].rig, errors))
+    parts = [
+        np.where(np.isfinite(own), off, np.nan) for own, off in ((errors.depth_mm, depth), (errors.length_mm, length))
+    ]
+    lens_pct = np.nanmax([100 * _median(parts[0]) / errors.at_mm, 100 * _median(parts[1]) / errors.of_mm, 0.0])
+    whole = np.hypot(errors.depth_mm, depth), np.hypot(errors.length_mm, length)
+    return replace(errors, depth_mm=whole[0], length_mm=whole[1]), float(lens_pct)
 
 
-def _epipolar(rig: StereoRig, views: BoardViews) -> tuple[Float64, list[Finding]]:
-    """Row error of each pair after rectification, px rms (n,); NaN, and why, for a rig that cannot be rectified."""
+def _rectified(rig: StereoRig, views: BoardViews) -> tuple[Float64, tuple[float, float], list[Finding]]:
+    """Row error of each pair after rectification, px rms (n,), its `rectified_scale`, and what speaks against it."""
     try:
-        errors = epipolar_errors_px(rig.rectify(), views)
+        rectified = rig.rectify()
     except ValueError as error:
-        return np.full(len(views), np.nan), [(2, f"the pair cannot be rectified: {error}")]
-    return np.asarray(np.sqrt(np.nanmean(errors**2, axis=1))), []
+        finding = Finding(_BAD, f"the pair cannot be rectified: {error}")
+        return np.full(len(views), np.nan), (np.nan, np.nan), [finding]
+    rows, (magnified, left) = epipolar_errors_px(rectified, views), rectified_scale(rectified)
+    findings = []
+    if magnified > _MAGNIFIED or left < _LEAST_LEFT:
+        angle, how = np.degrees(np.arccos(np.clip(rig.R[2, 2], -1, 1))), "converge" if rig.R[2, 0] < 0 else "diverge"
+        text = f"the cameras {how} by {angle:.0f} degrees: too much for this rectification, which magnifies"
+        remedy = "turn them to where their axes are nearly parallel"
+        findings = [Finding(_BAD, f"{text} {magnified:.1f} times and leaves {100 * left:.0f} % of a picture: {remedy}")]
+    return np.asarray(np.sqrt(np.nanmean(rows**2, axis=1))), (magnified, left), findings
+
+
+def _rectified_std(rig: StereoRig, covariance: Float64) -> dict[str, Any]:
+    with suppress(ValueError):  # the cameras see nothing together there
+        return rectified_std(rig.rectify(), covariance)
+    return {}
+
+
+def _level(error_pct: float) -> int:
+    """What an error means for the verdict."""
+    return _REMARK if error_pct <= _ERROR_PCT[0] else _USABLE if error_pct <= _ERROR_PCT[1] else _BAD
+
+
+def _median(values: Float64) -> float:
+    finite = values[np.isfinite(values)]
+    return float(np.median(finite)) if finite.size else float("nan")

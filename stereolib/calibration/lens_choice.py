@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from stereolib.base import Float64, Ints
+from stereolib.calibration.board_size import triangulate
 from stereolib.calibration.boards import BoardViews
 from stereolib.calibration.bundle_adjustment import RigFit, fit_rig, with_coefficients
 from stereolib.calibration.lens_models import LENS_MODELS
 from stereolib.calibration.solve import calibrate_stereo
+from stereolib.calibration.uncertainty import ErrorMap
 from stereolib.rig import StereoRig
 
 Split = tuple[Ints, Ints]
@@ -159,8 +161,8 @@ def left_out_rms_px(fitted: RigFit) -> float:
     return float(np.sqrt((own + more).sum() / fitted.known.sum()))
 
 
-def neighbour_errors(views: BoardViews, fitted: RigFit, model: str) -> list[HoldOut]:
-    """Compare a lens model with its neighbours by `left_out_rms_px`: cheap enough for every calibration.
+def neighbour_fits(views: BoardViews, fitted: RigFit, model: str) -> dict[str, RigFit]:
+    """Fit the neighbours of a lens model, for `left_out_rms_px`: cheap enough for every calibration.
 
     The neighbours are the next longer one, all up to ``brown3`` if that is not enough, and for models beyond it
     ``brown3`` and those between.
@@ -175,18 +177,63 @@ def neighbour_errors(views: BoardViews, fitted: RigFit, model: str) -> list[Hold
 
     Returns
     -------
-    list of HoldOut
-        Shortest model first.
+    dict of str to RigFit
+        By the names of the models, the shortest first.
     """
     names = list(LENS_MODELS)
     usual, at = names.index(_USUAL), names.index(model)
     rig = fitted.rig if at <= usual else calibrate_stereo(views, model=_USUAL).rig
-    results = []
+    results = dict[str, RigFit]()
     for name in names[min(at, usual) : max(at + 1, usual) + 1]:
-        longer = fit_rig(views, lengthened(rig, LENS_MODELS[name][0]), iterations=_FEW_STEPS)
-        rig = longer.rig
-        results.append(HoldOut(name, LENS_MODELS[name][0], longer.rms_px, left_out_rms_px(longer)))
+        results[name] = fit_rig(views, lengthened(rig, LENS_MODELS[name][0]), iterations=_FEW_STEPS)
+        rig = results[name].rig
     return results
+
+
+def left_out_errors(fits: Mapping[str, RigFit]) -> tuple[HoldOut, ...]:
+    """Judge fits of one set with several lens models by `left_out_rms_px`.
+
+    Parameters
+    ----------
+    fits : mapping of str to RigFit
+        From `neighbour_fits`.
+
+    Returns
+    -------
+    tuple of HoldOut
+    """
+    return tuple(HoldOut(name, LENS_MODELS[name][0], fit.rms_px, left_out_rms_px(fit)) for name, fit in fits.items())
+
+
+def lens_errors_mm(rig: StereoRig, better: StereoRig, errors: ErrorMap) -> tuple[Float64, Float64]:
+    """Compare what two rigs with different lenses measure from the same pixels.
+
+    Parameters
+    ----------
+    rig, better : StereoRig
+        The one that measures, and the one that is right.
+    errors : ErrorMap
+        Says where and at which depth, and how long a length is.
+
+    Returns
+    -------
+    depth_mm, length_mm : (h, w) float64
+        The other's minus the rig's; NaN where a lens has no direction.
+
+    Notes
+    -----
+    Pixels of the one are triangulated by the other: the two lenses' coefficients may be far apart along a valley in which
+    the lenses are alike, so that a derivative by them would mislead.
+    """
+    pixels = np.stack(np.meshgrid(errors.columns_px, errors.rows_px), -1).reshape(-1, 2)
+    points, half = rig.left.rays(pixels, clamp=True) * errors.at_mm, np.array([errors.of_mm / 2, 0.0, 0.0])
+
+    def moved(X: Float64) -> Float64:
+        return triangulate(better, rig.left.project(X), rig.right.project(X @ rig.R.T + rig.T)) - X
+
+    depth, length = moved(points)[:, 2], (moved(points + half) - moved(points - half))[:, 0]
+    shape = len(errors.rows_px), len(errors.columns_px)
+    return depth.reshape(shape), length.reshape(shape)
 
 
 def choose_lens_model(results: Sequence[HoldOut]) -> str:

@@ -1,4 +1,4 @@
-"""Which pairs belong together: wrong corners, pairs whose halves do not match, and rigs that moved."""
+"""Which pairs belong together: copies, wrong corners, pairs whose halves do not match, and rigs that moved."""
 
 from __future__ import annotations
 
@@ -10,9 +10,13 @@ import numpy as np
 from stereolib.base import Float64, Floats, Ints
 from stereolib.calibration.boards import BoardViews
 from stereolib.calibration.bundle_adjustment import board_poses, fit_rig, project_with_derivatives
+from stereolib.calibration.misfits import by_reason, explain, posed_rms_px, refocused_pairs, repeated_pairs
 from stereolib.calibration.solve import CameraCalibration, StereoCalibration, calibrate_camera, calibrate_stereo
 from stereolib.rig import Camera
 
+#: Usable pairs: fewer hold a rig at best, and say nothing of how good it is.
+MIN_PAIRS = 5
+_ENOUGH = f"at least {MIN_PAIRS} are needed, and 15 to 30 give a trustworthy rig"
 _WORSE = 4.0  # times the median rms: what honest pairs never reach
 _LEAST_RMS_PX = 0.02  # corners that a detector finds are never better: a median below it is no measure
 _AGREE = 6.0  # times both views' median rms: a pair's own pose carries its noise into another's right view
@@ -21,9 +25,11 @@ _ROUNDS = 4  # of fitting and sorting anew; most sets settle in two
 _MIN_GROUP = 3  # pairs: fewer determine no rig
 _LEAST_SHARE = 4  # a quarter of the pairs must agree, or the set is no set
 _SAME_PX = 0.01  # left and right corners nearer than that are one picture's
-_STILL_PX = 2.0  # boards whose corners differ by less were held still
 _FLAT_DEG = 5.0  # boards tilted by less leave the focal length open
 _USUAL_FOCAL = 1.1  # image widths, a webcam's
+_WRONG_CORNERS = "the corners in the {} view fit no board: is the picture sharp, the board flat and whole in it?"
+_MISFIT = "left and right do not fit together: the board moved between the shutters, or these are two different moments"
+_REPEATED = "the board stands where it does in another pair: a copy, or it was held still"
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,14 +44,17 @@ class SortedPairs:
         Indices of pairs, the largest group first.
     refused : dict
         Index of each other pair, and the reason.
-    moved : tuple of str
+    repeated : dict
+        Index of each pair among these that shows the board where another does, and of that one.
+    moved_by : tuple of str
         How far the rig moved for each further group.
     """
 
     calibration: StereoCalibration
     groups: tuple[tuple[int, ...], ...]
     refused: dict[int, str]
-    moved: tuple[str, ...]
+    repeated: dict[int, int]
+    moved_by: tuple[str, ...]
 
 
 def sort_pairs(views: BoardViews, model: str = "brown3") -> SortedPairs:
@@ -64,64 +73,75 @@ def sort_pairs(views: BoardViews, model: str = "brown3") -> SortedPairs:
     Raises
     ------
     ValueError
-        Fewer than 3 pairs, all alike or all fronto-parallel, pairs that do not fit to each other, or left and right
-        exchanged.
+        Fewer than 5 usable pairs, all alike or all fronto-parallel, pairs that do not fit to each other, or left and
+        right exchanged.
 
     Notes
     -----
-    First each camera on its own: a view that fits no pose has wrong corners. Then the pose of the right camera that
-    each pair alone implies: of all these, the one that predicts most pairs' right corners from their left ones wins,
-    and the next one is sought among the rest. Last the joint fit of the winners, against which every pair is tried
-    again: what is worse than four times the median is out.
+    Of pairs that show the board in one place the first stays. Then each camera on its own: a view that fits no pose has
+    wrong corners. Then the pose of the right camera that each pair alone implies: of all these, the one that predicts
+    most pairs' right corners from their left ones wins, and the next one is sought among the rest. Last the joint fit of
+    the winners, against which every pair is tried again: what is worse than four times the median is out, and so is
+    another focus. For what is out, explanations are tried.
     """
-    _refuse_few(views)
-    _refuse_flat(views)
+    repeated = repeated_pairs(views)
+    different = np.setdiff1d(np.arange(len(views)), list(repeated))
+    _refuse_few(views, len(different))
+    some = views.only(different.tolist())
+    _refuse_flat(some)
+    groups, wrong = _start(some, model)
+    able = np.setdiff1d(np.arange(len(some)), list(wrong))
+    calibration, inside, limit_px = _settled(some, groups[0], able, model)
+    out = np.setdiff1d(np.arange(len(some)), inside)
+    explained = {int(out[k]): why for k, why in explain(some.only(out.tolist()), calibration.rig, limit_px).items()}
+    others = [g for group in groups[1:] if len(g := np.setdiff1d(group, [*inside, *explained])) >= _MIN_GROUP]
+    moved_by = tuple(_movement(calibration, _settled(some, group, group, model)[0]) for group in others)
+    reasons = dict.fromkeys(out.tolist(), _MISFIT) | wrong | explained
+    for number, (group, far) in enumerate(zip(others, moved_by, strict=True), 2):
+        reasons |= dict.fromkeys(group.tolist(), f"taken with the rig in position {number}: {far}")
+    reasons = {int(different[k]): why for k, why in reasons.items()} | dict.fromkeys(repeated, _REPEATED)
+    _refuse_unusable(views, len(inside), reasons)
+    positions = tuple(tuple(different[group].tolist()) for group in (inside, *others))
+    return SortedPairs(calibration, positions, reasons, repeated, moved_by)
+
+
+def _start(views: BoardViews, model: str) -> tuple[list[Ints], dict[int, str]]:
+    """Groups of pairs that agree on where the right camera stands, and the pairs with wrong corners."""
     left, left_bad = _single(views, views.left_px, model)
     right, right_bad = _single(views, views.right_px, model)
-    refused = {
-        k: f"the corners in the {side} view fit no board ({rms:.2f} px): wrong corners"
-        for side, bad in (("left", left_bad), ("right", right_bad))
-        for k, rms in bad.items()
-    }
-    able = np.array([k for k in range(len(views)) if k not in refused])
-    if len(able) < _MIN_GROUP:
-        raise ValueError(f"only {len(able)} of {len(views)} pairs have usable corners; at least 3 are needed")
+    wrong = dict.fromkeys(left_bad, _WRONG_CORNERS.format("left"))
+    wrong |= dict.fromkeys(right_bad, _WRONG_CORNERS.format("right"))
+    able = np.setdiff1d(np.arange(len(views)), list(wrong))
+    _refuse_unusable(views, len(able), wrong)
     noise = float(np.hypot(np.median(left.view_rms_px), np.median(right.view_rms_px)))
     groups = _groups(views, able, left.camera, right.camera, max(_AGREE * noise, _LEAST_AGREE_PX))
-    if not groups or len(groups[0]) < max(_MIN_GROUP, len(views) / _LEAST_SHARE):
+    if not groups or len(groups[0]) < len(views) / _LEAST_SHARE:
         most = len(groups[0]) if groups else 0
         why = f"the pairs do not belong together: at most {most} of {len(views)} agree on where the right camera stands"
         remedy = "Are left and right files of the same moments, in the same order? Is one camera upside down?"
         raise ValueError(f"{why}. {remedy}")
-    calibration, inside = _settled(views, groups[0], able, model)
-    others = [rest for g in groups[1:] if len(rest := np.setdiff1d(g, inside)) >= _MIN_GROUP]
-    pair_rms = _tried(views, calibration)
-    moved = []
-    for number, group in enumerate(others, 2):
-        far = _movement(calibration, _settled(views, group, group, model)[0])
-        moved.append(f"{len(group)} pairs were taken with the rig in another position ({far})")
-        refused |= {int(k): f"belongs to position {number} of the rig, {far} from the first" for k in group}
-    why = "the board moved between the shutters, or these are two different moments"
-    misfits = [int(k) for k in able if k not in inside and k not in refused]
-    refused |= {k: f"left and right do not fit together ({pair_rms[k]:.2f} px): {why}" for k in misfits}
-    return SortedPairs(calibration, tuple(tuple(g.tolist()) for g in (inside, *others)), refused, tuple(moved))
+    return groups, wrong
 
 
-def _refuse_few(views: BoardViews) -> None:
+def _refuse_few(views: BoardViews, different: int) -> None:
     """Too few pairs, or too few different ones, or one camera twice."""
-    if len(views) < _MIN_GROUP:
+    if len(views) < MIN_PAIRS:
         why = f"{len(views)} pairs of the board are too few ({', '.join(views.names)})"
-        raise ValueError(f"{why}: at least 3 with different tilts are needed, and 15 to 30 give a trustworthy rig")
+        raise ValueError(f"{why}: {_ENOUGH}, the board tilted differently in each")
     if np.nanmedian(np.abs(views.left_px - views.right_px)) < _SAME_PX:
-        why = "left and right are the same pictures: the board is at the same place in both"
+        why = "left and right are the same pictures: the corners stand in the same place in both"
         raise ValueError(f"{why}. Was one folder copied twice?")
-    different: list[Float64] = []
-    for corners in np.asarray(views.left_px, float):
-        if all(not np.nanmax(np.abs(corners - other), initial=0) < _STILL_PX for other in different):
-            different.append(corners)
-    if len(different) < _MIN_GROUP:
-        why = f"the {len(views)} pairs show the board in only {len(different)} different place(s): move and tilt it"
-        raise ValueError(f"{why} between pictures; at least 3 places are needed, and 15 to 30 give a trustworthy rig")
+    if different < MIN_PAIRS:
+        why = f"the {len(views)} pairs show the board in only {different} different place(s): move and tilt it"
+        raise ValueError(f"{why} between pictures; {_ENOUGH}")
+
+
+def _refuse_unusable(views: BoardViews, usable: int, reasons: dict[int, str]) -> None:
+    """Too few pairs that fit to each other."""
+    if usable < MIN_PAIRS:
+        refused = {views.names[k]: why for k, why in sorted(reasons.items())}
+        why = "; ".join(f"{names}: {reason}" for names, reason in by_reason(refused, views.names))
+        raise ValueError(f"only {usable} of {len(views)} pairs are usable, {_ENOUGH}; left out: {why}")
 
 
 def _refuse_flat(views: BoardViews) -> None:
@@ -138,8 +158,8 @@ def _refuse_flat(views: BoardViews) -> None:
         raise ValueError(f"{why}: that hides the focal length; tilt the board by 20 to 40 degrees, both ways")
 
 
-def _single(views: BoardViews, corners_px: Floats, model: str) -> tuple[CameraCalibration, dict[int, float]]:
-    """One camera, calibrated without the views that fit no pose, and those views' rms (px)."""
+def _single(views: BoardViews, corners_px: Floats, model: str) -> tuple[CameraCalibration, list[int]]:
+    """One camera, calibrated without the views that fit no pose, and which these are."""
     keep = np.arange(len(corners_px))
     for _ in range(_ROUNDS):
         calibration = calibrate_camera(views.board, corners_px[keep], views.size, model=model)
@@ -150,8 +170,7 @@ def _single(views: BoardViews, corners_px: Floats, model: str) -> tuple[CameraCa
         if len(good) < _MIN_GROUP or np.array_equal(good, keep):
             break
         keep = good
-    bad = np.setdiff1d(np.arange(len(corners_px)), keep)
-    return calibration, {int(k): float(rms[k]) for k in bad}
+    return calibration, np.setdiff1d(np.arange(len(corners_px)), keep).tolist()
 
 
 def _boards_in(views: BoardViews, corners_px: Floats, camera: Camera) -> tuple[Float64, Float64, Float64]:
@@ -185,23 +204,23 @@ def _groups(views: BoardViews, able: Ints, left: Camera, right: Camera, limit_px
         free[members] = False
 
 
-def _settled(views: BoardViews, start: Ints, able: Ints, model: str) -> tuple[StereoCalibration, Ints]:
-    """Fit a group, try every able pair against it, and go on with those that fit, until nothing changes."""
-    inside = start
+def _settled(views: BoardViews, start: Ints, able: Ints, model: str) -> tuple[StereoCalibration, Ints, float]:
+    """Fit a group, try every able pair against it, and go on with those that fit, until nothing changes.
+
+    Returns the rms up to which pairs fit, too.
+    """
+    now = start
     for _ in range(_ROUNDS):
+        inside = now
         calibration = calibrate_stereo(views.only(inside.tolist()), model=model)
-        rms = _tried(views, calibration)
+        tried = fit_rig(views, calibration.rig, free=False)
+        rms = posed_rms_px(tried)
         limit = _WORSE * max(float(np.median(rms[inside])), _LEAST_RMS_PX)
-        now = able[rms[able] <= limit]
+        fitting = able[rms[able] <= limit]
+        now = np.setdiff1d(fitting, refocused_pairs(tried, fitting))
         if len(now) < _MIN_GROUP or np.array_equal(now, inside):
             break
-        inside = now
-    return calibration, inside
-
-
-def _tried(views: BoardViews, calibration: StereoCalibration) -> Float64:
-    """Rms of every pair, posed anew before the rig, px. (n,)."""
-    return np.asarray(np.sqrt((fit_rig(views, calibration.rig, free=False).pair_rms_px ** 2).mean(axis=1)))
+    return calibration, inside, limit
 
 
 def _movement(first: StereoCalibration, second: StereoCalibration) -> str:

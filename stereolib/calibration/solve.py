@@ -16,6 +16,7 @@ from stereolib.rig import Camera, RectifiedRig, StereoRig
 
 _MIN_VIEWS = 3  # of a board: two leave the centre of the image open
 _SAME_PX = 2.0  # boards whose corners differ by less were held still: a hand moves them farther
+_SCALE_STEP_PX = 20  # spacing of the pixels that are asked how rectification moves them
 _STEPS = 200  # to where OpenCV stops by itself
 _LONG_LENS_STEPS = 30  # lenses of more than eight coefficients creep along a flat valley, and a step is slow
 _LONG_LENS = 8
@@ -176,6 +177,36 @@ def epipolar_errors_px(rectified: RectifiedRig, views: BoardViews) -> Float64:
     sides = (views.left_px, "left"), (views.right_px, "right")
     left, right = (rectified.rectify_points(np.reshape(corners, (-1, 2)), side)[:, 1] for corners, side in sides)
     return np.reshape(left - right, (len(views), -1))
+
+
+def rectified_scale(rectified: RectifiedRig) -> tuple[float, float]:
+    """Measure how much rectification magnifies, and what it leaves of the pictures.
+
+    Parameters
+    ----------
+    rectified : RectifiedRig
+
+    Returns
+    -------
+    magnification : float
+        Rectified pixels for a pixel of a picture, along one direction: the median over what is left of it.
+    left : float
+        Share of the picture that the rectified one shows, 0 to 1. Of both cameras the worse.
+    """
+    width, height = rectified.size
+    steps = (
+        np.arange(_SCALE_STEP_PX // 2, width, _SCALE_STEP_PX),
+        np.arange(_SCALE_STEP_PX // 2, height, _SCALE_STEP_PX),
+    )
+    grid = np.stack(np.meshgrid(*steps), -1).reshape(-1, 2)
+    asked, found = np.concatenate([grid, grid + [1, 0], grid + [0, 1]]), []
+    for side in ("left", "right"):
+        at, right, below = rectified.rectify_points(asked, side).reshape(3, -1, 2)
+        (a, b), (c, d) = (right - at).T, (below - at).T
+        shown = np.all((at >= 0) & (at <= np.array([width, height]) - 1), axis=1) & np.isfinite(a * d - b * c)
+        scale = float(np.sqrt(np.median(np.abs(a * d - b * c)[shown]))) if shown.any() else np.inf
+        found.append((scale, float(shown.mean())))
+    return max(scale for scale, _ in found), min(share for _, share in found)
 
 
 def _model(name: str) -> tuple[int, int]:

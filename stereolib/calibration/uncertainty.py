@@ -298,6 +298,11 @@ def rectified_covariance(rectified: RectifiedRig, covariance: Float64, *, step_p
     (3, 3) float64
         Of the focal length (px), the baseline (mm) and the shift of all disparities (px), as true minus believed.
 
+    Raises
+    ------
+    ValueError
+        If the cameras see nothing together there.
+
     Notes
     -----
     Pixels stay, the parameters move: the inverse depth moves by ``a + b / Z`` over the image and depths of 6.5 to
@@ -308,6 +313,8 @@ def rectified_covariance(rectified: RectifiedRig, covariance: Float64, *, step_p
     rig, scale = rectified.rig, rectified.f_px * rectified.baseline_mm
     grids = [_grid(rig, k * rig.baseline_mm, step_px)[2:] for k in _BASELINES]
     points = np.concatenate([points[in_sight] for points, in_sight in grids])
+    if not len(points):
+        raise ValueError(f"the cameras see nothing together between {_BASELINES[0]:g} and {_BASELINES[-1]:g} baselines")
     depth = points[:, 2]
     moves = -triangulation_jacobian(rig, points)[:, 2] / depth[:, None] ** 2
     constant, by_depth = np.linalg.lstsq(np.column_stack([np.ones_like(depth), 1 / depth]), moves, rcond=None)[0]

@@ -14,13 +14,13 @@ import numpy as np
 from stereolib.base import Float64, plus_minus
 from stereolib.calibration.boards import Board, Charuco
 from stereolib.calibration.bundle_adjustment import lens_vector
-from stereolib.calibration.diagnosis import Diagnosis
+from stereolib.calibration.diagnosis import Check, Diagnosis
 from stereolib.calibration.uncertainty import LENS_NAMES
 
-#: What a verdict allows.
+#: What a verdict allows; the errors are one standard deviation, at the distance that was asked about.
 VERDICT_MEANINGS = {
-    "good": "nothing that was tested speaks against this calibration, measure with it",
-    "usable": "sizes and depths to a few per cent; mend what is named for more",
+    "good": "measure with it: depths and lengths err by up to 0.5 %",
+    "usable": "measure with it, to 2 %; mend what is named for more",
     "bad": "do not measure with it; mend what is named and calibrate again",
 }
 _TIED = "\N{NO-BREAK SPACE}"  # keeps a name and its value on one line
@@ -37,7 +37,7 @@ def calibration_facts(diagnosis: Diagnosis) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``verdict reasons warnings model board rms_px K dist R T baseline_mm std pairs_used pairs_refused groups
+        ``verdict reasons advice warnings model board rms_px K dist R T baseline_mm std pairs_used pairs_refused groups
         coverage errors checks lens_models``. K and dist are of ``left`` and ``right``, T is in mm. ``std`` repeats
         their names; its K are fx fy cx cy, and ``R_rad`` are turns about the right camera's axes. What is not known
         is None.
@@ -52,12 +52,18 @@ def calibration_facts(diagnosis: Diagnosis) -> dict[str, Any]:
     stds |= {"baseline_mm": std.baseline_mm, "rectified": d.rectified_std}
     wrong = {"square_pct": d.square_error_pct, "board_pct": d.board_error_pct}
     wrong |= {name: getattr(d, name) for name in ("epipolar_rms_px", "worst_pair", "worst_pair_px")}
-    depth_mm, length_mm = _median(errors.depth_mm), _median(errors.length_mm)
-    wrong |= {"at_mm": errors.at_mm, "depth_std_mm": depth_mm, "length_std_mm": length_mm, "length_mm": errors.of_mm}
-    told = {name: getattr(d, name) for name in ("verdict", "reasons", "warnings", "model")}
+    wrong |= {
+        "at_mm": errors.at_mm,
+        "depth_std_mm": d.depth_mm,
+        "length_std_mm": d.length_mm,
+        "length_mm": errors.of_mm,
+    }
+    wrong |= {name: getattr(d, name) for name in ("depth_pct", "length_pct", "lens_error_pct")}
+    wrong |= {name: getattr(d, name) for name in ("magnification", "picture_left")}
+    told = {name: getattr(d, name) for name in ("verdict", "reasons", "advice", "warnings", "model")}
     told |= {"board": asdict(d.views.board), "rms_px": d.rms_px, **matrices}
     told |= {"R": rig.R, "T": rig.T, "baseline_mm": rig.baseline_mm, "std": stds}
-    told |= {"pairs_used": d.pairs_used, "pairs_refused": d.pairs_left_out}
+    told |= {"pairs_used": d.pairs_used, "pairs_refused": d.pairs_left_out, "pairs_repeated": d.pairs_repeated}
     told |= {"pair_rms_px": dict(zip(d.pairs_used, d.pair_rms_px, strict=True)), "groups": d.groups}
     told |= {"coverage": {"score": d.coverage.score} | asdict(d.coverage), "errors": wrong, "folds": d.folds}
     told |= {"checks": {check.name: check._asdict() for check in d.checks}}
@@ -84,6 +90,21 @@ def calibration_text(diagnosis: Diagnosis) -> str:
     return "\n".join(line for name, text in rows for line in wrap.wrap(f"{name:{width}}{text}")).replace(_TIED, " ")
 
 
+def error_row(diagnosis: Diagnosis) -> tuple[str, str]:
+    """Write what a calibration means in millimetres where the rig is to measure.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+
+    Returns
+    -------
+    (name, text)
+        The distance, and one standard deviation of a depth and of a length there.
+    """
+    return _rows("errors", diagnosis)[0]
+
+
 def parameter_rows(diagnosis: Diagnosis) -> list[tuple[str, str]]:
     """Write every parameter of a calibration, standard deviations behind ``±``.
 
@@ -99,7 +120,7 @@ def parameter_rows(diagnosis: Diagnosis) -> list[tuple[str, str]]:
 
 
 def meaning_rows(diagnosis: Diagnosis) -> list[tuple[str, str]]:
-    """Write what a calibration means in millimetres.
+    """Write what a calibration rests on, and how it does on boards that it has not seen.
 
     Parameters
     ----------
@@ -112,7 +133,7 @@ def meaning_rows(diagnosis: Diagnosis) -> list[tuple[str, str]]:
     return _rows("meaning", diagnosis)
 
 
-def check_rows(diagnosis: Diagnosis) -> list[tuple[str, str, str, str]]:
+def check_rows(diagnosis: Diagnosis) -> list[tuple[str, str, str, str, str]]:
     """Write everything of a calibration that has limits.
 
     Parameters
@@ -121,10 +142,10 @@ def check_rows(diagnosis: Diagnosis) -> list[tuple[str, str, str, str]]:
 
     Returns
     -------
-    list of (name, value, good, usable)
-        Up to which value it is good, and up to which usable.
+    list of (name, value, good, usable, advice)
+        Up to which value it is good, and up to which usable; or, if it does not decide, beyond which it is worth advice.
     """
-    return [(c.name, f"{c.value:.2f} {c.unit}", f"{c.good:.3g}", f"{c.usable:.3g}") for c in diagnosis.checks]
+    return [(check.name, f"{check.value:.2f} {check.unit}", *_limits(check)) for check in diagnosis.checks]
 
 
 def board_text(board: Board) -> str:
@@ -148,6 +169,11 @@ def board_text(board: Board) -> str:
     return f"{kind} of {board.columns} x {board.rows} inner corners, squares of {_edges(board)}"
 
 
+def _limits(check: Check) -> tuple[str, str, str]:
+    good = f"{check.good:.3g}"
+    return (good, f"{check.usable:.3g}", "") if check.decides else ("", "", good)
+
+
 def _rows(template: str, d: Diagnosis) -> list[tuple[str, str]]:
     """Lines ``name | text`` of a template; a line's end within a value is a blank."""
     import jinja2
@@ -160,7 +186,7 @@ def _rows(template: str, d: Diagnosis) -> list[tuple[str, str]]:
         keep_trailing_newline=True,
         finalize=lambda value: re.sub(r"[\r\n]", " ", str(value)),
     )
-    values = {"named": _named, "with_std": plus_minus, "median": _median, "edges": _edges, "degrees": np.degrees}
+    values = {"named": _named, "with_std": plus_minus, "edges": _edges, "degrees": np.degrees}
     values |= {"lens_names": LENS_NAMES, "lenses": {s: lens_vector(getattr(d.rig, s)) for s in ("left", "right")}}
     values |= {"verdict_meaning": VERDICT_MEANINGS.get(d.verdict, ""), "turns": np.ravel(cv2.Rodrigues(d.rig.R)[0])}
     text = templates.get_template(f"{template}.txt.jinja").render(values, d=d)
@@ -178,11 +204,6 @@ def _named(names: Sequence[str], values: Float64, stds: Float64) -> str:
     """As many values as there are, each behind its name."""
     entries = zip(names, values, stds, strict=False)
     return "  ".join(f"{name} {plus_minus(v, s)}".replace(" ", _TIED) for name, v, s in entries) or "none"
-
-
-def _median(values: Float64) -> float:
-    finite = values[np.isfinite(values)]
-    return float(np.median(finite)) if finite.size else float("nan")
 
 
 def _plain(value: Any) -> Any:

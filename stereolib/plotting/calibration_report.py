@@ -23,6 +23,7 @@ from stereolib.calibration import (
     board_text,
     boards_per_cell,
     check_rows,
+    error_row,
     meaning_rows,
     parameter_rows,
 )
@@ -65,12 +66,12 @@ def write_calibration_report(path: Path, diagnosis: Diagnosis, files: Files) -> 
         diagnosis=diagnosis,
         verdict_means=VERDICT_MEANINGS.get(diagnosis.verdict, ""),
         color=_COLORS.get(diagnosis.verdict, _NO_VERDICT_COLOR),
-        notes=[*diagnosis.reasons, *diagnosis.remarks],
+        error=error_row(diagnosis),
         board=board_text(diagnosis.views.board),
         version=__version__,
         checks=check_rows(diagnosis),
         results=[*parameter_rows(diagnosis), *meaning_rows(diagnosis)],
-        refused=[f"refused: {name}: {reason}" for name, reason in diagnosis.pairs_left_out.items()],
+        refused=[f"left out: {names}: {reason}" for names, reason in diagnosis.left_out_by_reason],
         pictures={
             "corners": _corners(diagnosis, files),
             "coverage": _coverage(diagnosis),

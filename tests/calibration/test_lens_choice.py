@@ -7,7 +7,7 @@ import pytest
 from support.corners import corner_set, draw_rig
 
 from stereolib.calibration import HoldOut, calibrate_stereo, choose_lens_model, hold_out_errors, hold_out_splits
-from stereolib.calibration.lens_choice import left_out_rms_px, lengthened, neighbour_errors
+from stereolib.calibration.lens_choice import left_out_errors, left_out_rms_px, lengthened, neighbour_fits
 from stereolib.rig import Camera, StereoRig
 
 
@@ -53,9 +53,9 @@ def test_left_out_without_a_refit_is_what_refits_find(brown):
     assert left_out_rms_px(calibrate_stereo(some).fit) == pytest.approx(slow.hold_out_rms_px, rel=2e-3)
 
 
-def test_neighbour_errors_reach_the_lens_that_took_the_pictures(brown):
+def test_neighbours_reach_the_lens_that_took_the_pictures(brown):
     for model, asked in (("pinhole", ["pinhole", "brown2", "brown3"]), ("rational8", ["brown3", "rational8"])):
-        results = neighbour_errors(brown, calibrate_stereo(brown, model=model).fit, model)
+        results = left_out_errors(neighbour_fits(brown, calibrate_stereo(brown, model=model).fit, model))
         assert [r.model for r in results][: len(asked)] == asked
         assert choose_lens_model(results) in ("brown2", "brown3")  # this rig's k3 is hardly above its deviation
 

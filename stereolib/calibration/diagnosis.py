@@ -93,6 +93,8 @@ class Diagnosis:
         What `fold_inside` says, of either camera; empty for a sound lens.
     lenses : tuple of HoldOut
         Of this lens model and its neighbours, shortest first; empty for too few pairs.
+    fit : RigFit
+        The problem at its minimum, of the pairs used.
     checks : tuple of Check
         Everything that has limits.
     warnings : tuple of str
@@ -122,6 +124,7 @@ class Diagnosis:
     worst_pair_px: float
     folds: tuple[str, ...]
     lenses: tuple[HoldOut, ...]
+    fit: RigFit
     checks: tuple[Check, ...] = ()
     warnings: tuple[str, ...] = ()
     verdict: str = ""
@@ -201,6 +204,7 @@ def diagnose(
         worst_pair_px=float(epipolar[worst]),
         folds=tuple(f"the {side} lens {fold}" for side, fold in folds),
         lenses=tuple(neighbour_errors(used, fit, model)) if len(used) >= _FEW_PAIRS else (),
+        fit=fit,
     )
     diagnosis = replace(diagnosis, checks=_checks(diagnosis))
     findings = [  # causes before what they cause

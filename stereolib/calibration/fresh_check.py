@@ -27,6 +27,7 @@ CHECK_MEANINGS = {
 }
 _DRAWS = 32  # of the corners' noise: a standard deviation to an eighth
 _BENT = 0.005  # of the board's longer side, 1 mm of 200 mm: bent so far, it is bent and not the pictures are noisy
+_EXPLAINED = 1.5  # times the noise that the rows show: a flat board before the right rig leaves no more
 _SAME_PX = 0.01  # left and right corners nearer than that are one picture's
 _UNFIT_PX = 1.5  # rms, of pictures 640 px wide: no rig explains such corners, whatever has moved
 _WORSE = 4.0  # times the median rms of the pairs: what honest pairs never reach
@@ -204,7 +205,7 @@ def check_calibration(
     Notes
     -----
     Standard deviations: each principal direction of the calibration's covariance moves the rig once, and the corners
-    are drawn anew, with the noise that the fit leaves; what comes out varies by so much.
+    are drawn anew, with the noise that the rows show; what comes out varies by so much.
 
     Examples
     --------
@@ -223,7 +224,8 @@ def check_calibration(
     _refuse(rig, views, record)
     views, refused, movement = _fitting(rig, views, record)
     points, off, rows = _seen(rig, views)
-    found, std = _measured(rig, views), _deviations(rig, views, record, movement.fit.sigma_px)
+    noise_px = max(_row_plane(views, rows)[1], record.sigma_px)
+    found, std = _measured(rig, views), _deviations(rig, views, record, noise_px)
     squares, longer, *bends, offset, slope = (Estimate(*pair) for pair in zip(found.tolist(), std, strict=True))
     check = CalibrationCheck(
         views=views,
@@ -240,7 +242,7 @@ def check_calibration(
         movement=movement,
         record=record,
     )
-    bent = _bent(check)
+    bent = _bent(check, noise_px)
     checks = _checks(check)[-1 if bent else 0 :]
     level = max(c.level for c in checks)
     verdict = "no verdict" if bent and level < 2 else ("still good", "usable", "recalibrate")[level]
@@ -279,7 +281,10 @@ def _fitting(
     unfit = _UNFIT_PX * max(1.0, views.size[0] / _WIDTH_PX)
     limit = min(unfit, _WORSE * max(float(np.median(rms)), _LEAST_RMS_PX))
     keep = np.flatnonzero(rms <= limit)
-    why = "left and right do not fit together ({:.2f} px): were they taken at one instant, by this rig?"
+    why = (
+        "left and right do not fit together ({:.2f} px): were they taken at one instant, by this rig, of "
+        "a board of this size?"
+    )
     refused = {views.names[k]: why.format(rms[k]) for k in np.flatnonzero(rms > limit)}
     if not len(keep):
         raise ValueError("; ".join(f"{name}: {text}" for name, text in refused.items()))
@@ -317,36 +322,49 @@ def _measured(rig: StereoRig, views: BoardViews) -> Float64:
     x, y, _ = (2 * (views.board.points_mm / views.board.points_mm.max(axis=0, initial=1e-9)) - 1).T
     surface = np.column_stack([np.ones_like(x), x, y, x * x, x * y, y * y]).astype(float)
     bends = [np.linalg.lstsq(surface[at], d[at], rcond=None)[0][3:] for d in off if (at := np.isfinite(d)).any()]
-    u, v = np.moveaxis(views.left_px.astype(float) / views.size - 0.5, -1, 0)
+    return np.array(
+        [
+            np.nanmean(sizes.square_pct),
+            np.nanmean(sizes.board_pct),
+            *np.mean(bends, axis=0),
+            *_row_plane(views, rows)[0][:2],
+        ]
+    )
+
+
+def _row_plane(views: BoardViews, rows: Float64) -> tuple[Float64, float]:
+    """Rows' offset in the middle, change over the width and over the height; and the noise of a corner they leave, px.
+
+    Rows know nothing of the board's shape, so that this noise is the corners' own, even of a bent board.
+    """
     known = np.isfinite(rows)
-    plane = np.linalg.lstsq(np.column_stack([np.ones(known.sum()), u[known], v[known]]), rows[known], rcond=None)[0]
-    return np.array([np.nanmean(sizes.square_pct), np.nanmean(sizes.board_pct), *np.mean(bends, axis=0), *plane[:2]])
+    at = np.column_stack([np.ones(known.sum()), views.left_px[known].astype(float) / views.size - 0.5])
+    plane = np.linalg.lstsq(at, rows[known], rcond=None)[0]
+    return plane, float(np.std(rows[known] - at @ plane) / np.sqrt(2))
 
 
-def _deviations(rig: StereoRig, views: BoardViews, record: CalibrationRecord, sigma_px: float) -> list[float]:
+def _deviations(rig: StereoRig, views: BoardViews, record: CalibrationRecord, noise_px: float) -> list[float]:
     """Standard deviations of what `_measured` tells, for a rig and a board that are as they should be."""
     values, vectors = np.linalg.eigh(record.covariance)
     found = _measured(rig, views)
     steps = (vectors * np.sqrt(np.maximum(values, 0))).T[values > 0]
     by_rig = sum(((_measured(moved_rig(rig, step), views) - found) ** 2 for step in steps), np.zeros(len(found)))
-    noise, rng = record.scatter * max(sigma_px, record.sigma_px), np.random.default_rng(0)
-    draws = []
+    rng, draws = np.random.default_rng(0), []
     for _ in range(_DRAWS):
         left, right = (
-            (corners + rng.normal(0, noise, corners.shape)).astype(np.float32)
+            (corners + rng.normal(0, noise_px, corners.shape)).astype(np.float32)
             for corners in (views.left_px, views.right_px)
         )
         draws.append(_measured(rig, replace(views, left_px=left, right_px=right)))
-    return [float(std) for std in np.sqrt(by_rig + np.var(draws, axis=0))]
+    by_noise = record.scatter**2 * np.var(draws, axis=0)
+    return [float(std) for std in np.sqrt(by_rig + by_noise)]
 
 
-def _bent(check: CalibrationCheck) -> str:
-    """How the board is bent, for every rig that its pairs allow; empty for a flat one, or for one that a rig bends."""
-    views = check.views
-    least = _BENT * float(np.ptp(views.board.points_mm, axis=0).max())
-    again = dict(zip(check.bend_mm, _measured(check.movement.rig, views)[2:5], strict=True))
+def _bent(check: CalibrationCheck, noise_px: float) -> str:
+    """How the board is bent; empty for a flat one, or where a rig that has moved explains it to the corners' noise."""
+    least = _BENT * float(np.ptp(check.views.board.points_mm, axis=0).max())
     worst, bend = max(check.bend_mm.items(), key=lambda item: abs(item[1].value))
-    if not bend.sure or min(abs(bend.value), abs(again[worst])) < least:
+    if not bend.sure or abs(bend.value) < least or check.movement.fit.sigma_px < _EXPLAINED * noise_px:
         return ""
     towards = "towards" if bend.value > 0 else "away from"
     how = f"{plus_minus(abs(bend.value), bend.std)} mm {worst}, its rim {towards} the cameras"
@@ -386,7 +404,8 @@ def _findings(check: CalibrationCheck, bent: str) -> Iterator[str]:
 def _moved_text(check: CalibrationCheck, moved: Moved) -> str:
     """One movement in words, with what it does, and what would look alike."""
     rig, value, distance = check.rig, abs(moved.value), float(np.median(check.distance_mm))
-    edge, share = check.views.board.square_mm, 100 / rig.baseline_mm
+    edge, longer = check.views.board.square_mm, 1 + moved.value / rig.baseline_mm
+    share = 100 / rig.baseline_mm
     way, too = _WAYS[moved.what][moved.value < 0]
     text = _MOVED[moved.what].format(
         way=way,
@@ -394,13 +413,13 @@ def _moved_text(check: CalibrationCheck, moved: Moved) -> str:
         degrees=f"{plus_minus(*np.degrees([value, moved.std]))} degrees",
         mm=f"{plus_minus(value, moved.std)} mm",
         percent=f"{plus_minus(100 * value, 100 * moved.std)} %",
-        share=f"{plus_minus(share * value, share * moved.std)} %",
+        share=f"{plus_minus(share * value / longer, share * moved.std / longer**2)} %",
         rows=rig.right.K[1, 1] * value,
         width=rig.right.size[0] * value,
         at=distance,
         depth=distance * value * share,
         edge=edge,
-        other=edge / (1 + moved.value / rig.baseline_mm),
+        other=edge / longer,
     )
     alike = [_LIKE[name] for name in moved.alike]
     return text + f" (as well explained by {' or '.join(alike)})" * bool(alike)

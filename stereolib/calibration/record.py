@@ -95,7 +95,7 @@ class CalibrationRecord:
             numbers = finite_array([kept["sigma_px"], kept["scatter"]], (2,), "sigma_px and scatter")
             return cls(covariance, float(numbers[0]), float(numbers[1]), outer)
         except (ValueError, LookupError, TypeError, AttributeError) as error:
-            why = f"it has no {error}" if isinstance(error, KeyError) else error
+            why = f"it has no {error}" if isinstance(error, KeyError) else str(error).partition(":")[0]  # no matrix
             raise ValueError(f"{path}: what it says of its calibration is damaged ({why}): calibrate again") from error
 
     def facts(self) -> dict[str, Any]:

@@ -86,7 +86,7 @@ def _pairs(paths: Sequence[Path]) -> list[tuple[Path, Path]]:
     if folders:
         raise ValueError(f"{folders[0]} is a folder: expected two of them, left and right, or files only")
     if len(paths) % 2:
-        raise ValueError(f"{paths[-1]} has no partner: {len(paths)} files came, expected left right left right ...")
+        raise ValueError(f"{paths[-1]} has no partner: expected left right left right ..., got {len(paths)} in all")
     pairs = list(zip(paths[::2], paths[1::2], strict=True))
     if twice := [str(left) for left, right in pairs if left.resolve() == right.resolve()]:
         raise ValueError(f"{twice[0]} was given as left and as right: expected left right left right ...")

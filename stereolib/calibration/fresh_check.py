@@ -213,12 +213,11 @@ def check_calibration(
     >>> from stereolib.rig import Camera
     >>> camera = Camera([[700, 0, 320], [0, 700, 240], [0, 0, 1]], [], (640, 480))
     >>> rig, board = StereoRig(camera, camera, np.eye(3), [-90.0, 0, 0]), Checkerboard(9, 6, 25.0)
-    >>> seen = board.points_mm @ [[0.9, 0.1, 0.4], [-0.1, 1.0, 0.0], [0.0, 0.0, 1.0]] + [-60, -50, 600]
-    >>> left, right = (camera.project(seen + [x, 0, 0])[None] for x in (0, -90))
-    >>> views = BoardViews(board, (640, 480), left, right + [0, 1.5], ("01.png",), ())
-    >>> check = check_calibration(rig, views)
+    >>> seen = board.points_mm @ [[0.8, 0.0, 0.6], [0.0, 1.0, 0.0], [-0.6, 0.0, 0.8]] + [-60, -50, 600]
+    >>> left, right = (camera.project(seen + [x, 0, 0])[None] for x in (0, -93))  # by 3 mm farther apart
+    >>> check = check_calibration(rig, BoardViews(board, (640, 480), left, right, ("01.png",), ()))
     >>> check.verdict, check.movement.named[0].what
-    ('recalibrate', 'tilt')
+    ('recalibrate', 'baseline')
     """
     record = record or CalibrationRecord(np.zeros((2 * (4 + rig.left.dist.size) + 6,) * 2), whole=False)
     _refuse(rig, views, record)

@@ -4,10 +4,13 @@ from .bundle_adjustment import RigFit, board_pose, fit_rig, moved_rig, rig_diffe
 from .coverage import Coverage, boards_per_cell
 from .detection import find_in_files
 from .diagnosis import Check, Diagnosis, diagnose
+from .fresh_check import CHECK_MEANINGS, CalibrationCheck, Estimate, check_calibration
 from .laser_boards import LaserBoardView, find_board_in_scan, find_laser_boards_in_files
 from .laser_pose import LidarCamera, calibrate_lidar_to_camera
 from .lens_choice import HoldOut, choose_lens_model, hold_out_errors, hold_out_rigs, hold_out_splits
 from .lens_models import LENS_MODELS, LensFold, fold_inside
+from .movement import MOVEMENTS, Moved, Movement
+from .record import CalibrationRecord
 from .outliers import MIN_PAIRS
 from .solve import (
     CameraCalibration,
@@ -42,13 +45,17 @@ from .wording import (
 )
 
 __all__ = [
+    "CHECK_MEANINGS",
     "INTERVAL_STDS",
     "LENS_MODELS",
     "MIN_PAIRS",
+    "MOVEMENTS",
     "VERDICT_MEANINGS",
     "Agreement",
     "Board",
     "BoardViews",
+    "CalibrationCheck",
+    "CalibrationRecord",
     "CameraCalibration",
     "Charuco",
     "Check",
@@ -56,10 +63,13 @@ __all__ = [
     "Coverage",
     "Diagnosis",
     "ErrorMap",
+    "Estimate",
     "HoldOut",
     "LaserBoardView",
     "LensFold",
     "LidarCamera",
+    "Moved",
+    "Movement",
     "RigFit",
     "RigStd",
     "StereoCalibration",
@@ -72,6 +82,7 @@ __all__ = [
     "calibrate_stereo",
     "calibration_facts",
     "calibration_text",
+    "check_calibration",
     "check_rows",
     "choose_lens_model",
     "compare_calibrations",

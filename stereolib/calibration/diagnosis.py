@@ -126,6 +126,8 @@ class Diagnosis:
         What `fold_inside` says, of either camera; empty for a sound lens.
     lenses : tuple of HoldOut
         Of this lens model and its neighbours, shortest first; empty for too few pairs.
+    fit : RigFit
+        The problem at its minimum, of the pairs used.
     checks : tuple of Check
         Everything that has limits.
     warnings : tuple of str
@@ -162,6 +164,7 @@ class Diagnosis:
     worst_pair_px: float
     folds: tuple[str, ...]
     lenses: tuple[HoldOut, ...]
+    fit: RigFit
     checks: tuple[Check, ...] = ()
     warnings: tuple[str, ...] = ()
     verdict: str = ""
@@ -274,6 +277,7 @@ def diagnose(
         worst_pair_px=float(rows[worst]),
         folds=tuple(f"the {side} lens {fold}" for side, fold in _folds(rig)),
         lenses=lenses,
+        fit=fit,
     )
     diagnosis = replace(diagnosis, checks=_checks(diagnosis))
     return _judged(

@@ -15,6 +15,7 @@ from stereolib.base import Float64, plus_minus
 from stereolib.calibration.boards import Board, Charuco
 from stereolib.calibration.bundle_adjustment import lens_vector
 from stereolib.calibration.diagnosis import Check, Diagnosis
+from stereolib.calibration.record import CalibrationRecord
 from stereolib.calibration.uncertainty import LENS_NAMES
 
 #: What a verdict allows; the errors are one standard deviation, at the distance that was asked about.
@@ -41,6 +42,10 @@ def calibration_facts(diagnosis: Diagnosis) -> dict[str, Any]:
         coverage errors checks lens_models``. K and dist are of ``left`` and ``right``, T is in mm. ``std`` repeats
         their names; its K are fx fy cx cy, and ``R_rad`` are turns about the right camera's axes. What is not known
         is None.
+        ``verdict reasons warnings model board rms_px K dist R T baseline_mm std pairs_used pairs_refused groups
+        coverage errors checks lens_models record``. K and dist are of ``left`` and ``right``, T is in mm. ``std``
+        repeats their names; its K are fx fy cx cy, and ``R_rad`` are turns about the right camera's axes. What is
+        not known is None.
     """
     d, rig, std, errors = diagnosis, diagnosis.rig, diagnosis.std, diagnosis.error_map
     matrices = {
@@ -68,6 +73,7 @@ def calibration_facts(diagnosis: Diagnosis) -> dict[str, Any]:
     told |= {"coverage": {"score": d.coverage.score} | asdict(d.coverage), "errors": wrong, "folds": d.folds}
     told |= {"checks": {check.name: check._asdict() for check in d.checks}}
     told |= {"lens_models": {lens.model: asdict(lens) for lens in d.lenses}}
+    told |= {"record": CalibrationRecord.of(d.fit, d.views).facts()}
     plain: dict[str, Any] = _plain(told)
     return plain
 

@@ -55,7 +55,7 @@ def parse_board(
     return Charuco(columns, rows, mean, marker_mm, dictionary, legacy)
 
 
-def pair_files(left: Path, right: Path) -> list[tuple[Path, Path]]:
+def pair_files(left: Path, right: Path, *, least: int = MIN_PAIRS) -> list[tuple[Path, Path]]:
     """Pair the pictures of two folders by their names, in the order of the numbers in them.
 
     Names belong together if they agree but for words for the side: ``left03.png`` and ``right03.png``, ``3_L.jpg`` and
@@ -77,7 +77,9 @@ def pair_files(left: Path, right: Path) -> list[tuple[Path, Path]]:
         raise ValueError(f"{left} was given for both cameras: the left and the right pictures need a folder each")
     named = [_by_key(files) for files in _pictures(left, right)]
     if set(named[0]).isdisjoint(named[1]) and len(named[0]) == len(named[1]):
-        return _enough([(named[0][a], named[1][b]) for a, b in zip(sorted(named[0]), sorted(named[1]), strict=True)])
+        return _enough(
+            [(named[0][a], named[1][b]) for a, b in zip(sorted(named[0]), sorted(named[1]), strict=True)], least
+        )
     alone = [
         f"without a partner in {other}: {_listed(files[key] for key in sorted(set(files) - set(others)))}"
         for files, others, other in ((named[0], named[1], right), (named[1], named[0], left))
@@ -88,11 +90,11 @@ def pair_files(left: Path, right: Path) -> list[tuple[Path, Path]]:
             f"pictures {'; '.join(alone)}. Expected the same names or numbers in both folders, as 01.png in each, or "
             f"left01.png and right01.png: add the partner or move the odd one away"
         )
-    return _enough([(named[0][key], named[1][key]) for key in sorted(named[0])])
+    return _enough([(named[0][key], named[1][key]) for key in sorted(named[0])], least)
 
 
-def _enough(pairs: list[tuple[Path, Path]]) -> list[tuple[Path, Path]]:
-    if len(pairs) < MIN_PAIRS:
+def _enough(pairs: list[tuple[Path, Path]], least: int) -> list[tuple[Path, Path]]:
+    if len(pairs) < least:
         raise ValueError(
             f"{len(pairs)} pairs ({_listed(a for a, _ in pairs)}) are too few: at least {MIN_PAIRS} with different "
             f"tilts are needed, and 15 to 30 give a trustworthy lens"

@@ -9,6 +9,7 @@ from typing import NoReturn
 from stereolib import __version__
 from stereolib.cli.calibrate import CALIBRATE
 from stereolib.cli.calibrate_laser import CALIBRATE_LASER
+from stereolib.cli.check import CHECK
 from stereolib.cli.command import Command
 from stereolib.cli.data import DATA
 from stereolib.cli.disparity import DISPARITY
@@ -18,7 +19,7 @@ from stereolib.cli.map import MAP
 from stereolib.cli.measure import MEASURE
 from stereolib.cli.reproduce import REPRODUCE
 
-COMMANDS = (REPRODUCE, DATA, DISPARITY, LRF, CALIBRATE, CALIBRATE_LASER, MEASURE, MAP)
+COMMANDS = (REPRODUCE, DATA, DISPARITY, LRF, CALIBRATE, CHECK, CALIBRATE_LASER, MEASURE, MAP)
 
 
 class _Parser(argparse.ArgumentParser):

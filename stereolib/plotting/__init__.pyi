@@ -1,4 +1,5 @@
 from .calibration_report import lens_shift_px, write_calibration_report
+from .check_figure import check_figure
 from .curves import plot_bars, plot_curves, plot_dots
 from .maps import plot_occupancy, plot_scan, plot_scan_polar, plot_scans, plot_sizes, plot_top_view
 from .measurements import plot_height_attempt, plot_intervals
@@ -24,6 +25,7 @@ from .triangulation import plot_triangulation
 __all__ = [
     "COLORS",
     "ImageQuantity",
+    "check_figure",
     "color_disparity",
     "figure_to_image",
     "lens_shift_px",

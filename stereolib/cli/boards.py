@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from stereolib.calibration import Board
 
-MIN_PAIRS = 3  # fewer tilts do not determine a lens
 _SIDES = {"left", "right", "l", "r"}
 _Key = tuple[tuple[bool, int, str], ...]
 
@@ -92,10 +91,12 @@ def pair_files(left: Path, right: Path) -> list[tuple[Path, Path]]:
 
 
 def _enough(pairs: list[tuple[Path, Path]]) -> list[tuple[Path, Path]]:
+    from stereolib.calibration import MIN_PAIRS
+
     if len(pairs) < MIN_PAIRS:
         raise ValueError(
             f"{len(pairs)} pairs ({_listed(a for a, _ in pairs)}) are too few: at least {MIN_PAIRS} with different "
-            f"tilts are needed, and 15 to 30 give a trustworthy lens"
+            f"tilts are needed, and 15 to 30 give a trustworthy rig"
         )
     return pairs
 

@@ -33,6 +33,7 @@ _ERROR_PCT = (0.5, 2.0)
 #: What is worth advice: corners and rows in pixels of an image 640 wide (more for wider ones), focal lengths in per cent.
 _RMS_PX, _EPIPOLAR_PX, _FOCAL_PCT = 0.5, 0.3, 0.5
 _WIDTH_PX = 640
+_LENGTH_MM, _LENGTH_SHARE = 100.0, 0.1  # the length whose error is told; nearer, that share of the distance
 _FEW_PAIRS = 8  # fewer say too little about what they leave out
 _RULER = (0.02, 2.0)  # share of the baseline, and mm: a ruler between two lenses is no better
 _LITTLE_IMAGE = 0.2  # share of the images: a lens that was seen on less is a guess elsewhere
@@ -42,6 +43,13 @@ _FOLDED = 0.001  # of the image: less is worth a word and nothing more
 _SQUARES_MM = (5.0, 300.0)  # other sizes were hardly meant in millimetres
 _LISTED = 4  # pairs of names in one sentence
 _ADVICE = 3  # lines: more are not read
+#: How what boards leave out begins, and what mends it: what leaves the focal length open stands first.
+_REMEDIES = {
+    "all boards fronto-parallel": "",  # says it itself
+    "no boards": ": add such pictures",
+    "all boards at one distance": ": hold some nearer and some farther away",
+    "no views": ": hold the board there in some pictures",
+}
 _NUMBERS = {2: "two", 3: "three", 4: "four"}
 _NOTE, _REMARK, _USABLE, _BAD = -1, 0, 1, 2  # for the record; advice; what makes the verdict no better than that
 
@@ -251,7 +259,12 @@ def diagnose(
     worst = int(np.nanargmax(rows)) if np.isfinite(rows).any() else int(fit.pair_rms_px.max(axis=1).argmax())
     fits = neighbour_fits(used, fit, model) if len(used) >= _FEW_PAIRS else {}
     lenses = left_out_errors(fits)
-    errors, lens_error_pct = _with_lens(error_map(rig, covariance, at_mm=at_mm), rig, fits, _better(lenses, model))
+    errors, lens_error_pct = _with_lens(
+        error_map(rig, covariance, at_mm=at_mm, of_mm=min(_LENGTH_MM, at_mm * _LENGTH_SHARE)),
+        rig,
+        fits,
+        _better(lenses, model),
+    )
     diagnosis = Diagnosis(
         model=model,
         views=used,
@@ -391,11 +404,9 @@ def _coverage_findings(diagnosis: Diagnosis) -> list[Finding]:
     count, coverage = len(diagnosis.views), diagnosis.coverage
     if count < _FEW_PAIRS:
         findings.append(Finding(_REMARK, f"{count} pairs are few: 15 to 30 make the result trustworthy"))
-    regions = [text for text in coverage.missing if text.startswith("no views")]
-    if poses := [text for text in coverage.missing if text not in regions]:
-        findings.append(Finding(_REMARK, f"{'; '.join(poses)}: add such pictures"))
-    if regions:
-        findings.append(Finding(_REMARK, f"{'; '.join(regions)}: hold the board there in some pictures"))
+    for kind, remedy in _REMEDIES.items():
+        if texts := [text for text in coverage.missing if text.startswith(kind)]:
+            findings.append(Finding(_REMARK, "; ".join(texts) + remedy))
     if coverage.image < _LITTLE_IMAGE:
         text = f"the boards cover only {100 * coverage.image:.0f} % of the images: hold them nearer"
         findings.append(Finding(_REMARK, text))

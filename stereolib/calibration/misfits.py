@@ -224,10 +224,13 @@ def _focus_of(views: BoardViews, rig: StereoRig, limit_px: float) -> tuple[Float
 
 
 def _focus_text(scales: Float64) -> str:
+    cameras, amounts = ["the left camera", "the right camera"], scales[_changed(scales) != 0]
+    cameras = [camera for camera, sign in zip(cameras, _changed(scales), strict=True) if sign]
+    if len(cameras) == 2 and abs(scales[0] - scales[1]) < _REFOCUSED / 2:
+        cameras, amounts = ["both cameras"], scales.mean(keepdims=True)
     told = [
-        f"{100 * abs(scale):.1f} % {'longer' if scale > 0 else 'shorter'} in the {side} camera"
-        for side, scale, kind in zip(("left", "right"), scales, _changed(scales), strict=True)
-        if kind
+        f"{100 * abs(amount):.1f} % {'longer' if amount > 0 else 'shorter'} in {camera}"
+        for camera, amount in zip(cameras, amounts, strict=True)
     ]
     return f"taken with another focus, the focal length {' and '.join(told)}: switch autofocus off"
 

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 
 from stereolib.base import Float64, Floats, Ints
-from stereolib.calibration.boards import BoardViews
-from stereolib.calibration.bundle_adjustment import board_poses, fit_rig, project_with_derivatives
+from stereolib.calibration.board_size import board_stretch
+from stereolib.calibration.boards import BoardViews, Checkerboard
+from stereolib.calibration.bundle_adjustment import RigFit, board_poses, fit_rig, project_with_derivatives
 from stereolib.calibration.misfits import by_reason, explain, posed_rms_px, refocused_pairs, repeated_pairs
 from stereolib.calibration.solve import CameraCalibration, StereoCalibration, calibrate_camera, calibrate_stereo
 from stereolib.rig import Camera
@@ -217,10 +218,21 @@ def _settled(views: BoardViews, start: Ints, able: Ints, model: str) -> tuple[St
         rms = posed_rms_px(tried)
         limit = _WORSE * max(float(np.median(rms[inside])), _LEAST_RMS_PX)
         fitting = able[rms[able] <= limit]
-        now = np.setdiff1d(fitting, refocused_pairs(tried, fitting))
+        now = np.setdiff1d(fitting, _refocused(views, tried, fitting))
         if len(now) < _MIN_GROUP or np.array_equal(now, inside):
             break
     return calibration, inside, limit
+
+
+def _refocused(views: BoardViews, tried: RigFit, fitting: Ints) -> Ints:
+    """Pairs with another focus, whatever the squares' height: a stretched board looks like other focal lengths."""
+    found, some = refocused_pairs(tried, fitting), views.only(fitting.tolist())
+    stretch = board_stretch(some, fit_rig(some, tried.rig)) if found.size else None
+    if stretch is None or not isinstance(views.board, Checkerboard):
+        return found
+    board = replace(views.board, aspect=views.board.aspect + stretch[0])
+    rig = fit_rig(replace(some, board=board), tried.rig).rig
+    return refocused_pairs(fit_rig(replace(views, board=board), rig, free=False), fitting)
 
 
 def _movement(first: StereoCalibration, second: StereoCalibration) -> str:

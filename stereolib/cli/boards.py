@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from stereolib.calibration import Board
 
-MIN_PAIRS = 3  # fewer tilts do not determine a lens
 _SIDES = {"left", "right", "l", "r"}
 _Key = tuple[tuple[bool, int, str], ...]
 
@@ -55,7 +54,7 @@ def parse_board(
     return Charuco(columns, rows, mean, marker_mm, dictionary, legacy)
 
 
-def pair_files(left: Path, right: Path, *, least: int = MIN_PAIRS) -> list[tuple[Path, Path]]:
+def pair_files(left: Path, right: Path, *, least: int) -> list[tuple[Path, Path]]:
     """Pair the pictures of two folders by their names, in the order of the numbers in them.
 
     Names belong together if they agree but for words for the side: ``left03.png`` and ``right03.png``, ``3_L.jpg`` and
@@ -66,6 +65,8 @@ def pair_files(left: Path, right: Path, *, least: int = MIN_PAIRS) -> list[tuple
     ----------
     left, right : Path
         Folders.
+    least : int
+        Pairs that there must be.
 
     Raises
     ------
@@ -96,8 +97,8 @@ def pair_files(left: Path, right: Path, *, least: int = MIN_PAIRS) -> list[tuple
 def _enough(pairs: list[tuple[Path, Path]], least: int) -> list[tuple[Path, Path]]:
     if len(pairs) < least:
         raise ValueError(
-            f"{len(pairs)} pairs ({_listed(a for a, _ in pairs)}) are too few: at least {MIN_PAIRS} with different "
-            f"tilts are needed, and 15 to 30 give a trustworthy lens"
+            f"{len(pairs)} pairs ({_listed(a for a, _ in pairs)}) are too few: at least {least} with different "
+            f"tilts are needed, and 15 to 30 give a trustworthy rig"
         )
     return pairs
 

@@ -8,18 +8,21 @@ import math
 import sys
 from pathlib import Path
 
-from stereolib.cli.boards import MIN_PAIRS, pair_files, parse_board
+from stereolib.cli.boards import pair_files, parse_board
 from stereolib.cli.command import Command
 from stereolib.cli.errors import DONE, REFUSED
 from stereolib.cli.outputs import check_outputs
 
 #: Kind of file that `stereolib.rig` saves -> its names, and how many lens coefficients it holds at most.
 _FORMATS = {"opencv": (["opencv.yml"], 14), "ros": (["left.yaml", "right.yaml"], 8), "kalibr": (["camchain.yaml"], 4)}
-_NOTES = """verdict:
-  good    corners fit to 0.5 px, rows agree to 0.3 px (of images 640 px wide, in proportion for wider ones), and boards
-          left out, focal lengths and depths are right to 0.5 %; nothing else speaks against it: measure with it
-  usable  2 px, 1 px and 2 %, or something is named that should be mended: sizes and depths to a few per cent
-  bad     beyond that, or the set is faulty: do not measure with it
+_NOTES = """verdict, by the errors of depth and of length at --at-mm (one standard deviation, the median over the picture):
+  good    both are up to 0.5 %: measure with it
+  usable  up to 2 %: measure with it, to 2 %; mend what is named for more
+  bad     beyond that, or nothing can be said of the errors: do not measure with it
+What makes these errors untrue counts as well: a lens model too short, boards left out whose squares come out wrong or that
+are not as high as wide (by the same limits); a ruler that contradicts, a rig that moved, cameras that cannot be rectified
+or do not overlap there, a lens that folds where boards were seen (bad). All else is advice, at most three lines, the first
+to be followed first; --json and the report have the rest.
 
 exit code: 0 good or usable, 1 bad, 2 wrong input. Boards found are kept in .stereolib_corners beside the pictures, so
 that a second run does not search again; delete that folder at will."""
@@ -42,7 +45,7 @@ def _configure(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--ruler-mm", type=float, metavar="MM", help="distance of the lenses by a ruler: a check")
     parser.add_argument(
-        "--at-mm", type=float, metavar="MM", help="judge depths there (default: where the boards stood)"
+        "--at-mm", type=float, default=1000.0, metavar="MM", help="where you measure: judged there (default: 1000)"
     )
     parser.add_argument("--output", type=Path, default=Path(), metavar="DIR", help="default: this folder")
     parser.add_argument(
@@ -65,12 +68,18 @@ def _run(arguments: argparse.Namespace) -> int:
     for name, value in (("--ruler-mm", arguments.ruler_mm), ("--at-mm", arguments.at_mm)):
         if value is not None and not (math.isfinite(value) and value > 0):
             raise ValueError(f"{name} must be a positive number of mm, got {value}")
-    pairs = pair_files(arguments.left, arguments.right)
-
-    from stereolib.calibration import LENS_MODELS, calibration_facts, calibration_text, diagnose, find_in_files
+    from stereolib.calibration import (
+        LENS_MODELS,
+        MIN_PAIRS,
+        calibration_facts,
+        calibration_text,
+        diagnose,
+        find_in_files,
+    )
     from stereolib.plotting import write_calibration_report
     from stereolib.rig import formats
 
+    pairs = pair_files(arguments.left, arguments.right, least=MIN_PAIRS)
     if arguments.model not in LENS_MODELS:  # before the boards are searched for
         raise ValueError(f"unknown lens model {arguments.model!r}; choose one of {', '.join(LENS_MODELS)}")
     for kind in others:
@@ -83,7 +92,7 @@ def _run(arguments: argparse.Namespace) -> int:
         raise ValueError(
             f"the board of {arguments.board} inner corners was found in both views of only {len(views)} pairs "
             f"({', '.join(views.names)}), not in {', '.join(views.missing)}: at least {MIN_PAIRS} are needed, 15 to "
-            f"30 give a trustworthy lens; is the board's size right?"
+            f"30 give a trustworthy rig; is the board's size right?"
         )
     result = diagnose(views, model=arguments.model, ruler_mm=arguments.ruler_mm, at_mm=arguments.at_mm)
     facts = calibration_facts(result)

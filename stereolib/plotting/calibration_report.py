@@ -29,12 +29,21 @@ from stereolib.calibration import (
 )
 from stereolib.plotting.curves import plot_curves, plot_dots
 from stereolib.plotting.output import save_figure
-from stereolib.plotting.pictures import ImageQuantity, plot_arrows, plot_corners, plot_image, plot_points, plot_quantity
+from stereolib.plotting.pictures import (
+    ImageQuantity,
+    plot_arrows,
+    plot_corners,
+    plot_crop,
+    plot_image,
+    plot_points,
+    plot_quantity,
+)
 from stereolib.plotting.style import panels
 from stereolib.rig import Camera, read_image
 
 Files: TypeAlias = Mapping[str, tuple[Path, Path]]
 _SHOWN_PAIRS = 6
+_SHOWN_CORNERS = 6
 _COLORS = {"good": "#1b6e3c", "usable": "#8a6100", "bad": "#a33a12"}
 _NO_VERDICT_COLOR = "#555555"
 
@@ -76,6 +85,7 @@ def write_calibration_report(path: Path, diagnosis: Diagnosis, files: Files) -> 
             "corners": _corners(diagnosis, files),
             "coverage": _coverage(diagnosis),
             "errors": _residuals(diagnosis),
+            "worst": _worst_corners(diagnosis, files),
             "lenses": _lenses(diagnosis),
             "uncertainty": _uncertainty(diagnosis),
         },
@@ -160,6 +170,29 @@ def _residuals(diagnosis: Diagnosis) -> list[str]:
     plot_curves(curves, ax, xlabel="", ylabel="rms (px)", title=title, joined=False, ylim=(0, None))
     ax.set_xticks(numbers, [name[-16:] for name in views.names], rotation=70)
     return [_embedded(shown) for shown in (figure, bars)]
+
+
+def _worst_corners(diagnosis: Diagnosis, files: Files) -> list[str]:
+    """Crops of the pictures round the corners that are farthest from where the rig predicts them."""
+    views, sides = diagnosis.views, ("left", "right")
+    known = np.array([name in files for name in views.names])
+    off_px = np.nan_to_num(np.linalg.norm(diagnosis.residuals_px, axis=3)) * known[:, None]
+    worst = np.argsort(off_px, axis=None)[::-1][:_SHOWN_CORNERS]
+    worst = worst[off_px.ravel()[worst] > 0]
+    if not worst.size:
+        return []
+    figure, axes = panels(3, -(-len(worst) // 3), width_in=12, aspect=1.05)
+    for ax, index in zip(axes, worst, strict=False):
+        side, k, corner = np.unravel_index(index, off_px.shape)
+        found = (views.left_px, views.right_px)[side][k, corner].astype(float)
+        row, column = divmod(int(corner), views.board.columns)
+        file = files[views.names[k]][side]
+        title = f"{file.name} ({sides[side]}), corner of column {column + 1}, row {row + 1}: {off_px[side, k, corner]:.2f} px off"
+        plot_crop(read_image(file, grey=True), found, found - diagnosis.residuals_px[side, k, corner], ax, title)
+    for ax in axes[len(worst) :]:
+        ax.set_axis_off()
+    axes[0].legend(loc="lower left", fontsize=8)
+    return [_embedded(figure)]
 
 
 def _lenses(diagnosis: Diagnosis) -> list[str]:

@@ -92,6 +92,38 @@ def plot_corners(image: UInt8 | None, corners_px: Floats, columns: int, ax: Axes
 
 
 @default_style
+def plot_crop(
+    image: UInt8, found_px: Floats, predicted_px: Floats, ax: Axes, title: str = "", *, side_px: int = 40
+) -> Axes:
+    """Draw the surroundings of a point enlarged: where it was found, and where it was predicted.
+
+    Parameters
+    ----------
+    image : (H, W) or (H, W, 3) uint8
+    found_px, predicted_px : (2,) float, px
+    ax : matplotlib.axes.Axes
+    title : str
+    side_px : int
+        Of the square that is shown, round the point that was found.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+    """
+    plot_image(image, ax, title)
+    ax.images[0].set_interpolation("nearest")
+    ax.title.set_fontsize(10)
+    for (x, y), color, marker, name in (
+        (predicted_px, COLORS[0], "x", "predicted"),
+        (found_px, COLORS[1], "+", "found"),
+    ):
+        ax.plot([x], [y], marker, color=color, ms=16, mew=2, ls="none", label=name)
+    (x, y), half = np.round(found_px), side_px / 2
+    ax.set(xlim=(x - half, x + half), ylim=(y + half, y - half))
+    return ax
+
+
+@default_style
 def plot_disparity(
     disparity_px: Floats, ax: Axes, title: str = "", *, low: float = 0, high: float | None = None, bar: bool = True
 ) -> Any:

@@ -1,11 +1,16 @@
-"""Seventeen sets with one known fault each: the fault is named, and the pairs that have it."""
+"""Sets with one known fault each: the fault is named, and the pairs that have it."""
 
 from __future__ import annotations
 
+import re
+
+import numpy as np
 import pytest
-from support.faults import bad_sets
+from support.corners import corner_set, draw_rig
+from support.faults import bad_sets, misfit_sets
 
 from stereolib.calibration import diagnose, fit_rig
+from stereolib.calibration.outliers import sort_pairs
 from stereolib.paper import paper_rig
 
 FAULTS = list(bad_sets())
@@ -20,9 +25,32 @@ def test_fault_is_named(fault):
         return
     found = diagnose(fault.views, model=fault.model, ruler_mm=fault.ruler_mm)
     assert any(fault.says in warning for warning in found.warnings)
-    assert found.verdict != "good"
+    assert found.verdict == (fault.verdict or found.verdict)
+    assert bool(found.reasons) == (found.verdict != "good")
     assert set(found.pairs_refused) == set(fault.pairs)
-    assert found.reasons
+    assert 1 <= len(found.advice) + len(found.reasons) and len(found.advice) <= 3
+    assert fault.says in " ".join([*found.reasons, *found.advice])
+
+
+@pytest.mark.parametrize("fault", [*misfit_sets(1), *misfit_sets(2)], ids=lambda fault: fault.name)
+def test_pairs_that_do_not_fit_are_explained(fault):
+    test_fault_is_named(fault)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_sound_sets_are_free_of_them(seed):
+    rng = np.random.default_rng([seed, 18])
+    pairs, noise_px = (int(rng.choice([6, 8, 15, 30])), float(rng.choice([0.03, 0.2])))
+    found = sort_pairs(corner_set(rng, rig=draw_rig(rng), pairs=pairs, noise_px=noise_px))
+    assert not found.refused and not found.moved_by
+
+
+def test_what_changed_in_the_focus_is_told():
+    for camera, found in (
+        (f.name.rpartition("of ")[2], diagnose(f.views)) for f in misfit_sets(3) if "focus" in f.name
+    ):
+        (share,) = re.findall(rf"the focal length ([\d.]+) % longer in {camera}: switch autofocus off", found.advice[0])
+        assert float(share) == pytest.approx(3.0, abs=0.3)
 
 
 def fault(name):

@@ -63,17 +63,22 @@ def named(pairs: list[tuple[Path, Path]]) -> list[tuple[str, str]]:
         (["imgL1", "imgL2", "imgL3"], ["imgR1", "imgR2", "imgR3"], ["imgL1 imgR1", "imgL2 imgR2"]),
         (["01", "02", "03"], ["1", "2", "3"], ["01 1", "02 2"]),
         (["bright-1", "bright-2", "bright-3"], ["bright-1", "bright-2", "bright-3"], ["bright-1 bright-1"]),
-        (["104.2", "99.1", "250.7"], ["104.3", "99.4", "251.0"], ["99.1 99.4", "104.2 104.3", "250.7 251.0"]),
+        (
+            ["104.2", "99.1", "250.7", "8.1", "9.1"],
+            ["104.3", "99.4", "251.0", "8.2", "9.2"],
+            ["8.1 8.2", "9.1 9.2", "99.1 99.4"],
+        ),
     ],
 )
 def test_names_that_belong_together(left: list[str], right: list[str], expected: list[str], tmp_path: Path) -> None:
     folders = [
-        make_files(tmp_path / side, *(f"{name}.png" for name in names)) for side, names in (("a", left), ("b", right))
+        make_files(tmp_path / side, *(f"{name}.png" for name in [*names, "998", "999"][:5]))
+        for side, names in (("a", left), ("b", right))
     ]
     (folders[0] / ".thumbs").write_text("hidden files are passed over")
     (folders[0] / "old").mkdir()
-    pairs = named(pair_files(*folders))
-    assert len(pairs) == 3
+    pairs = named(pair_files(*folders, least=5))
+    assert len(pairs) == 5
     assert [" ".join(name.removesuffix(".png") for name in pair) for pair in pairs][: len(expected)] == expected
 
 
@@ -84,7 +89,7 @@ def test_names_that_belong_together(left: list[str], right: list[str], expected:
          ["without a partner in", "right: 9.png", "left: 7.png, 8.png", "Expected the same names"]),
         ("1.png 2.png 3.png notes.txt Thumbs.db", "1.png 2.png 3.txt",
          ["no readable images", "left: Thumbs.db, notes.txt; in ", "right: 3.txt. Expected only pictures"]),
-        ("1.png 2.png", "1.png 2.png", ["2 pairs (1.png, 2.png) are too few", "at least 3"]),
+        ("1.png 2.png", "1.png 2.png", ["2 pairs (1.png, 2.png) are too few", "at least 5"]),
         ("1.png 01.png 2.png", "1.png 2.png 3.png", ["01.png, 1.png cannot be told apart"]),
         ("", "1.png", ["left is empty"]),
         (" ".join(f"{k}.png" for k in range(12)), "50.png", ["0.png, 1.png, 2.png", "and 4 more"]),
@@ -93,16 +98,16 @@ def test_names_that_belong_together(left: list[str], right: list[str], expected:
 def test_folders_that_do_not_fit_are_listed(left: str, right: str, hints: list[str], tmp_path: Path) -> None:
     folders = [make_files(tmp_path / side, *names.split()) for side, names in (("left", left), ("right", right))]
     with pytest.raises(ValueError) as caught:
-        pair_files(*folders)
+        pair_files(*folders, least=5)
     assert not [hint for hint in hints if hint not in str(caught.value)], str(caught.value)
 
 
 def test_one_folder_twice_and_none(tmp_path: Path) -> None:
     folder = make_files(tmp_path / "left", "1.png", "2.png", "3.png")
     with pytest.raises(ValueError, match="given for both cameras"):
-        pair_files(folder, tmp_path / "left" / ".." / "left")
+        pair_files(folder, tmp_path / "left" / ".." / "left", least=5)
     with pytest.raises(ValueError, match="nowhere is no folder"):
-        pair_files(folder, tmp_path / "nowhere")
+        pair_files(folder, tmp_path / "nowhere", least=5)
 
 
 def test_board_in_inner_corners() -> None:
@@ -121,6 +126,10 @@ def test_board_in_inner_corners() -> None:
     [
         (["--board", "9x6", "--square-mm", "nan"], "positive number of mm, got nan"),
         (["--board", "9x6", "--square-mm", "-25"], "positive number of mm, got -25"),
+        (
+            ["--board", "9x6", "--square-mm", "0.025"],
+            "given as 0.025, but millimetres are expected: for 0.025 m that is 25",
+        ),
         (["--board", "6x6", "--square-mm", "25"], "looks the same after a quarter turn"),
         (["--board", "9by6", "--square-mm", "25"], "inner corners, as 9x6"),
         (["--board", "9x6", "--square-mm", "25x50"], "height over its width must be near 1, got 2.0"),
@@ -137,7 +146,8 @@ def test_board_in_inner_corners() -> None:
 def test_bad_words_are_one_line_and_nothing_is_written(
     words: list[str], hint: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    folders = [str(make_files(tmp_path / side, "1.png", "2.png", "3.png")) for side in ("left", "right")]
+    names = [f"{k}.png" for k in range(5)]
+    folders = [str(make_files(tmp_path / side, *names)) for side in ("left", "right")]
     assert commands.main(["calibrate", *folders, *words, "--output", str(tmp_path / "rig")]) == 2
     error = capsys.readouterr().err
     assert hint in error and error.count("\n") == 1
@@ -145,7 +155,8 @@ def test_bad_words_are_one_line_and_nothing_is_written(
 
 
 def test_a_file_in_the_way_is_said_before_any_work(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    folders = [str(make_files(tmp_path / side, "1.png", "2.png", "3.png")) for side in ("left", "right")]
+    names = [f"{k}.png" for k in range(5)]
+    folders = [str(make_files(tmp_path / side, *names)) for side in ("left", "right")]
     (tmp_path / "rig").write_text("notes")
     assert commands.main(["calibrate", *folders, *WORDS, "--output", str(tmp_path / "rig" / "new")]) == 2
     assert "--output must name a folder" in capsys.readouterr().err
@@ -154,9 +165,10 @@ def test_a_file_in_the_way_is_said_before_any_work(tmp_path: Path, capsys: pytes
 def test_help_states_the_limits_that_are_applied() -> None:
     from stereolib.calibration import diagnosis
 
-    for limits, unit in ((diagnosis._RMS_PX, "px"), (diagnosis._EPIPOLAR_PX, "px"), (diagnosis._LENGTH_PCT, "%")):
-        for limit, line in zip(limits, (r"good.*(?:\n.*)?", "usable.*"), strict=True):
-            assert re.search(rf"{line}\b{limit:g} {unit}", CALIBRATE.notes), (limit, unit)
+    for limit, line in zip(diagnosis._ERROR_PCT, ("good", "usable"), strict=True):
+        assert re.search(rf"{line}.*\b{limit:g} %", CALIBRATE.notes), limit
+        assert f"{limit:g} %" in wording.VERDICT_MEANINGS[line]
+    assert "default: 1000" in make_help()
     assert all(name in make_help() for name in LENS_MODELS)
 
 
@@ -283,9 +295,10 @@ def test_report_is_one_file_with_the_pictures(done: tuple[int, Path, list[str]])
     page = (done[1] / "report.html").read_text(encoding="utf-8")
     assert "9 x 6 inner corners, squares of 25 mm; 18 of 18 pairs of 640 x 480 px; lens model brown3" in page
     assert re.findall(r"<h2>(.*?)</h2>", page) == [
-        "Checked", "Result", "Corners found", "Coverage", "Errors", "Lenses", "Uncertainty", "Pairs"]  # fmt: skip
+        "Checked", "Result", "Corners found", "Coverage", "Errors", "Worst corners", "Lenses",
+        "Uncertainty", "Pairs"]  # fmt: skip
     sources = re.findall(r"<img[^>]*src=\"([^\"]*)\"", page)
-    assert len(sources) == 6 and not re.search(r"https?:|<script|<link|url\(", page)
+    assert len(sources) == 7 and not re.search(r"https?:|<script|<link|url\(", page)
     for source in sources:
         picture = base64.b64decode(source.removeprefix("data:image/png;base64,"))
         drawn = cv2.imdecode(np.frombuffer(picture, np.uint8), cv2.IMREAD_COLOR)
@@ -310,7 +323,9 @@ def test_text_says_what_is_asked_with_deviations(diagnosis: Any) -> None:
         replace(diagnosis, verdict="bad", reasons=("too <few>",), pairs_refused={"odd.jpg": "moved"})
     )
     lines = shown.splitlines()
-    assert re.match(r"bad +do not measure with it", lines[0]) and re.match(r"because +too <few>$", lines[1])
+    assert sum(line.startswith("advice") for line in lines) <= 3
+    assert re.match(r"bad +do not measure with it", lines[0]) and re.match(r"because +too <few>$", lines[2])
+    assert re.match(r"at 1000 mm +depth ± 0\.\d+ mm \(0\.\d+ %\), a length of 100 mm ± 0\.\d+ mm$", lines[1])
     assert re.search(r"^baseline \(mm\) +93\.\d+ ± 0\.\d\d+$", shown, re.M)
     assert re.search(r"^K left \(px\) +fx 7\d\d\.\d+ ± 0\.\d+  fy .* cx .* cy ", shown, re.M)
     assert re.search(r"^dist right +k1 .*±.* p2 .*\s+k3 .*±", shown, re.M)
@@ -334,7 +349,7 @@ def test_facts_are_json_even_where_something_is_unknown(diagnosis: Any) -> None:
 
 
 def test_report_escapes_names_and_does_without_pictures(diagnosis: Any, tmp_path: Path) -> None:
-    odd = replace(diagnosis, pairs_refused={"<b>.jpg": "moved & turned"}, warnings=("a < b",))
+    odd = replace(diagnosis, pairs_refused={"<b>.jpg": "moved & turned"}, advice=("a < b",))
     page = write_calibration_report(tmp_path / "report.html", odd, {}).read_text(encoding="utf-8")
     assert "&lt;b&gt;.jpg: moved &amp; turned" in page and "a &lt; b" in page and "<b>.jpg" not in page
 

@@ -129,7 +129,7 @@ def measure_objects(
         warnings.append(f"nothing stands on the floor within {reach}")
     laser = priors.laser.moved(*judged.solution.laser)
     readings = _NOWHERE if scan is None else laser.points_mm(points_mm(scan))
-    warnings += [*unlike, *apart, *_said_of_the_rig(views, judged, instrument)]
+    warnings += [*unlike, *apart, *_said_of_the_rig(views, judged, _nearest_mm(judged, things), instrument)]
     pictures = views.left, views.right, views.disparity_px
     return Measurement(tuple(objects), tuple(warnings), floor, laser, readings, *pictures)
 
@@ -353,12 +353,18 @@ def _why_unseen(footprint: Footprint, priors: Priors, no_floor: str) -> Why:
     return Why(Reason.NO_TEXTURE)
 
 
-def _said_of_the_rig(views: Views, judged: Judged, instrument: Instrument) -> list[str]:
+def _nearest_mm(judged: Judged, things: list[_Thing]) -> float:
+    """How far the nearest box is of which the pictures tell something."""
+    boxes, numbers = judged.solution.boxes, _numbers(things)
+    pictured = (boxes[numbers[id(thing)]] for thing in things if thing.seen and thing.pictured)
+    return min((float(np.hypot(*own[[Own.X, Own.Y]])) for own in pictured), default=np.inf)
+
+
+def _said_of_the_rig(views: Views, judged: Judged, nearest_mm: float, instrument: Instrument) -> list[str]:
     """What has moved since its calibration, and what nobody could tell."""
     said, solution = [views.rows.warning] if views.rows.warning else [], judged.solution
-    if solution.boxes and not judged.scanned:
-        rectified, nearest = instrument.rectified, min(float(np.hypot(*own[[Own.X, Own.Y]])) for own in solution.boxes)
-        pct = 100 * nearest / (rectified.f_px * rectified.baseline_mm)
+    if np.isfinite(nearest_mm) and not judged.scanned:
+        pct = 100 * nearest_mm / (instrument.rectified.f_px * instrument.rectified.baseline_mm)
         said.append(
             "sizes are the pair's alone: if a camera was turned sideways since its calibration, nothing here shows it; "
             f"each pixel of it changes them by {pct:.1f} %, which is not in their intervals"

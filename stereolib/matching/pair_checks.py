@@ -67,7 +67,7 @@ def check_matchable(left: UInt8, right: UInt8, names: tuple[str, str] = ("left",
 
     Examples
     --------
-    >>> check_matchable(np.zeros((4, 4), np.uint8), np.eye(4, dtype=np.uint8))
+    >>> check_matchable(np.zeros((4, 4), np.uint8), np.eye(4, dtype=np.uint8) * 255)
     Traceback (most recent call last):
     ...
     ValueError: left has one grey value, 0: there is nothing to match; take it again, the lens free

@@ -115,7 +115,7 @@ class Expected:
     std_px : float
         How well that is known.
     low_px, high_px : float
-        It lies in between, outwards of where the model has it.
+        It lies in between, outwards of where the model has it, in the left picture, in which faces are followed.
     plain_px : float
         Where a plain part begins, over which the surface could not be followed: there nearer edges are likelier.
     was_located : bool
@@ -153,6 +153,20 @@ class Expected:
             likely = np.maximum(likely, _BEFORE / (1 + (outwards_px / self.std_px) ** 2))
         return np.asarray(likely)
 
+    def zoomed(self, zoom: float) -> Expected:
+        """The same stretch, in a picture that shows the face by so much wider.
+
+        Parameters
+        ----------
+        zoom : float
+
+        Returns
+        -------
+        Expected
+        """
+        low, high, plain = (zoom * at for at in (self.low_px, self.high_px, self.plain_px))
+        return replace(self, low_px=low, high_px=high, plain_px=plain)
+
     def places(self) -> Float64:
         """Where it is looked for, outwards, `STEP_PX` apart. (N,)."""
         reach = max(3.0 * self.std_px, _LEAST_REACH_PX)
@@ -189,8 +203,11 @@ class Found:
         -------
         Found
         """
-        peak = replace(self.peak, rivals_px=max(rivals_px, self.peak.rivals_px))
-        return replace(self, seen=replace(self.seen, std_px=float(np.hypot(self.seen.std_px, rivals_px))), peak=peak)
+        peak = self.peak
+        if rivals_px <= peak.rivals_px:
+            return self
+        std = float(np.sqrt(peak.std_px**2 - peak.rivals_px**2 + rivals_px**2))
+        return replace(self, seen=replace(self.seen, std_px=std), peak=replace(peak, std_px=std, rivals_px=rivals_px))
 
 
 def find_edge(
@@ -223,7 +240,7 @@ def find_edge(
     eye = _Eye.of(world, edge, own, edge_direction(edge, own, first))
     if not abs(eye.per_mm) > _LEAST_PX_PER_MM:
         return None
-    at, step, per_mm = eye.at, eye.step, eye.per_mm
+    at, step, per_mm, expected = eye.at, eye.step, eye.per_mm, expected.zoomed(eye.zoom)
     outwards = 1 if (per_mm > 0) != (edge is Edge.CORNER) else -1
     places = outwards * expected.places()[::outwards]
     lines = _lines(world, edge, own + (places / per_mm)[:, None] * step, places)
@@ -290,6 +307,8 @@ class _Eye:
         The change of the box's parameters that moves it.
     per_mm : float
         By how much that does across it, px.
+    zoom : float
+        How much more than in the left picture; 1 where that does not show it.
     shown : (2,) bool
         Left, right: an outer end shows where it moves outwards, and not much less than in the other picture; there the
         face itself is hidden, and another edge shows.
@@ -298,6 +317,7 @@ class _Eye:
     at: EdgeSeen
     step: Float64
     per_mm: float
+    zoom: float
     shown: tuple[bool, bool]
 
     @classmethod
@@ -309,12 +329,13 @@ class _Eye:
         both = [EdgeSeen.through(edge, *line, right=right) for line, right in zip(here, (False, True), strict=True)]
         left, right = (float((b.mean(axis=0) - a.point_px) @ a.across) for a, b in zip(both, moved, strict=True))
         if edge not in (Edge.RIGHT_END, Edge.LEFT_END):
-            return cls(both[0], step, left, (True, True))
+            return cls(both[0], step, left, 1.0, (True, True))
         outwards = 1 if (edge is Edge.RIGHT_END) == (both[0].across[0] > 0) else -1
         in_left, in_right = outwards * left, outwards * right
         if in_right > _WIDER * max(in_left, 0.0):
-            return cls(both[1], step, right, (in_left > _SHOWN * in_right, True))
-        return cls(both[0], step, left, (True, in_right > _SHOWN * in_left))
+            in_both = in_left > _SHOWN * in_right
+            return cls(both[1], step, right, in_right / in_left if in_both else 1.0, (in_both, True))
+        return cls(both[0], step, left, 1.0, (True, in_right > _SHOWN * in_left))
 
     def looks_at(self, light: Light) -> Light:
         """The pictures, None for one that does not show it."""

@@ -36,7 +36,7 @@ class Peak:
     Attributes
     ----------
     position_px, std_px : float
-        Its place across, the mean over all that may be the edge, and its standard deviation.
+        Its place across, and its standard deviation.
     contrast : float
         How much the edge stands out: its difference over the median one.
     rivals_px : float
@@ -96,8 +96,8 @@ def locate_edge(light: Light, lines: ParallelLines, belief: Float64, *, samples:
     shows is none. On a texture neighbouring lines resemble each other, across an outline they do not, and often one
     side of it has more texture than the other: the odds of two lines are their strengths' ratio to the power of 12,
     times that of E beside them, larger over smaller, to the power of 3, times their belief's. A parabola refines the
-    likeliest; other peaks move it by their odds. The deviation comes from eight groups of samples, each located by
-    itself, from the edge's width, and from those rivals.
+    likeliest. The deviation comes from eight groups of samples, each located by itself, from the edge's width, and from
+    rival peaks.
     """
     half = max(1, round(_SPAN_PX / 2 / STEP_PX))
     differences = _differences(light, lines, samples, half)
@@ -115,10 +115,10 @@ def locate_edge(light: Light, lines: ParallelLines, belief: Float64, *, samples:
     beside = max(best - 1, 0)
     position = float(middle[beside] + STEP_PX * _highest(strength[beside : best + 2, None])[0])
     scatter = 1.48 * median(np.abs(own - median(own))) / (_GROUPS / 1.57) ** 0.5
-    towards, rivals = _rivals(strength, likely, middle, best)
-    std = float(np.sqrt(scatter**2 + (_FLOOR * _width_px(strength, best)) ** 2 + rivals**2))
+    rivals = _rivals(strength, likely, middle, best)
+    std = float(np.sqrt(scatter**2 + (_FLOOR * _width_px(strength, best)) ** 2 + rivals))
     contrast = float(strength[best] / max(median(strength), 1e-9))
-    return Peak(position + towards, std, contrast, rivals, *_turn(own))
+    return Peak(position, std, contrast, float(np.sqrt(rivals)), *_turn(own))
 
 
 def _differences(light: Light, lines: ParallelLines, samples: int, half: int) -> list[Float32]:
@@ -173,14 +173,12 @@ def _steps(strength: Float64) -> Float64:
     return np.where(shown, np.abs(np.log(np.maximum(before, _LEAST) / np.maximum(after, _LEAST))), 0.0)
 
 
-def _rivals(strength: Float64, likely: Float64, off: Float64, best: int) -> tuple[float, float]:
-    """Mean and deviation of all peaks about the best, each with its odds to be the edge: `likely` is their log. px."""
+def _rivals(strength: Float64, likely: Float64, off: Float64, best: int) -> float:
+    """Mean squared distance of other peaks, each with its odds of being the edge: `likely` is their logarithm. px^2."""
     inner = strength[1:-1]
     peaks = 1 + np.flatnonzero((inner > strength[:-2]) & (inner >= strength[2:]))
-    away, odds = off[peaks] - off[best], np.exp(likely[peaks] - likely[best])
-    odds /= max(odds.sum(), 1.0)
-    mean = float(odds @ away)
-    return mean, float(np.sqrt(max(odds @ away**2 - mean**2, 0.0)))
+    weight = np.exp(likely[peaks] - likely[best])
+    return float((weight * (off[peaks] - off[best]) ** 2).sum() / max(weight.sum(), 1.0))
 
 
 def _turn(own: Float64) -> tuple[float, float]:

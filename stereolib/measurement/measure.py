@@ -14,7 +14,7 @@ import numpy as np
 from stereolib.base import Float32, Float64, UInt8, direction
 from stereolib.laser import Footprint, LaserScan, find_segments, fit_footprint, points_mm
 from stereolib.measurement.agreement import Past
-from stereolib.measurement.box import Box, Edge, Own, Shared
+from stereolib.measurement.box import Box, Edge, Own, Shared, Side
 from stereolib.measurement.floor import Floor, floor_from_pose
 from stereolib.measurement.hypotheses import Judged, judge
 from stereolib.measurement.instrument import Instrument
@@ -44,6 +44,7 @@ _LEAST_STD = 1e-5  # of what a calibration knows, px or mm
 _CALIBRATED = [2, 3, 0]  # of offset, rows, focal length and baseline: in the order of `SystematicUncertainty`
 _LEAST_BEAMS = 2  # in the left picture: one may be a neighbour's
 _CONTRADICTION = 2.2  # standard deviations, as `Solution.misfits` counts: an end lies within 1.6 of its two beams
+_FOLLOWED = 0.9  # share of what was followed of a face that is surely its own
 
 
 @dataclass(frozen=True, eq=False)
@@ -256,8 +257,7 @@ class _Scene:
             if k is None or thing.seen is None or thing.pictured is None or not thing.scanned:
                 kept.append(thing)
                 continue
-            pairs = zip(thing.seen.observations, judged.solution.misfits[k].tolist(), strict=True)
-            scanned = not any(o.of_scan and misfit > _CONTRADICTION for o, misfit in pairs)
+            scanned = not _contradicts(thing.pictured, thing.seen, judged.solution, k)
             agree = tuple(o for o in thing.seen.observations if scanned or not o.of_scan)
             seen = Seen(judged.solution.boxes[k], agree, judged.solution.shared)
             kept.append(replace(thing, seen=seen, scanned=scanned))
@@ -313,6 +313,14 @@ class _Scene:
 def _numbers(things: list[_Thing]) -> dict[int, int]:
     """Numbers in the least squares, by the things' identities."""
     return {id(thing): k for k, thing in enumerate(thing for thing in things if thing.seen)}
+
+
+def _contradicts(pictured: Pictured, seen: Seen, solution: Solution, number: int) -> bool:
+    """The scan's readings or ends miss the box, or it ends a face that the pictures followed farther."""
+    pairs = zip(seen.observations, solution.misfits[number].tolist(), strict=True)
+    hidden = [side.extent for side in Side if pictured.past.get(side.end, Past.OPEN) is not Past.OPEN]
+    shorter = (solution.boxes[number][hidden] < _FOLLOWED * pictured.own[hidden]).any()
+    return bool(shorter or any(o.of_scan and misfit > _CONTRADICTION for o, misfit in pairs))
 
 
 def _scan_share(both: Solution, number: int, pictured: Solution) -> float:

@@ -68,7 +68,9 @@ def test_lines_speak_for_a_surface_or_against_it():
     at = np.arange(N)
     contrast = np.where((at >= 20) & (at < 30), 0.05, 1.0)
     said = lines(until(40, 0.1), contrast).evidence()
-    assert (said[:20] > 0.3).all() and (said[20:30] == 0).all() and (said[30:40] > 0.3).all() and (said[40:] < -0.3).all()
+    assert (
+        (said[:20] > 0.3).all() and (said[20:30] == 0).all() and (said[30:40] > 0.3).all() and (said[40:] < -0.3).all()
+    )
     farther = np.where((at >= 20) & (at < 30), 30.0, 50.0)
     assert (lines(until(20, 0.1), contrast, farther).evidence()[20:30] < 0).all()
     assert (lines(until(40, np.nan), contrast).evidence()[40:] == 0).all()

@@ -9,8 +9,7 @@ from support.boxes import FLOOR, OWN
 from stereolib.base import turn_2d
 from stereolib.laser import LaserScan, find_segments, fit_footprint
 from stereolib.measurement import LaserOnFloor
-from stereolib.measurement.agreement import Past
-from stereolib.measurement.box import Box, Edge, Own, Shared, Side
+from stereolib.measurement.box import Box, Own, Shared, Side
 from stereolib.measurement.observations import EndBetweenBeams, RangesSeen
 from stereolib.measurement.scanned import scan_observations, scanned_box, sides_of
 from stereolib.measurement.scene_solver import Priors, solve

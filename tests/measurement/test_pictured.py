@@ -7,7 +7,7 @@ import re
 import cv2
 import numpy as np
 import pytest
-from support.boxes import OWN, RECT
+from support.boxes import OWN
 from support.pictured import HIGH, of_pair, recorded, rendered, true_box
 
 from stereolib.measurement import CannotMeasure, ObjectRegion, Reason

@@ -3,7 +3,7 @@ from .angles import direction, turn_2d, turn_about_z, wrap_rad
 from .arrays import Bools, Float32, Float64, Floats, Ints, UInt8, finite_array, set_frozen
 from .datasets import ROOT, NotAvailable, available, data_path, figures_dir, real_recording, real_recordings, repository
 from .files import check_nesting, check_target, read_bytes, read_json, read_text, read_yaml, write_atomic
-from .numbers import plus_minus
+from .numbers import counted, plus_minus
 
 __all__ = [
     "ROOT",
@@ -17,6 +17,7 @@ __all__ = [
     "available",
     "check_nesting",
     "check_target",
+    "counted",
     "data_path",
     "datasets",
     "direction",

@@ -5,6 +5,27 @@ from __future__ import annotations
 import math
 
 
+def counted(count: int, noun: str) -> str:
+    """Write a number of things; the noun takes an s where they are not one.
+
+    Parameters
+    ----------
+    count : int
+    noun : str
+        Of one thing.
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> counted(1, "station"), counted(0, "wall")
+    ('1 station', '0 walls')
+    """
+    return f"{count} {noun}{'s' * (count != 1)}"
+
+
 def plus_minus(value: float, std: float) -> str:
     """Write a value with its standard deviation, the deviation to two digits and the value to as many decimals.
 

@@ -8,9 +8,12 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from stereolib.cli.outputs import listed
+
 if TYPE_CHECKING:
     from stereolib.calibration import Board
 
+_LEAST_SQUARE_MM = 1.0  # a shorter edge was given in metres: such corners are no pixel apart at arm's length
 _SIDES = {"left", "right", "l", "r"}
 _Key = tuple[tuple[bool, int, str], ...]
 
@@ -44,6 +47,8 @@ def parse_board(
     for edge in edges:
         if not (math.isfinite(edge) and edge > 0):
             raise ValueError(f"the square's edge must be a positive number of mm, got {edge:g}")
+        if edge < _LEAST_SQUARE_MM:
+            raise ValueError(f"--square-mm is in millimetres, as 25; no camera sees squares of {edge:g} mm")
     mean, aspect = sum(edges) / len(edges), edges[-1] / edges[0]
     if marker_mm is None:
         if legacy:
@@ -97,8 +102,8 @@ def pair_files(left: Path, right: Path, *, least: int) -> list[tuple[Path, Path]
 def _enough(pairs: list[tuple[Path, Path]], least: int) -> list[tuple[Path, Path]]:
     if len(pairs) < least:
         raise ValueError(
-            f"{len(pairs)} pairs ({_listed(a for a, _ in pairs)}) are too few: at least {least} with different "
-            f"tilts are needed, and 15 to 30 give a trustworthy rig"
+            f"too few pairs, {len(pairs)} ({_listed(a for a, _ in pairs)}): at least {least} with different tilts "
+            f"are needed, and 15 to 30 give a trustworthy rig"
         )
     return pairs
 
@@ -137,6 +142,5 @@ def _by_key(files: Iterable[Path]) -> dict[_Key, Path]:
     return {key: paths[0] for key, paths in found.items()}
 
 
-def _listed(files: Iterable[Path], most: int = 8) -> str:
-    names = [path.name for path in files]
-    return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
+def _listed(files: Iterable[Path]) -> str:
+    return listed(path.name for path in files)

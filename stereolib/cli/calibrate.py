@@ -8,6 +8,7 @@ import math
 import sys
 from pathlib import Path
 
+from stereolib.base import counted
 from stereolib.cli.boards import pair_files, parse_board
 from stereolib.cli.command import Command
 from stereolib.cli.errors import DONE, REFUSED
@@ -90,9 +91,9 @@ def _run(arguments: argparse.Namespace) -> int:
     views = find_in_files(left, right, board, progress=sys.stderr.isatty())
     if len(views) < MIN_PAIRS:
         raise ValueError(
-            f"the board of {arguments.board} inner corners was found in both views of only {len(views)} pairs "
-            f"({', '.join(views.names)}), not in {', '.join(views.missing)}: at least {MIN_PAIRS} are needed, 15 to "
-            f"30 give a trustworthy rig; is the board's size right?"
+            f"the board of {arguments.board} inner corners was found in both views of only "
+            f"{counted(len(views), 'pair')} ({', '.join(views.names)}), not in {', '.join(views.missing)}: at least "
+            f"{MIN_PAIRS} are needed, 15 to 30 give a trustworthy rig; is the board's size right?"
         )
     result = diagnose(views, model=arguments.model, ruler_mm=arguments.ruler_mm, at_mm=arguments.at_mm)
     facts = calibration_facts(result)

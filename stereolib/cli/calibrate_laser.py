@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from stereolib.base import check_target
+from stereolib.base import check_target, counted
 from stereolib.cli.boards import parse_board
 from stereolib.cli.command import Command
 from stereolib.cli.errors import DONE
@@ -43,8 +43,9 @@ def _run(arguments: argparse.Namespace) -> int:
         files.append(sorted(path for path in folder.iterdir() if path.suffix.lower() in endings))
     if len(files[0]) != len(files[1]) or not files[0]:
         raise ValueError(
-            f"{len(files[0])} pictures ({' '.join(_PICTURES)}) and {len(files[1])} scans (.bin): there must be one "
-            f"scan for each picture, in the order of their names"
+            f"{counted(len(files[0]), 'picture')} ({' '.join(_PICTURES)}) in {arguments.pictures} and "
+            f"{counted(len(files[1]), 'scan')} (.bin) in {arguments.scans}: there must be one scan for each picture, "
+            f"in the order of their names"
         )
     views = find_laser_boards_in_files(files[0], files[1], board, rig.left, margin_mm=arguments.margin_mm)
     pose = calibrate_lidar_to_camera(views)

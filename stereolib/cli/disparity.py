@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from stereolib.cli.command import Command
-from stereolib.cli.errors import DONE
+from stereolib.cli.errors import DONE, named
 from stereolib.cli.outputs import check_ending, check_outputs
 
 _OUT = """(H, W) float32, px, NaN invalid; a picture goes beside it, and from `best` NPY_std.npy, the standard deviation
@@ -18,8 +18,8 @@ _OPTIONS = {
     "looks for a multiple of 32 disparities, got": "needs a --max-disparity that is a multiple of 32, got",
     "reduce num_disparities, min_disparity or block_size": "reduce --max-disparity",
     "reduce num_disparities": "reduce --max-disparity",
-    "its calibration (RectifiedRig.rectify)": "its rig: --calibration FILE",
 }
+_RECTIFY = "Rectify it with its calibration (RectifiedRig.rectify)"
 
 
 def _configure(parser: argparse.ArgumentParser) -> None:
@@ -30,7 +30,7 @@ def _configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--max-disparity", type=int, default=128, metavar="N", help="px, a multiple of 16, of 32 for fast (128)"
     )
-    parser.add_argument("--out", type=Path, default=Path("disparity.npy"), metavar="NPY", help=_OUT)
+    parser.add_argument("--output", type=Path, default=Path("disparity.npy"), metavar="NPY", help=_OUT)
     parser.add_argument("--force", action="store_true", help="replace the files if they are there")
 
 
@@ -47,23 +47,27 @@ def _run(arguments: argparse.Namespace) -> int:
 
     with _named_as_options():
         run = stereo_pipeline(arguments.pipeline, arguments.max_disparity)
-    out = arguments.out
-    check_ending(out, ".npy", "the map (--out)")
+    out, files = arguments.output, (arguments.left, arguments.right)
+    check_ending(out, ".npy", "the map (--output)")
     picture, deviation = out.with_suffix(".png"), out.with_name(f"{out.stem}_std.npy")
     written = [out, picture, *([deviation] if arguments.pipeline == "best" else [])]
-    check_outputs(written, force=arguments.force, option="--out")
-    pair = read_pair(arguments.left, arguments.right)
-    check_matchable(*pair, (str(arguments.left), str(arguments.right)))
+    check_outputs(written, force=arguments.force, option="--output")
+    pair = read_pair(*files)
+    check_matchable(*pair, (str(files[0]), str(files[1])))
     if arguments.calibration:
-        pair = StereoRig.load(arguments.calibration).rectify().rectify(*pair)
-    with _named_as_options():
+        with named(arguments.calibration):
+            rectified = StereoRig.load(arguments.calibration).rectify()
+        with named(*files):
+            pair = rectified.rectify(*pair)
+    with named(*files), _named_as_options(arguments.calibration):
         unsure = np.isnan(check_rectified(*pair))
         estimate = run(*pair)
     if unsure:
         print("note: too few points of the two pictures could be matched to tell whether the pair is rectified")
     valid = np.isfinite(estimate.disparity_px)
     if not valid.any():
-        raise ValueError("no pixel was matched: check that the pictures are a stereo pair, left one first")
+        which = " and ".join(map(str, files))
+        raise ValueError(f"{which}: no pixel was matched; check that they are a stereo pair, left one first")
     low, high = (float(limit) for limit in np.percentile(estimate.disparity_px[valid], (1, 99)))
     for path, array in ((out, estimate.disparity_px), (deviation, estimate.std_px)):
         if array is not None:
@@ -77,12 +81,13 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 @contextmanager
-def _named_as_options() -> Iterator[None]:
+def _named_as_options(calibration: Path | None = None) -> Iterator[None]:
     """What the library says of its own arguments, in the words of the command line."""
+    remedy = f"Is {calibration} of these cameras, and as they stand now? Else calibrate them again"
     try:
         yield
     except ValueError as error:
-        text = str(error)
+        text = str(error).replace(_RECTIFY, remedy if calibration else "Rectify it with its rig: --calibration FILE")
         for said, option in _OPTIONS.items():
             text = text.replace(said, option)
         raise ValueError(text) from None
@@ -91,7 +96,7 @@ def _named_as_options() -> Iterator[None]:
 DISPARITY = Command(
     "disparity",
     "match a pair of pictures and write its disparity map",
-    "stereolib disparity left.png right.png --pipeline best --max-disparity 96 --out d.npy",
+    "stereolib disparity left.png right.png --pipeline best --max-disparity 96 --output d.npy",
     _run,
     _configure,
 )

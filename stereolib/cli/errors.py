@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 DONE, REFUSED, WRONG_INPUT, INTERRUPTED = 0, 1, 2, 130
 
@@ -51,6 +52,18 @@ def guarded(run: Callable[[], int], interrupted: str = "") -> int:
     except (ValueError, OSError) as error:
         _say(f"error: {_told(error)}")
     return WRONG_INPUT
+
+
+@contextmanager
+def named(*files: object) -> Iterator[None]:
+    """Put the files before what the library says of what it was given of them, unless it says so itself."""
+    try:
+        yield
+    except ValueError as error:
+        text = str(error)
+        if any(str(file) in text for file in files):
+            raise
+        raise ValueError(f"{' and '.join(map(str, files))}: {text}") from error
 
 
 def _told(error: Exception) -> str:

@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from stereolib.base import plus_minus
+from stereolib.base import counted, plus_minus
 from stereolib.cli.command import Command
 from stereolib.cli.errors import DONE, REFUSED
 from stereolib.cli.outputs import check_outputs
@@ -60,7 +60,7 @@ def _configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--calibration", type=Path, metavar="FILE", help="default: FOLDER/calibration.json")
     parser.add_argument("--poses", type=Path, metavar="CSV", help="default: FOLDER/poses.csv, if it is there")
     parser.add_argument(
-        "--out", type=Path, metavar="DIR", help="where to write; default: FOLDER's name with _map, here"
+        "--output", type=Path, metavar="DIR", help="where to write; default: FOLDER's name with _map, here"
     )
     parser.add_argument("--force", action="store_true", help="replace a map that is there")
     parser.add_argument("--json", action="store_true", help="print one JSON object")
@@ -70,10 +70,10 @@ def _run(arguments: argparse.Namespace) -> int:
     from stereolib.mapping import NothingToMap, list_stations, map_recordings
     from stereolib.measurement import Instrument
 
-    out = arguments.out or Path(f"{arguments.folder.resolve().name}_map")
+    out = arguments.output or Path(f"{arguments.folder.resolve().name}_map")
     if in_the_way := [path for path in (out, *out.parents) if path.is_file()]:
-        raise ValueError(f"--out must name a folder, but {in_the_way[0]} is a file")
-    check_outputs([out / name for name in _FILES], force=arguments.force, option="--out")
+        raise ValueError(f"--output must name a folder, but {in_the_way[0]} is a file")
+    check_outputs([out / name for name in _FILES], force=arguments.force, option="--output")
     found = list_stations(arguments.folder, arguments.poses)
     instrument = Instrument.load(arguments.calibration or arguments.folder / "calibration.json")
     try:
@@ -136,7 +136,8 @@ def _station_facts(recorded: RecordedMap, station: Station) -> dict[str, Any]:
 def map_text(recorded: RecordedMap) -> str:
     """A block for each object, their sums, and a line for each station with what is to be said of it."""
     room = recorded.room
-    lines = [f"{len(room.objects)} objects, {len(room.walls)} walls, from {len(room.stations)} stations"]
+    stations = counted(len(room.stations), "station")
+    lines = [f"{counted(len(room.objects), 'object')}, {counted(len(room.walls), 'wall')}, from {stations}"]
     for name, each in zip(room.names, room.objects, strict=True):
         x, y = each.fused.position_mm
         place = f"at x {x:.0f}, y {y:.0f} mm, seen from station {', '.join(_seen_from(room, each.stations))}"
@@ -222,7 +223,7 @@ def _table(objects: list[dict[str, Any]]) -> str:
 MAP = Command(
     "map",
     "one map of several stations: objects with sizes, walls, free floor, from pairs of pictures and scans",
-    "stereolib map walk --out walk_map",
+    "stereolib map walk --output walk_map",
     _run,
     _configure,
     notes=_NOTES,

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stereolib.cli.command import Command
-from stereolib.cli.errors import DONE, REFUSED
+from stereolib.cli.errors import DONE, REFUSED, named
 from stereolib.cli.outputs import check_ending, check_outputs
 from stereolib.cli.told import object_details, object_facts, object_title, wrapped
 
@@ -48,7 +48,8 @@ def _configure(parser: argparse.ArgumentParser) -> None:
         f"floor is seen; taken as right to {_FLOOR_STD[0]:g} mm and {_FLOOR_STD[1]:g} degrees, or to what is added "
         "(HEIGHT,PITCH,STD,STD). --floor=450,-20 looks down by 20 degrees",
     )
-    parser.add_argument("--picture", type=Path, metavar="PNG", help="default: LEFT's name with _measured.png, here")
+    parser.add_argument("--output", type=Path, metavar="PNG", help="default: LEFT's name with _measured.png, here")
+    parser.add_argument("--picture", dest="output", type=Path, help=argparse.SUPPRESS)  # what it was called
     parser.add_argument("--force", action="store_true", help="replace the picture if it is there")
     parser.add_argument("--json", action="store_true", help="print one JSON object")
 
@@ -58,17 +59,20 @@ def _run(arguments: argparse.Namespace) -> int:
 
     from stereolib.base import write_atomic
     from stereolib.mapping import read_scan
+    from stereolib.matching import check_matchable
     from stereolib.measurement import Instrument, draw_objects, measure_objects
     from stereolib.rig import read_pair
 
-    picture = arguments.picture or Path(f"{arguments.left.stem}_measured.png")
+    picture = arguments.output or Path(f"{arguments.left.stem}_measured.png")
     check_ending(picture, ".png", "the picture")
-    check_outputs([picture], force=arguments.force, option="--picture")
-    instrument = Instrument.load(arguments.calibration)
-    pair = read_pair(arguments.left, arguments.right)
+    check_outputs([picture], force=arguments.force, option="--output")
+    instrument, files = Instrument.load(arguments.calibration), (arguments.left, arguments.right)
+    pair = read_pair(*files)
+    check_matchable(*pair, (str(files[0]), str(files[1])))
     scan = None if arguments.scan is None else read_scan(arguments.scan)
     floor = None if arguments.floor is None else floor_by_hand(instrument.rectified, arguments.floor)
-    measured = measure_objects(*pair, scan, instrument, floor=floor)
+    with named(*files):
+        measured = measure_objects(*pair, scan, instrument, floor=floor)
     if floor is not None and (text := otherwise_seen(pair, floor)):
         measured = replace(measured, warnings=(text, *measured.warnings))
     write_atomic(picture, cv2.imencode(".png", draw_objects(measured))[1].tobytes())
@@ -145,19 +149,23 @@ def measured_text(measured: Measurement) -> str:
 
     lines, nameless = [], [item for item in measured.objects if np.isnan(item.size_mm).all()]
     for k, item in enumerate((item for item in measured.objects if item not in nameless), start=1):
-        x, y = item.position_mm
-        place = f"at {x:.0f} mm ahead, {abs(y):.0f} mm {'left' if y >= 0 else 'right'}"
-        lines += [object_title(str(k), item), *(f"   {line}" for line in object_details(item, place))]
+        details = object_details(item, f"at {_place(*item.position_mm)}")
+        lines += [object_title(str(k), item), *(f"   {line}" for line in details)]
     if nameless:
-        places = "; ".join(f"{x:.0f} mm ahead, {y:+.0f} mm left" for x, y in (item.position_mm for item in nameless))
+        places = "; ".join(_place(*item.position_mm) for item in nameless)
         lines.append(f"also seen, but not measurable (pieces of wall, what is cut or hidden): {places}")
     return wrapped([*lines, *(f"warning: {text}" for text in measured.warnings)])
+
+
+def _place(ahead_mm: float, left_mm: float) -> str:
+    """Where on the floor, in words."""
+    return f"{ahead_mm:.0f} mm ahead, {abs(left_mm):.0f} mm {'left' if left_mm >= 0 else 'right'}"
 
 
 MEASURE = Command(
     "measure",
     "sizes of the things in a pair of pictures and a scan, with standard deviations",
-    "stereolib measure left.jpg right.jpg --scan scan.bin --calibration calibration.json --floor=85,8.3",
+    "stereolib measure left.jpg right.jpg --scan scan.bin --calibration calibration.json --floor=450,-20",
     _run,
     _configure,
     notes=_NOTES,

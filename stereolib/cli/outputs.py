@@ -7,6 +7,14 @@ from pathlib import Path
 
 from stereolib.base import check_target
 
+_MOST_NAMED = 3  # files in the way that are named, which is enough to know them by
+
+
+def listed(files: Iterable[object], most: int = 8) -> str:
+    """Files by path or name, at most so many, and how many more there are."""
+    names = list(map(str, files))
+    return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
+
 
 def check_outputs(paths: Iterable[Path], *, force: bool, option: str) -> None:
     """Refuse to overwrite, and find out before the work whether each file can be written.
@@ -27,10 +35,9 @@ def check_outputs(paths: Iterable[Path], *, force: bool, option: str) -> None:
         If one cannot be written.
     """
     paths = list(paths)
-    if (there := [str(path) for path in paths if path.is_file()]) and not force:
-        raise FileExistsError(
-            f"{' and '.join(there)} would be overwritten: name another place with {option}, or pass --force"
-        )
+    if (there := [path for path in paths if path.is_file()]) and not force:
+        which = listed(there, _MOST_NAMED)
+        raise FileExistsError(f"{which} would be overwritten: name another place with {option}, or pass --force")
     for path in paths:
         check_target(path)
 

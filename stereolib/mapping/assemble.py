@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stereolib.base import Float64
+from stereolib.base import Float64, counted
 from stereolib.mapping.sightings import MapObject, Sighting, may_be_same, merge_sightings
 from stereolib.mapping.stations import Station, station_names
 from stereolib.mapping.walls import MapWall, find_walls
@@ -123,11 +123,11 @@ def merge_stations(
     if not objects and not walls:
         readings = sum(len(station.scan_mm) for station in stations)
         raise NothingToMap(
-            f"the map is empty: none of the {len(stations)} stations measured an object, and their {readings} readings "
-            f"make no wall of {least_wall_mm:g} mm. See the warnings of the single measurements, or go nearer"
+            f"the map is empty: {counted(len(stations), 'station')} measured no object, and {readings} readings of "
+            f"scans make no wall of {least_wall_mm:g} mm. See the warnings of the single measurements, or go nearer"
         )
     result = Map(tuple(objects), tuple(walls), tuple(stations), ())
-    warnings = [] if objects else [f"no object: none of the {len(stations)} stations measured one"]
+    warnings = [] if objects else [f"no object: {counted(len(stations), 'station')} measured none"]
     for name, each in zip(result.names, objects, strict=True):
         warnings += [f"{name}: {text}" for text in each.conflicts]
         reasons = each.fused.reasons

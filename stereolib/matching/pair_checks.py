@@ -1,4 +1,4 @@
-"""What is wrong with a pair: not rectified, exchanged, one picture twice, nothing to see."""
+"""What is wrong with a pair: not rectified, exchanged, nothing to see."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from stereolib.rig import check_pair, to_grey
 _KEYPOINTS = 300  # at most, in each picture
 _LEAST_MATCHES = 50  # that tell something of a pair's rows
 _OFF_ROWS = 0.15  # of the image's height: matches whose rows differ by more are mistaken
+_LENS_COVERED = 6  # grey levels that 98 of 100 pixels lie within: a sensor's noise in the dark, or full white
 _OFF_PLANE_PX = (6.0, 3.0, 2.0)  # from the plane through the rows' offsets, round by round
 
 
@@ -36,7 +37,8 @@ def check_rectified(left: UInt8, right: UInt8, limit_px: float = 1.0) -> float:
     """
     check_pair(left, right)
     a, b = _matched_points(left, right)
-    if not a.size or np.median(a[:, 0] - b[:, 0]) < 0:  # else the points say already which side is which
+    backward = bool(a.size) and float(np.median(a[:, 0] - b[:, 0])) < 0
+    if not a.size or backward:  # else the points say already which side is which
         check_sides(to_grey(left), to_grey(right))
     offsets = b[:, 1] - a[:, 1]
     rms = float(np.sqrt((offsets**2).mean())) if offsets.size else float("nan")
@@ -44,12 +46,13 @@ def check_rectified(left: UInt8, right: UInt8, limit_px: float = 1.0) -> float:
         rows = f"over {offsets.size} matched points the rows differ by {rms:.1f} px rms"
         limit = f"(median {np.median(offsets):+.1f} px), at most {limit_px:g} px is allowed"
         advice = "Rectify it with its calibration (RectifiedRig.rectify)"
-        raise ValueError(f"the pair is not rectified: {rows} {limit}. {advice}")
+        sides = "; x_left - x_right is mostly negative, as if left and right were exchanged" * backward
+        raise ValueError(f"the pair is not rectified: {rows} {limit}{sides}. {advice}")
     return rms
 
 
 def check_matchable(left: UInt8, right: UInt8, names: tuple[str, str] = ("left", "right")) -> None:
-    """Refuse a pair in which nothing can be matched: one picture twice, or one of a single grey value.
+    """Refuse a pair in which nothing can be matched, as one picture shows nothing.
 
     Parameters
     ----------
@@ -60,46 +63,54 @@ def check_matchable(left: UInt8, right: UInt8, names: tuple[str, str] = ("left",
     Raises
     ------
     ValueError
-        If one has a single grey value, both are equal, or they are no pair.
+        If one is of a single grey value or little more, or they are no pair.
 
     Examples
     --------
-    >>> check_matchable(np.zeros((4, 4), np.uint8), np.eye(4, dtype=np.uint8))
+    >>> check_matchable(np.zeros((4, 4), np.uint8), np.eye(4, dtype=np.uint8) * 255)
     Traceback (most recent call last):
     ...
-    ValueError: left has one grey value, 0: there is nothing to match; was the lens covered?
+    ValueError: left has one grey value, 0: there is nothing to match; take it again, the lens free
     """
     check_pair(left, right, names)
-    for name, image in zip(names, (left, right), strict=True):
-        if np.ptp(to_grey(image)) == 0:
-            value = to_grey(image)[0, 0]
-            raise ValueError(f"{name} has one grey value, {value}: there is nothing to match; was the lens covered?")
-    if np.array_equal(left, right):
-        why = "are the same picture, every disparity would be 0: give the left and the right camera's"
-        raise ValueError(f"{names[0]} and {names[1]} {why}")
+    blind = [f"{name} has {only}" for name, i in zip(names, (left, right), strict=True) if (only := _only_greys(i))]
+    if blind:
+        why = "there is nothing to match; take it again, the lens free"
+        raise ValueError(f"{' and '.join(blind)}: {why}")
 
 
-def check_sides(left: UInt8, right: UInt8) -> None:
+def check_sides(left: UInt8, right: UInt8, exchanged: tuple[UInt8, UInt8] | None = None) -> None:
     """Refuse a pair that matches clearly better the other way round; looked at in half size.
 
     Parameters
     ----------
     left, right : (H, W) uint8
+    exchanged : pair of (H, W) uint8, optional
+        The pair the other way round, where each picture is rectified as the other camera's; default: ``right, left``.
 
     Raises
     ------
     ValueError
         If left and right are exchanged.
     """
-    small = [_half_size(image) for image in (left, right)]
-    width = small[0].shape[1]
+    ways = [[_half_size(image) for image in way] for way in ((left, right), exchanged or (right, left))]
+    width = ways[0][0].shape[1]
     params = SGBMParams(num_disparities=max(16, width // 5 // 16 * 16))
     if width < 2 * params.num_disparities:
         return  # too narrow to tell
-    matched = [np.isfinite(match_pair(a, b, params)).mean() for a, b in (small, small[::-1])]
+    matched = [np.isfinite(match_pair(a, b, params)).mean() for a, b in ways]
     if matched[1] > max(0.3, 2 * matched[0]):  # chance matches in noise prove nothing
         why = "matches run the other way (x_left - x_right is negative); swap the images"
         raise ValueError(f"left and right are exchanged: {why}")
+
+
+def _only_greys(image: UInt8) -> str:
+    """The grey values of a picture that shows nothing; empty of others."""
+    grey = to_grey(image)
+    low, high = (int(value) for value in np.percentile(grey, (1, 99)))
+    if high - low >= _LENS_COVERED:
+        return ""
+    return f"one grey value, {low}" if np.ptp(grey) == 0 else f"grey values from {low} to {high} alone"
 
 
 def _matched_points(left: UInt8, right: UInt8) -> tuple[Float64, Float64]:

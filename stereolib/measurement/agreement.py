@@ -21,6 +21,8 @@ _FIRST, _SECOND = (0.8, 0.55), (0.55, 0.35)  # correlations from which on pictur
 _QUIET, _TYPICAL = 0.3, 0.75  # what has less than this share of a surface's typical contrast (a quantile) is plain
 _COST = 0.2  # of a line that does not agree, in lines that do: so many must follow on a plain part
 _DISAGREE = 3  # lines in a row that disagree end a surface
+_AGAIN = 2.0  # but where it goes on beyond: so many lines that agree outweigh each that these three are moved on
+_EVEN, _WEIGHT = 0.5, 1.0  # correlation that speaks neither for nor against a surface; logarithm of odds to a unit
 _LEAST_POWER = 1e-12  # of two lines' slopes: a correlation of nothing with nothing is 0
 _BESIDE = 12  # lines past an end that tell what is there
 
@@ -119,15 +121,14 @@ class Agreement:
         Reach(last=3, stop=5, past=<Past.OPEN: 'it ends there'>, sure=3)
         """
         (least, most), values = (_SECOND, self.whole) if second else (_FIRST, self.fine)
-        typical = np.sort(self.contrast[: max(known, 1)])
-        plain = self.contrast < _QUIET * typical[round(_TYPICAL * (len(typical) - 1))]
-        farther = self.matched_px < (1 - _NEARER) * self.predicted_px - _NEARER_PX
-        good, bad = (values > least) & ~plain, ~(values > most) & (~plain | farther)
-        run = np.convolve(bad, np.ones(_DISAGREE), "valid") == _DISAGREE
-        shown = np.isfinite(values)
-        stop = min(_first(run, len(values)), _first(~shown, len(values)))
-        gained = np.cumsum(good[:stop] - _COST * ~good[:stop])
-        last = int(np.argmax(gained)) if good[:stop].any() else -1
+        plain = self._plain(known)
+        good, bad = (values > least) & ~plain, ~(values > most) & (~plain | self._farther)
+        shown, run = np.isfinite(values), np.zeros(len(values), bool)
+        run[: 1 - _DISAGREE] = np.convolve(bad, np.ones(_DISAGREE), "valid") == _DISAGREE
+        rim = _first(~shown, len(values))
+        gained = np.cumsum(good - _COST * ~good - _AGAIN * run)[:rim]
+        last = int(np.argmax(gained)) if good[:rim].any() else -1
+        stop = min(last + 1 + _first(run[last + 1 :], len(values)), rim)
         cut = stop < len(values) and not shown[stop : stop + _MARGIN].all()
         nearer = (1 + _NEARER) * self.predicted_px[max(last, 0)] + _NEARER_PX
         beside = self.matched_px[last + 1 + _MARGIN : last + 1 + _BESIDE]
@@ -137,6 +138,26 @@ class Agreement:
         sure = int(np.flatnonzero((good & own)[: last + 1]).max(initial=min(last, 0)))
         last, sure = (max(at - _MARGIN, min(at, 0)) for at in (last, sure))
         return Reach(last, max(stop - 1, 0), past, sure)
+
+    def evidence(self) -> Float64:
+        """How much each line speaks for lying on the surface, as a logarithm of odds; 0 where it is too plain to tell.
+
+        Returns
+        -------
+        (lines,) float64
+        """
+        tells = np.isfinite(self.whole) & (~self._plain(len(self.whole)) | self._farther)
+        return np.where(tells, _WEIGHT * (self.whole - _EVEN), 0.0)
+
+    def _plain(self, known: int) -> Bools:
+        """Lines of little contrast, against the first ones."""
+        typical = np.sort(self.contrast[: max(known, 1)])
+        return np.asarray(self.contrast < _QUIET * typical[round(_TYPICAL * (len(typical) - 1))])
+
+    @property
+    def _farther(self) -> Bools:
+        """Lines where something farther was matched."""
+        return np.asarray(self.matched_px < (1 - _NEARER) * self.predicted_px - _NEARER_PX)
 
 
 def _first(flags: Bools, none: int) -> int:

@@ -13,7 +13,7 @@ import numpy as np
 
 from stereolib.base import Float64, read_json, write_atomic
 from stereolib.calibration import LidarCamera
-from stereolib.rig import RectifiedRig, StereoRig
+from stereolib.rig import RectifiedRig, StereoRig, formats
 
 _ROTATION_TOLERANCE = 1e-6  # of R R', for which a file's digits are enough
 
@@ -82,6 +82,8 @@ class Instrument:
             If it is no rig file, or what it says of the laser or the deviations cannot be used.
         """
         rig, text = _read_rig(path)
+        with formats.naming(path):
+            rectified = rig.rectify()
         remedy = "run `stereolib calibrate` again"
         try:
             known = text.get("calibration", {}).get("std", {}).get("rectified", {})
@@ -92,7 +94,7 @@ class Instrument:
         except (ValueError, LookupError, TypeError, AttributeError) as error:
             what = f"what it says of the laser or of deviations is damaged ({error})"
             raise ValueError(f"{path}: {what}: {remedy}") from error
-        return cls(rig.rectify(), lidar, uncertainty)
+        return cls(rectified, lidar, uncertainty)
 
 
 def save_laser_pose(path: str | PathLike[str], lidar: LidarCamera) -> Path:

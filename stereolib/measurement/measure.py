@@ -14,7 +14,7 @@ import numpy as np
 from stereolib.base import Float32, Float64, UInt8, direction
 from stereolib.laser import Footprint, LaserScan, find_segments, fit_footprint, points_mm
 from stereolib.measurement.agreement import Past
-from stereolib.measurement.box import Box, Edge, Own, Shared
+from stereolib.measurement.box import Box, Edge, Own, Shared, Side
 from stereolib.measurement.floor import Floor, floor_from_pose
 from stereolib.measurement.hypotheses import Judged, judge
 from stereolib.measurement.instrument import Instrument
@@ -43,7 +43,8 @@ _LIKELY = 0.5  # probability from which something is said to have moved
 _LEAST_STD = 1e-5  # of what a calibration knows, px or mm
 _CALIBRATED = [2, 3, 0]  # of offset, rows, focal length and baseline: in the order of `SystematicUncertainty`
 _LEAST_BEAMS = 2  # in the left picture: one may be a neighbour's
-_CONTRADICTION = 3.0  # standard deviations by which readings miss the face they were on, as `Solution.misfits` counts
+_CONTRADICTION = 2.2  # standard deviations, as `Solution.misfits` counts: an end lies within 1.6 of its two beams
+_FOLLOWED = 0.9  # share of what was followed of a face that is surely its own
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,7 +130,7 @@ def measure_objects(
         warnings.append(f"nothing stands on the floor within {reach}")
     laser = priors.laser.moved(*judged.solution.laser)
     readings = _NOWHERE if scan is None else laser.points_mm(points_mm(scan))
-    warnings += [*unlike, *apart, *_said_of_the_rig(views, judged, instrument)]
+    warnings += [*unlike, *apart, *_said_of_the_rig(views, judged, _nearest_mm(judged, things), instrument)]
     pictures = views.left, views.right, views.disparity_px
     return Measurement(tuple(objects), tuple(warnings), floor, laser, readings, *pictures)
 
@@ -237,8 +238,7 @@ class _Scene:
             return thing if thing.why and thing.why.reason in NOT_STANDING else self._scanned(thing)
         if thing.is_round:
             return thing
-        turn, past = float(thing.pictured.own[Own.TURN]), thing.pictured.past
-        readings = scan_observations(footprint, self.priors.laser, turn, past)
+        readings = scan_observations(footprint, self.priors.laser, float(thing.pictured.own[Own.TURN]))
         seen = replace(thing.seen, observations=(*thing.seen.observations, *readings))
         return replace(thing, seen=seen, scanned=bool(readings))
 
@@ -249,7 +249,7 @@ class _Scene:
         return replace(thing, seen=seen, why=why, scanned=seen is not None, pictured=None)
 
     def solved(self, things: list[_Thing]) -> tuple[Judged, list[_Thing], list[str]]:
-        """The least squares, without readings that contradict the pair; and what is said of them."""
+        """The least squares, without the scan of what contradicts the pair; and what is said of it."""
         judged, kept, warnings = self._judged(things), list[_Thing](), list[str]()
         numbers = _numbers(things)
         for thing in things:
@@ -257,9 +257,8 @@ class _Scene:
             if k is None or thing.seen is None or thing.pictured is None or not thing.scanned:
                 kept.append(thing)
                 continue
-            pairs = list(zip(thing.seen.observations, judged.solution.misfits[k].tolist(), strict=True))
-            agree = tuple(o for o, misfit in pairs if not (o.of_scan and misfit > _CONTRADICTION))
-            scanned = any(o.of_scan for o in agree)
+            scanned = not _contradicts(thing.pictured, thing.seen, judged.solution, k)
+            agree = tuple(o for o in thing.seen.observations if scanned or not o.of_scan)
             seen = Seen(judged.solution.boxes[k], agree, judged.solution.shared)
             kept.append(replace(thing, seen=seen, scanned=scanned))
             if not scanned:
@@ -316,6 +315,14 @@ def _numbers(things: list[_Thing]) -> dict[int, int]:
     return {id(thing): k for k, thing in enumerate(thing for thing in things if thing.seen)}
 
 
+def _contradicts(pictured: Pictured, seen: Seen, solution: Solution, number: int) -> bool:
+    """The scan's readings or ends miss the box, or it ends a face that the pictures followed farther."""
+    pairs = zip(seen.observations, solution.misfits[number].tolist(), strict=True)
+    hidden = [side.extent for side in Side if pictured.past.get(side.end, Past.OPEN) is not Past.OPEN]
+    shorter = (solution.boxes[number][hidden] < _FOLLOWED * pictured.own[hidden]).any()
+    return bool(shorter or any(o.of_scan and misfit > _CONTRADICTION for o, misfit in pairs))
+
+
 def _scan_share(both: Solution, number: int, pictured: Solution) -> float:
     """Share of what is known of a box's place and turn that the scan gave: ``1 - tr(C_both C_pair^-1) / 3``."""
     first, n = len(Shared), 3
@@ -353,12 +360,18 @@ def _why_unseen(footprint: Footprint, priors: Priors, no_floor: str) -> Why:
     return Why(Reason.NO_TEXTURE)
 
 
-def _said_of_the_rig(views: Views, judged: Judged, instrument: Instrument) -> list[str]:
+def _nearest_mm(judged: Judged, things: list[_Thing]) -> float:
+    """How far the nearest box is of which the pictures tell something."""
+    boxes, numbers = judged.solution.boxes, _numbers(things)
+    pictured = (boxes[numbers[id(thing)]] for thing in things if thing.seen and thing.pictured)
+    return min((float(np.hypot(*own[[Own.X, Own.Y]])) for own in pictured), default=np.inf)
+
+
+def _said_of_the_rig(views: Views, judged: Judged, nearest_mm: float, instrument: Instrument) -> list[str]:
     """What has moved since its calibration, and what nobody could tell."""
     said, solution = [views.rows.warning] if views.rows.warning else [], judged.solution
-    if solution.boxes and not judged.scanned:
-        rectified, nearest = instrument.rectified, min(float(np.hypot(*own[[Own.X, Own.Y]])) for own in solution.boxes)
-        pct = 100 * nearest / (rectified.f_px * rectified.baseline_mm)
+    if np.isfinite(nearest_mm) and not judged.scanned:
+        pct = 100 * nearest_mm / (instrument.rectified.f_px * instrument.rectified.baseline_mm)
         said.append(
             "sizes are the pair's alone: if a camera was turned sideways since its calibration, nothing here shows it; "
             f"each pixel of it changes them by {pct:.1f} %, which is not in their intervals"

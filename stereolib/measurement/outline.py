@@ -8,10 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stereolib.base import Float64
+from stereolib.measurement.agreement import agreement
 from stereolib.measurement.box import Box, Edge, Own, Shared, Side, World, derivatives
 from stereolib.measurement.edges import STEP_PX, Light, ParallelLines, Peak, locate_edge
 from stereolib.measurement.observations import EdgeSeen
 from stereolib.measurement.scene_solver import Priors
+from stereolib.measurement.views import Views
 
 _CLEAR = 1.5  # least contrast of an edge that is looked for afar, against the lines around it
 _STILL_CLEAR = 1.15  # and of one whose place is known
@@ -25,6 +27,7 @@ _FAR_MM, _EARLY = np.arange(0.0, 1000.0, 2.0), 10  # depths that are tried; a te
 _LEAST_SLIVER_PX, _WIDEST_SLIVER_PX = 3.0, 60.0
 _LEAST_AHEAD_MM = 1.0  # of the camera
 _WIDER = 1.5  # the right picture measures an end where it shows the face by so much wider
+_LINES, _SAMPLES = 4, 16  # every fourth line is compared between both pictures, at so many points
 _SHOWN = 0.3  # a picture that shows a face by less than this share of the other's width tells nothing of its end
 _MOVED_BY = {
     Edge.RIGHT_END: Own.RIGHT,
@@ -115,7 +118,7 @@ class Expected:
     std_px : float
         How well that is known.
     low_px, high_px : float
-        It lies in between, outwards of where the model has it.
+        It lies in between, outwards of where the model has it, in the left picture, in which faces are followed.
     plain_px : float
         Where a plain part begins, over which the surface could not be followed: there nearer edges are likelier.
     was_located : bool
@@ -153,6 +156,20 @@ class Expected:
             likely = np.maximum(likely, _BEFORE / (1 + (outwards_px / self.std_px) ** 2))
         return np.asarray(likely)
 
+    def zoomed(self, zoom: float) -> Expected:
+        """The same stretch, in a picture that shows the face by so much wider.
+
+        Parameters
+        ----------
+        zoom : float
+
+        Returns
+        -------
+        Expected
+        """
+        low, high, plain = (zoom * at for at in (self.low_px, self.high_px, self.plain_px))
+        return replace(self, low_px=low, high_px=high, plain_px=plain)
+
     def places(self) -> Float64:
         """Where it is looked for, outwards, `STEP_PX` apart. (N,)."""
         reach = max(3.0 * self.std_px, _LEAST_REACH_PX)
@@ -189,12 +206,15 @@ class Found:
         -------
         Found
         """
-        peak = replace(self.peak, rivals_px=max(rivals_px, self.peak.rivals_px))
-        return replace(self, seen=replace(self.seen, std_px=float(np.hypot(self.seen.std_px, rivals_px))), peak=peak)
+        peak = self.peak
+        if rivals_px <= peak.rivals_px:
+            return self
+        std = float(np.sqrt(peak.std_px**2 - peak.rivals_px**2 + rivals_px**2))
+        return replace(self, seen=replace(self.seen, std_px=std), peak=replace(peak, std_px=std, rivals_px=rivals_px))
 
 
 def find_edge(
-    light: Light,
+    views: Views,
     world: World,
     own: Float64,
     edge: Edge,
@@ -205,8 +225,7 @@ def find_edge(
 
     Parameters
     ----------
-    light : (left, right), each (H, W, 3) or (H, W) float32
-        Rectified pictures as light.
+    views : Views
     world : World
     own : (8,) float64
         The box, in the order of `Own`.
@@ -219,21 +238,40 @@ def find_edge(
     -------
     Found or None
         None where no edge stands out.
+
+    Notes
+    -----
+    Each place is as likely as it was expected, times the odds that the pictures agree about the surface up to there and
+    no farther: a line printed on a face is no end of it.
     """
     eye = _Eye.of(world, edge, own, edge_direction(edge, own, first))
     if not abs(eye.per_mm) > _LEAST_PX_PER_MM:
         return None
-    at, step, per_mm = eye.at, eye.step, eye.per_mm
+    at, step, per_mm, expected = eye.at, eye.step, eye.per_mm, expected.zoomed(eye.zoom)
     outwards = 1 if (per_mm > 0) != (edge is Edge.CORNER) else -1
     places = outwards * expected.places()[::outwards]
-    lines = _lines(world, edge, own + (places / per_mm)[:, None] * step, places)
+    moved = own + (places / per_mm)[:, None] * step
+    lines = _lines(world, edge, moved, places)
     if lines is None:
         return None
-    peak = locate_edge(eye.looks_at(light), lines, expected.belief(outwards * places))
+    belief = expected.belief(outwards * places)
+    if edge is not Edge.CORNER:  # beyond which the other face is almost where this one would be
+        belief = belief * _ends_surface(views, world, Box(moved[::outwards]).edge(edge))[::outwards]
+    peak = locate_edge(eye.looks_at(views.pair.pictures), lines, belief)
     if peak is None or peak.contrast < (_CLEAR if expected.is_wide else _STILL_CLEAR):
         return None
     seen = replace(at, point_px=at.point_px + peak.position_px * at.across, std_px=peak.std_px)
     return Found(seen, peak, peak.position_px / per_mm * step)
+
+
+def _ends_surface(views: Views, world: World, ends_mm: Float64) -> Float64:
+    """How likely a surface ends at neighbouring lines (N, 2, 3), outwards, against the likeliest of them. (N,)."""
+    some = ends_mm[::_LINES]
+    share = (np.arange(_SAMPLES)[:, None] + 0.5) / _SAMPLES
+    along = agreement(views, world, some[:, :1] + share * (some[:, 1:] - some[:, :1]))
+    up_to = np.cumsum(along.evidence())
+    odds = np.interp(np.arange(len(ends_mm)), _LINES * np.arange(len(some)), up_to)
+    return np.asarray(np.exp(odds - odds.max()))
 
 
 def find_far_end(light: Light, world: World, own: Float64, first: Side) -> tuple[float, Peak] | None:
@@ -290,6 +328,8 @@ class _Eye:
         The change of the box's parameters that moves it.
     per_mm : float
         By how much that does across it, px.
+    zoom : float
+        How much more than in the left picture; 1 where that does not show it.
     shown : (2,) bool
         Left, right: an outer end shows where it moves outwards, and not much less than in the other picture; there the
         face itself is hidden, and another edge shows.
@@ -298,6 +338,7 @@ class _Eye:
     at: EdgeSeen
     step: Float64
     per_mm: float
+    zoom: float
     shown: tuple[bool, bool]
 
     @classmethod
@@ -309,12 +350,13 @@ class _Eye:
         both = [EdgeSeen.through(edge, *line, right=right) for line, right in zip(here, (False, True), strict=True)]
         left, right = (float((b.mean(axis=0) - a.point_px) @ a.across) for a, b in zip(both, moved, strict=True))
         if edge not in (Edge.RIGHT_END, Edge.LEFT_END):
-            return cls(both[0], step, left, (True, True))
+            return cls(both[0], step, left, 1.0, (True, True))
         outwards = 1 if (edge is Edge.RIGHT_END) == (both[0].across[0] > 0) else -1
         in_left, in_right = outwards * left, outwards * right
         if in_right > _WIDER * max(in_left, 0.0):
-            return cls(both[1], step, right, (in_left > _SHOWN * in_right, True))
-        return cls(both[0], step, left, (True, in_right > _SHOWN * in_left))
+            in_both = in_left > _SHOWN * in_right
+            return cls(both[1], step, right, in_right / in_left if in_both else 1.0, (in_both, True))
+        return cls(both[0], step, left, 1.0, (True, in_right > _SHOWN * in_left))
 
     def looks_at(self, light: Light) -> Light:
         """The pictures, None for one that does not show it."""

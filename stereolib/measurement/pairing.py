@@ -110,7 +110,8 @@ def pair_up(pictured: Sequence[Place], footprints: Sequence[Footprint], laser: L
     -----
     Two are one object if their distances differ by less than a quarter and their bearings overlap, give or take what
     the laser may have moved. Of all such pairs that which differs least, ``distance / 25 % + bearing / slack``, is
-    taken first. Where nothing stands alone nothing is said.
+    taken first. Where nothing stands alone nothing is said, nor of an outline that is an object of the pictures: what
+    these show behind or above it the scan cannot see.
     """
     scanned = [Place.of(laser.points_mm(footprint.segment.points_mm)) for footprint in footprints]
     all_pairs = [(i, j) for i in range(len(pictured)) for j in range(len(scanned))]
@@ -121,9 +122,9 @@ def pair_up(pictured: Sequence[Place], footprints: Sequence[Footprint], laser: L
             both.append((i, j))
     paired = [scanned[j] for _, j in both]
     alone = [i for i in range(len(pictured)) if i not in {a for a, _ in both}]
-    warnings = [_said_of(pictured[i], scanned[j]) for i, j in all_pairs] if alone else []
-    alone = [i for i in alone if not any(_is_piece(pictured[i], whole) for whole in paired)]
     rest = [j for j in range(len(scanned)) if j not in {b for _, b in both}]
+    warnings = [_said_of(pictured[i], scanned[j]) for i, j in all_pairs if j in rest] if alone else []
+    alone = [i for i in alone if not any(_is_piece(pictured[i], whole) for whole in paired)]
     return Pairs(tuple(both), tuple(alone), tuple(rest), tuple(text for text in warnings if text))
 
 

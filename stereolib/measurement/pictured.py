@@ -304,17 +304,16 @@ def _located(
     """Edges found in the pictures where they are expected; the rivals that some had before remain."""
     found = dict[Edge, Found]()
     for edge in rough.open:
-        got = find_edge(views.pair.pictures, world, rough.own, edge, rough.first, expected[edge])
+        got = find_edge(views, world, rough.own, edge, rough.first, expected[edge])
         if got is not None:
             found[edge] = got.besides(before[edge].rivals_px) if edge in before else got
     return found
 
 
 def _unfollowed(stretch: Stretch) -> Why | None:
-    """A face about which both pictures agree nowhere, or too far above its foot to tell where it ends."""
+    """A face about which both pictures agree nowhere."""
     nowhere = stretch.high.at - stretch.low_mm < _GAP_PX * stretch.mm_per_px
-    plain = stretch.foot_mm > _gap_mm(stretch) and stretch.low_mm - stretch.foot_mm > _gap_mm(stretch)
-    return Why(Reason.NO_TEXTURE) if nowhere or plain else None
+    return Why(Reason.NO_TEXTURE) if nowhere else None
 
 
 def _gap_mm(stretch: Stretch) -> float:
@@ -335,7 +334,7 @@ def _leaning(stretch: Stretch, tilts: list[tuple[float, float]], peaks: dict[Edg
         if abs(tilt) > _LEANING_RAD + _SURE * std:
             return Why(Reason.LEANS, f"by {np.degrees(abs(tilt)):.0f} degrees")
     lean, unfooted = abs(stretch.lean_rad), stretch.low_mm > _gap_mm(stretch)
-    if unfooted and lean > _LEANING_ASIDE_RAD + stretch.lean_std_rad:
+    if lean > _LEANING_ASIDE_RAD + (1.0 if unfooted else _SURE) * stretch.lean_std_rad:
         return Why(Reason.LEANS, f"to the side, by about {np.degrees(lean):.0f} degrees")
     turned = [p for p in peaks.values() if abs(p.turn_px) > max(_LEANING_PX, _SURE * p.turn_std_px)]
     return Why(Reason.LEANS, "its edges are neither upright nor level") if len(turned) > len(peaks) / 2 else None

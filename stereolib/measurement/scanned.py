@@ -6,8 +6,7 @@ import numpy as np
 
 from stereolib.base import wrap_rad
 from stereolib.laser import Footprint
-from stereolib.measurement.agreement import Past
-from stereolib.measurement.box import Edge, Own, Side
+from stereolib.measurement.box import Own, Side
 from stereolib.measurement.laser_on_floor import LaserOnFloor
 from stereolib.measurement.observations import EndBetweenBeams, Observation, RangesSeen, weak_priors
 from stereolib.measurement.scene_solver import Seen
@@ -41,10 +40,8 @@ def sides_of(footprint: Footprint, laser: LaserOnFloor, turn_rad: float) -> dict
     return found
 
 
-def scan_observations(
-    footprint: Footprint, laser: LaserOnFloor, turn_rad: float, past: dict[Edge, Past]
-) -> list[Observation]:
-    """Readings on a box's faces, and the ends that no picture shows.
+def scan_observations(footprint: Footprint, laser: LaserOnFloor, turn_rad: float) -> list[Observation]:
+    """Readings on a box's faces, and their ends: those that the pictures show too tell whether both saw the same box.
 
     Parameters
     ----------
@@ -52,8 +49,6 @@ def scan_observations(
     laser : LaserOnFloor
     turn_rad : float
         Of the box.
-    past : dict
-        What the pictures show at the ends of its faces; an end that they show open is left to them.
 
     Returns
     -------
@@ -72,8 +67,7 @@ def scan_observations(
         found.append(RangesSeen(side, rays.origins_mm, rays.directions, ranges, segment.sigma_mm[mine]))
         for end, name in enumerate(face.ends):
             at_corner = (side is Side.RIGHT) == (end == 1)
-            edge = Edge.CORNER if at_corner else side.end
-            if name == "free" and past.get(edge) is not Past.OPEN:
+            if name == "free":
                 bounds = segment.bounds[end]
                 found.append(EndBetweenBeams(side, at_corner, bounds.origins_mm, bounds.directions))
     return found
@@ -99,5 +93,5 @@ def scanned_box(footprint: Footprint, laser: LaserOnFloor) -> Seen | None:
     own[[Own.X, Own.Y, Own.TURN, Own.HEIGHT]] = *corner, np.arctan2(normal[1], normal[0]), _HEIGHT_MM
     extents = [float(np.linalg.norm(face.ends_mm[1] - face.ends_mm[0])) for face in faces]
     own[[Own.RIGHT, Own.LEFT]] = extents[0], extents[1] if len(faces) > 1 else _HIDDEN_MM
-    readings = scan_observations(footprint, laser, float(own[Own.TURN]), {})
+    readings = scan_observations(footprint, laser, float(own[Own.TURN]))
     return Seen(own, (*weak_priors(own, laser.bias_mm), *readings))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -75,15 +76,19 @@ class Views:
         ValueError
             If pictures and calibration do not fit together.
         """
-        return cls.of_rectified(*rectified.rectify(left, right))
+        return cls.of_rectified(*rectified.rectify(left, right), lambda: rectified.rectify(right, left))
 
     @classmethod
-    def of_rectified(cls, left: UInt8, right: UInt8) -> Views:
+    def of_rectified(
+        cls, left: UInt8, right: UInt8, exchanged: Callable[[], tuple[UInt8, UInt8]] | None = None
+    ) -> Views:
         """Prepare a pair that is rectified already.
 
         Parameters
         ----------
         left, right : (H, W) or (H, W, 3) uint8
+        exchanged : callable, optional
+            Makes the pair as it is if left and right were exchanged; default: ``right, left``.
 
         Returns
         -------
@@ -107,7 +112,8 @@ class Views:
         first, second = (_levelled(_halved(image)) for image in (grey[0], rough.correct(grey[1])))
         small = match_pair(first, second, _narrow(_window(roughly), first), whole=True)
         if np.isnan(small).mean() > _DOUBTFUL:
-            check_sides(*grey)
+            other = exchanged() if exchanged else (right, left)
+            check_sides(*grey, (to_grey(other[0]), to_grey(other[1])))
         rows = measure_rows(first, second, small).doubled().after(rough)
         right = rows.correct(right)
         disparity = cv2.resize(2 * small, left.shape[1::-1], interpolation=cv2.INTER_NEAREST)

@@ -14,6 +14,7 @@ from stereolib.mapping import COLORS as RGB
 from stereolib.mapping import FREE, OCCUPIED, Map, OccupancyGrid, Station, station_names
 from stereolib.plotting.style import COLORS, default_style
 
+_DISC_MM, _HEADING_MM = 65, 130  # of a station: its radius, and how far its line reaches, seldom to the next disc
 _ROW_STEP = 0.34  # between the series of `plot_sizes`, in rows
 _SERIES_COLORS = (COLORS[4], COLORS[0], COLORS[2])
 
@@ -150,8 +151,9 @@ def plot_station(station: Station, ax: Axes, name: str, *, color: Any = "black")
     matplotlib.axes.Axes
     """
     x, y, yaw = station.pose
-    ax.plot([x, x + 230 * np.cos(yaw)], [y, y + 230 * np.sin(yaw)], color=color, lw=1.5, zorder=5)
-    ax.add_patch(Circle((x, y), 65, fc=color, ec="white", zorder=5))
+    end = x + _HEADING_MM * np.cos(yaw), y + _HEADING_MM * np.sin(yaw)
+    ax.plot([x, end[0]], [y, end[1]], color=color, lw=1.5, zorder=4.5)  # behind all discs, those of neighbours too
+    ax.add_patch(Circle((x, y), _DISC_MM, fc=color, ec="white", zorder=5))
     ax.text(x, y, name, color="white", ha="center", va="center", fontsize=8, zorder=6)
     return ax
 

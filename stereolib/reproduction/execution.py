@@ -210,6 +210,8 @@ async def _execute_all(
         async with gate:
             slot, began = slots.pop(0), time.perf_counter()
             bar = tqdm(desc=source.stem, position=slot, leave=False, unit="cell", disable=quiet)
+            if quiet:
+                bar.write(f"{source.stem:<24} begins", file=sys.stderr)
             try:
                 notebook = await _execute(source, env, limits, bar)
             except NotebookError as error:

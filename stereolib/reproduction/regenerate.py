@@ -14,7 +14,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from stereolib.base import datasets, read_bytes, read_json
+from stereolib.base import counted, datasets, read_bytes, read_json
 from stereolib.reproduction.execution import execute_notebooks
 from stereolib.reproduction.readme_tables import update_readme_tables
 from stereolib.reproduction.report import build_report
@@ -168,6 +168,7 @@ def reproduce(
         moved = _promote(staged_figures, figures_dir) + _promote(staged_notebooks, notebooks_dir)
         if (readme := figures_dir.parent / "README.md").is_file():
             update_readme_tables(readme, figures_dir, figures_dir.parent / "benchmarks" / "results")
-        print(f"{len(sources)} notebooks executed; {moved} files are new, the others came out the same")
+        done = counted(len(sources), "notebook")
+        print(f"{done} executed; new: {counted(moved, 'file')}; the others came out the same")
         shutil.rmtree(staging, ignore_errors=True)
     return changed

@@ -72,10 +72,13 @@ def read_pair(left: str | PathLike[str], right: str | PathLike[str], *, grey: bo
     Raises
     ------
     ValueError
-        As `read_image`; or the two differ in size.
+        As `read_image`; or the two differ in size, or are the same picture and not of one colour all over.
     """
     pair = read_image(left, grey=grey), read_image(right, grey=grey)
     check_pair(*pair, names=(str(left), str(right)))
+    if np.array_equal(*pair) and np.ptp(pair[0]) > 0:
+        why = "are the same picture, every disparity would be 0: give the left and the right camera's"
+        raise ValueError(f"{left} and {right} {why}")
     return pair
 
 

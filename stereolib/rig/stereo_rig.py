@@ -19,6 +19,9 @@ from stereolib.rig.transforms import skew
 
 _FORMAT = "stereolib.rig/1"
 _ROTATION_ATOL = 1e-6  # of R R' - 1: a float32 rotation passes, one printed with four digits does not
+#: Lenses stand farther apart: a shorter T is in metres, or of one camera twice. Even endoscopes have some millimetres.
+_LEAST_BASELINE_MM = 1.0
+_REMEDY = "`stereolib calibrate` makes a rig file (calibration.json)"
 RemapTables = tuple[npt.NDArray[np.int16], npt.NDArray[np.uint16]]
 
 
@@ -38,7 +41,7 @@ class StereoRig:
     Raises
     ------
     ValueError
-        If R is no rotation, T not three finite numbers, or the cameras' sizes differ.
+        If R is no rotation, T not three finite numbers or shorter than a millimetre, or the cameras' sizes differ.
     """
 
     left: Camera
@@ -50,6 +53,9 @@ class StereoRig:
         set_frozen(self, R=finite_array(self.R, (3, 3), "R"), T=finite_array(np.ravel(self.T), (3,), "T"))
         if np.abs(self.R @ self.R.T - np.eye(3)).max() > _ROTATION_ATOL or np.linalg.det(self.R) < 0:
             raise ValueError("R is not a rotation: R R^T differs from 1. Printed matrices must be re-orthonormalised")
+        if self.baseline_mm < _LEAST_BASELINE_MM:
+            why = f"T is {self.baseline_mm:.3g} mm long, and no two lenses stand so near"
+            raise ValueError(f"{why}: give it in millimetres (metres times 1000)")
         if self.left.size != self.right.size:
             raise ValueError(f"the cameras' images differ in size: {self.left.size} and {self.right.size}")
 
@@ -149,15 +155,21 @@ class StereoRig:
         ValueError
             If there is no such file, or it is no rig; the text names the file and what is wrong with it.
         """
-        entries = read_json(path)
         try:
+            entries = read_json(path)
+        except ValueError as error:
+            text = str(error)
+            raise ValueError(f"{text}{' ' if text.endswith('?') else '; '}{_REMEDY}") from error
+        try:
+            if not isinstance(entries, Mapping):
+                raise ValueError("it holds no named entries")
             if entries["format"] != _FORMAT:
                 raise ValueError(f"its format is {entries['format']!r}, expected {_FORMAT!r}")
             left, right = (Camera(c["K"], c["dist"], tuple(c["size"])) for c in (entries["left"], entries["right"]))
             return cls(left, right, entries["R"], entries["T_mm"])
         except (ValueError, LookupError, TypeError, OverflowError) as error:
             why = f"it has no {error}" if isinstance(error, KeyError) else error
-            raise ValueError(f"{path} is not a rig file of stereolib: {why}") from error
+            raise ValueError(f"{path} is not a rig file of stereolib: {why}; {_REMEDY}") from error
 
 
 @dataclass(frozen=True, eq=False)

@@ -89,7 +89,7 @@ def test_names_that_belong_together(left: list[str], right: list[str], expected:
          ["without a partner in", "right: 9.png", "left: 7.png, 8.png", "Expected the same names"]),
         ("1.png 2.png 3.png notes.txt Thumbs.db", "1.png 2.png 3.txt",
          ["no readable images", "left: Thumbs.db, notes.txt; in ", "right: 3.txt. Expected only pictures"]),
-        ("1.png 2.png", "1.png 2.png", ["2 pairs (1.png, 2.png) are too few", "at least 5"]),
+        ("1.png 2.png", "1.png 2.png", ["too few pairs, 2 (1.png, 2.png)", "at least 5"]),
         ("1.png 01.png 2.png", "1.png 2.png 3.png", ["01.png, 1.png cannot be told apart"]),
         ("", "1.png", ["left is empty"]),
         (" ".join(f"{k}.png" for k in range(12)), "50.png", ["0.png, 1.png, 2.png", "and 4 more"]),
@@ -263,7 +263,7 @@ def test_nothing_is_overwritten_unless_forced(
     before = [path.read_bytes() for path in files]
     capsys.readouterr()
     assert commands.main(done[2]) == 2
-    assert re.search(r"calibration\.json and \S+report\.html would be overwritten.*--force", capsys.readouterr().err)
+    assert re.search(r"calibration\.json, \S+report\.html would be overwritten.*--force", capsys.readouterr().err)
     assert [path.read_bytes() for path in files] == before
     assert commands.main([*done[2], "--force"]) == 0
     printed, kept = json.loads(capsys.readouterr().out), json.loads(files[0].read_text(encoding="utf-8"))

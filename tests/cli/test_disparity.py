@@ -31,7 +31,7 @@ def run(*words):
 
 def test_a_rectified_pair(pair, tmp_path, capsys):
     out = tmp_path / "d.npy"
-    assert run(*pair, "--pipeline", "fast", "--out", out) == 0
+    assert run(*pair, "--pipeline", "fast", "--output", out) == 0
     found = np.load(out, allow_pickle=False)
     expected = stereo_pipeline("fast")(*(cv2.imread(file) for file in pair)).disparity_px
     assert found.dtype == np.float32
@@ -44,7 +44,7 @@ def test_a_rectified_pair(pair, tmp_path, capsys):
 def test_a_raw_pair_with_its_calibration(tmp_path):
     calibration, out = paper.paper_rig().save(tmp_path / "rig.json"), tmp_path / "d.npy"
     files = [data_path(f"virtual/{NAME}_{side}.jpg") for side in ("left", "right")]
-    assert run(*files, "--calibration", calibration, "--pipeline", "paper", "--out", out) == 0
+    assert run(*files, "--calibration", calibration, "--pipeline", "paper", "--output", out) == 0
     found, truth = np.load(out, allow_pickle=False), recordings.load_truth(NAME)
     seen = truth.visible & np.isfinite(found) & (truth.box == 1)
     assert np.isnan(found).any()  # the columns that OpenCV leaves out
@@ -56,7 +56,7 @@ def test_best_writes_its_standard_deviation(pair, tmp_path):
     for file in pair:  # a quarter of the size: quick
         small.append(file.replace(".png", "_small.png"))
         cv2.imwrite(small[-1], cv2.resize(cv2.imread(file), None, fx=0.25, fy=0.25, interpolation=cv2.INTER_AREA))
-    assert run(*small, "--max-disparity", 48, "--out", tmp_path / "d.npy") == 0
+    assert run(*small, "--max-disparity", 48, "--output", tmp_path / "d.npy") == 0
     std = np.load(tmp_path / "d_std.npy", allow_pickle=False)
     assert std.shape == (120, 160) and (std > 0).all()
 
@@ -67,7 +67,7 @@ def test_best_writes_its_standard_deviation(pair, tmp_path):
         (["--pipeline", "finest"], "unknown pipeline 'finest'; choose one of paper, fast, best"),
         (["--max-disparity", "100"], "needs a --max-disparity that is a multiple of 16, got 100; near are 96, 112"),
         (["--pipeline", "fast", "--max-disparity", "48"], "multiple of 32, got 48; near are 32, 64"),
-        (["--out", "d.tif"], "written as .npy"),
+        (["--output", "d.tif"], "written as .npy"),
         (["--calibration", "none.json"], "none.json: no such file"),
     ],
 )
@@ -80,10 +80,10 @@ def test_refuses(pair, tmp_path, monkeypatch, capsys, words, text):
 
 def test_keeps_what_is_there(pair, tmp_path, capsys):
     (tmp_path / "d.png").write_bytes(b"mine")
-    assert run(*pair, "--pipeline", "fast", "--out", tmp_path / "d.npy") == 2
+    assert run(*pair, "--pipeline", "fast", "--output", tmp_path / "d.npy") == 2
     assert "d.png would be overwritten" in capsys.readouterr().err
     assert not (tmp_path / "d.npy").exists()
-    assert run(*pair, "--pipeline", "fast", "--out", tmp_path / "d.npy", "--force") == 0
+    assert run(*pair, "--pipeline", "fast", "--output", tmp_path / "d.npy", "--force") == 0
     assert (tmp_path / "d.png").read_bytes() != b"mine"
 
 
@@ -101,29 +101,29 @@ def test_keeps_what_is_there(pair, tmp_path, capsys):
 def test_refuses_a_pair_that_is_none(pair, tmp_path, capsys, change, text):
     right = tmp_path / "changed.tif"
     cv2.imwrite(str(right), change(cv2.imread(pair[1])))
-    assert run(pair[0], right, "--out", tmp_path / "d.npy") == 2
+    assert run(pair[0], right, "--output", tmp_path / "d.npy") == 2
     assert text in capsys.readouterr().err
     assert not (tmp_path / "d.npy").exists()
 
 
 @pytest.mark.parametrize("name", ["paper", "fast", "best"])
 def test_refuses_a_window_wider_than_the_pictures(pair, tmp_path, capsys, name):
-    assert run(*pair, "--pipeline", name, "--max-disparity", 640, "--out", tmp_path / "d.npy") == 2
+    assert run(*pair, "--pipeline", name, "--max-disparity", 640, "--output", tmp_path / "d.npy") == 2
     shown = capsys.readouterr().err
     assert "640" in shown and "640 px wide" in shown and "reduce --max-disparity" in shown
 
 
 def test_refuses_one_picture_twice(pair, tmp_path, capsys):
-    assert run(pair[0], pair[0], "--pipeline", "fast", "--out", tmp_path / "d.npy") == 2
+    assert run(pair[0], pair[0], "--pipeline", "fast", "--output", tmp_path / "d.npy") == 2
     assert "left.png are the same picture, every disparity would be 0" in capsys.readouterr().err
     assert not (tmp_path / "d.npy").exists()
 
 
 def test_refuses_exchanged_and_missing_pictures(pair, tmp_path, capsys):
     out = tmp_path / "d.npy"
-    assert run(*pair[::-1], "--out", out) == 2
-    assert "left and right are exchanged" in capsys.readouterr().err
-    assert run(pair[0], tmp_path / "none.png", "--out", out) == 2
+    assert run(*pair[::-1], "--output", out) == 2
+    assert "left.png: left and right are exchanged" in capsys.readouterr().err
+    assert run(pair[0], tmp_path / "none.png", "--output", out) == 2
     assert "none.png: no such file" in capsys.readouterr().err
     assert not out.exists()
 
@@ -134,7 +134,7 @@ def test_says_when_the_rows_could_not_be_checked(tmp_path, capsys):
         smooth = cv2.GaussianBlur(np.random.default_rng(1).random((120, 170)).astype(np.float32), (0, 0), 6)
         smooth = smooth[:, shift : shift + 160]
         cv2.imwrite(str(file), cv2.normalize(smooth, None, 100, 130, cv2.NORM_MINMAX).astype(np.uint8))
-    assert run(*files, "--pipeline", "fast", "--max-disparity", 32, "--out", tmp_path / "d.npy") == 0
+    assert run(*files, "--pipeline", "fast", "--max-disparity", 32, "--output", tmp_path / "d.npy") == 0
     assert "note: too few points" in capsys.readouterr().out
 
 

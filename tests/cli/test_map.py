@@ -12,6 +12,8 @@ import trimesh
 import yaml
 from support import walks
 
+from stereolib import paper
+from stereolib.base import data_path
 from stereolib.cli import commands
 from stereolib.virtual import walk
 
@@ -24,7 +26,7 @@ def made(tmp_path_factory):
     for name in (f"{k}_{part}" for k in "245" for part in ("left.jpg", "right.jpg", "scan.bin")):
         (folder / "walk" / name).unlink()
     (folder / "walk" / "4_scan.bin").write_bytes(walks.more_scan_bytes((-300.0, 700.0, -0.6)))
-    assert run("map", folder / "walk", "--out", folder / "out") == 0
+    assert run("map", folder / "walk", "--output", folder / "out") == 0
     return folder
 
 
@@ -56,9 +58,9 @@ def test_files_of_the_map_agree(made):
 
 def test_a_map_is_not_written_over(made, capsys):
     before = (made / "out" / "map.json").read_bytes()
-    assert run("map", made / "walk", "--out", made / "out") == 2
+    assert run("map", made / "walk", "--output", made / "out") == 2
     said = capsys.readouterr().err
-    assert "map.json" in said and "would be overwritten" in said and "--force" in said
+    assert "out/map.json" in said and "map.png and 6 more would be overwritten" in said and "--force" in said
     assert (made / "out" / "map.json").read_bytes() == before
 
 
@@ -69,17 +71,37 @@ def test_pictures_alone_make_a_map(made, tmp_path, capsys):
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "grid.yaml").write_text("old")
     (tmp_path / "notes.txt").write_text("mine")
-    assert run("map", tmp_path, "--out", tmp_path / "out", "--force", "--json") == 0
+    assert run("map", tmp_path, "--output", tmp_path / "out", "--force", "--json") == 0
     facts = json.loads(capsys.readouterr().out)
     assert {round(thing["length_mm"], -1) for thing in facts["objects"] if thing["length_mm"]} >= {400.0, 300.0}
     assert not facts["walls"] and not any("grid" in name for name in facts["written"])
     assert not (tmp_path / "out" / "grid.yaml").exists() and facts["unused_files"] == ["notes.txt"]
 
 
+def test_one_of_a_thing_is_not_many(tmp_path, capsys):
+    """The option's beginning is enough, as it was called."""
+    for name in ("3_left.jpg", "3_right.jpg"):
+        (tmp_path / name).write_bytes(data_path(f"virtual/room/{name}").read_bytes())
+    paper.paper_rig().save(tmp_path / "calibration.json")
+    assert run("map", tmp_path, "--out", tmp_path / "out") == 0
+    assert "0 walls, from 1 station\n" in capsys.readouterr().out
+
+
+def test_a_walk_in_order_asks_of_no_station_when_it_was_taken(tmp_path, capsys):
+    """Some objects stand behind others there; with the scan of another station it is asked."""
+    assert run("data", "walk", tmp_path / "walk") == 0
+    assert run("map", tmp_path / "walk", "--output", tmp_path / "out", "--json") == 0
+    _, made = capsys.readouterr().out.split("\n{", 1)
+    assert "same time" not in made
+    (tmp_path / "walk" / "1_scan.bin").write_bytes((tmp_path / "walk" / "4_scan.bin").read_bytes())
+    assert run("map", tmp_path / "walk", "--output", tmp_path / "other", "--json") == 0
+    assert "same time" in capsys.readouterr().out
+
+
 def test_text_names_sizes_stations_and_what_is_unknown(made, capsys):
-    assert run("map", made / "walk", "--out", made / "again", "--poses", made / "walk" / "true_poses.csv") == 2
+    assert run("map", made / "walk", "--output", made / "again", "--poses", made / "walk" / "true_poses.csv") == 2
     assert "there is no station '2', only 1, 3, 4" in capsys.readouterr().err
-    assert run("map", made / "walk", "--out", made / "again") == 0
+    assert run("map", made / "walk", "--output", made / "again") == 0
     said = " ".join(capsys.readouterr().out.split())
     assert "4 walls, from 3 stations" in said and "station 1: x 0, y 0 mm" in said and "by its scan)" in said
     assert (
@@ -92,7 +114,7 @@ def test_nothing_mapped_is_exit_code_1(made, tmp_path, capsys):
     (tmp_path / "calibration.json").write_bytes((made / "walk" / "calibration.json").read_bytes())
     for side in ("left", "right"):
         cv2.imwrite(str(tmp_path / f"1_{side}.png"), np.full((480, 640, 3), 90, np.uint8))
-    assert run("map", tmp_path, "--out", tmp_path / "out") == 1
+    assert run("map", tmp_path, "--output", tmp_path / "out") == 1
     assert "nothing was mapped: no station could be measured. station 1: no floor" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
 
@@ -116,7 +138,7 @@ def test_bad_input_is_named_and_nothing_is_written(made, tmp_path, capsys, name,
         (tmp_path / name).unlink()
     else:
         (tmp_path / name).write_bytes(data)
-    assert run("map", tmp_path, "--out", tmp_path / "out") == 2
+    assert run("map", tmp_path, "--output", tmp_path / "out") == 2
     said = capsys.readouterr().err
     assert message in said and not (tmp_path / "out").exists()
 
@@ -126,10 +148,10 @@ def test_pictures_of_another_size_than_the_calibration(made, tmp_path, capsys):
     for side in ("left", "right"):
         (tmp_path / f"1_{side}.png").write_bytes(small)
     calibration = made / "walk" / "calibration.json"
-    assert run("map", tmp_path, "--out", tmp_path / "out", "--calibration", calibration) == 2
+    assert run("map", tmp_path, "--output", tmp_path / "out", "--calibration", calibration) == 2
     assert "1_left.png is 320x240, the calibration is for 640x480" in capsys.readouterr().err
 
 
 def test_the_walk_is_not_written_over(made, capsys):
     assert run("data", "walk", made / "walk") == 2
-    assert "would be overwritten: name another place with FOLDER" in capsys.readouterr().err
+    assert "1_left.jpg and 6 more would be overwritten: name another place with FOLDER" in capsys.readouterr().err

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 
 import cv2
 import numpy as np
@@ -12,7 +13,7 @@ from support.instruments import LIDAR, RECT, SENSOR
 from stereolib.cli import commands
 from stereolib.measurement import Instrument, floor_from_pose, save_laser_pose
 from stereolib.rig import StereoRig
-from stereolib.virtual import Webcam, laser_boards, recordings, render
+from stereolib.virtual import Webcam, laser_boards, recordings, render, walk
 
 
 @pytest.fixture
@@ -30,7 +31,7 @@ def files(tmp_path):
 
 def run(folder, *more, right="right.png", rig="rig.json", scan="scan.bin"):
     words = ["measure", folder / "left.png", folder / right, "--calibration", folder / rig, "--scan", folder / scan]
-    return commands.main([str(word) for word in (*words, "--picture", folder / "out.png", *more)])
+    return commands.main([str(word) for word in (*words, "--output", folder / "out.png", *more)])
 
 
 def test_command_prints_json_and_draws(files, capsys):
@@ -115,3 +116,58 @@ def test_command_finds_the_laser_from_files(boards, capsys):
 def test_bad_files_are_named(files, capsys, change, message):
     assert run(files, **change) == 2
     assert message in capsys.readouterr().err and not (files / "out.png").exists()
+
+
+def test_the_old_name_of_the_picture_is_taken(files, capsys):
+    assert run(files, "--picture", files / "mine.png") == 0
+    assert f"picture: {files / 'mine.png'}" in capsys.readouterr().out and (files / "mine.png").exists()
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"right": "left.png"}, "left.png are the same picture"),
+        ({"right": "black.png"}, "black.png has one grey value, 0: there is nothing to match; take it again"),
+        ({"right": "small.png"}, "small.png is 320x240: a stereo pair must have one size"),
+        ({"rig": "metres.json"}, "metres.json is not a rig file of stereolib: T is 0.0931 mm long"),
+        ({"rig": "calib"}, "calib: no such file; `stereolib calibrate` makes a rig file"),
+    ],
+)
+def test_pictures_and_rigs_that_are_wrong_are_named_with_what_to_do(files, capsys, change, message):
+    right, rig = cv2.imread(str(files / "right.png")), json.loads((files / "rig.json").read_text())
+    cv2.imwrite(str(files / "black.png"), 0 * right)
+    cv2.imwrite(str(files / "small.png"), right[::2, ::2])
+    (files / "metres.json").write_text(json.dumps(rig | {"T_mm": [value / 1000 for value in rig["T_mm"]]}))
+    assert run(files, **change) == 2
+    said = capsys.readouterr().err
+    assert message in said and said.count("\n") == 1 and not (files / "out.png").exists()
+
+
+def test_exchanged_pictures_and_another_size_are_said_with_their_files(files, capsys):
+    for side in ("left", "right"):
+        (files / f"{side}.png").rename(files / f"old_{side}.png")
+    for side, other in (("left", "right"), ("right", "left")):
+        cv2.imwrite(str(files / f"{side}.png"), cv2.imread(str(files / f"old_{other}.png")))
+    assert run(files) == 2
+    assert "right.png: left and right are exchanged" in capsys.readouterr().err
+    for side in ("left", "right"):
+        cv2.imwrite(str(files / f"{side}.png"), cv2.imread(str(files / f"old_{side}.png"))[::2, ::2])
+    assert run(files) == 2
+    assert "right.png: the left image is 320x240, the calibration is for 640x480" in capsys.readouterr().err
+
+
+def test_places_are_left_or_right_by_a_positive_number(files, capsys):
+    for side, image in zip(("left", "right"), recordings.load_pair("room/1"), strict=True):
+        cv2.imwrite(str(files / f"{side}.png"), image)
+    (files / "scan.bin").write_bytes(walk.scan_bytes("room/1"))
+    assert run(files) == 0
+    said = capsys.readouterr().out
+    assert "mm right" in said and not re.search(r"[-+]\d+ mm (left|right)", said)
+
+
+def test_a_pair_too_dark_for_the_floor_leaves_the_scan_alone_without_contradiction(files, capsys):
+    noise = np.random.default_rng(0).integers(0, 11, (480, 640, 3)).astype(np.uint8)
+    cv2.imwrite(str(files / "left.png"), noise)
+    run(files, "--json")
+    warnings = json.loads(capsys.readouterr().out)["warnings"]
+    assert "What follows is the scan's alone" in warnings[0] and not any("pair's alone" in text for text in warnings)

@@ -226,11 +226,13 @@ def test_objects_are_no_walls_and_short_stretches_neither():
 def test_empty_maps_are_said_and_partial_ones_kept():
     with pytest.raises(ValueError, match="at least one station"):
         merged([])
-    with pytest.raises(ValueError, match=r"the map is empty: none of the 2 stations .* their 0 readings make no wall"):
+    with pytest.raises(
+        ValueError, match=r"the map is empty: 2 stations measured no object, and 0 readings .* make no wall"
+    ):
         merged([bare((0, 0, 0)), bare((1, 1, 0))])
     walls_only = merged([walks.station(1, np.random.default_rng(0), only=())])
     assert len(walls_only.walls) >= 3 and walls_only.objects == ()
-    assert walls_only.warnings == ("no object: none of the 1 stations measured one",)
+    assert walls_only.warnings == ("no object: 1 station measured none",)
     with pytest.raises(ValueError, match="nothing to add up"):
         _ = walls_only.surface_m2
     with pytest.raises(ValueError, match=r"scan is \(N, 2\)"):

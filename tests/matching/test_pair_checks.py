@@ -9,9 +9,12 @@ from support.pairs import rectified_cube, shifted
 
 from stereolib.matching import (
     SGBMParams,
+    check_matchable,
     check_rectified,
+    check_sides,
     compute_disparity,
 )
+from stereolib.rig import to_grey
 from stereolib.virtual import recordings
 
 
@@ -70,3 +73,25 @@ def test_where_nothing_matches_nothing_is_said_of_the_rows(sigma):
     rng = np.random.default_rng(3)
     pair = [np.clip(128 + sigma * rng.standard_normal((240, 320)), 0, 255).astype(np.uint8) for _ in "lr"]
     assert np.isnan(check_rectified(*pair))
+
+
+def test_pictures_that_show_nothing_are_named_and_dim_ones_are_not(cube):
+    rng, left = np.random.default_rng(4), cube[0]
+    dark, white = (np.clip(rng.integers(low, low + 5, left.shape), 0, 255).astype(np.uint8) for low in (0, 251))
+    for bad, said in ((dark, r"dark\.png has grey values from 0 to 4 alone"), (white, r"from 25\d to 255 alone")):
+        with pytest.raises(ValueError, match=said + ": there is nothing to match; take it again"):
+            check_matchable(left, bad, ("left.png", "dark.png"))
+    with pytest.raises(ValueError, match=r"^a has one grey value, 0 and b has one grey value, 0: "):
+        check_matchable(left * 0, left * 0, ("a", "b"))
+    check_matchable(*(np.asarray(image // 8) for image in cube))
+
+
+def test_an_exchanged_pair_of_unlike_lenses_is_told_by_its_own_rectification():
+    """Rectified as the other camera's, rows differ by 7 px, so that neither way round matches."""
+    raw = [to_grey(image) for image in recordings.load_pair("room/3")]
+    wrong, right = recordings.rectified().rectify(*raw[::-1]), recordings.rectified().rectify(*raw)
+    with pytest.raises(ValueError, match="left and right are exchanged"):
+        check_sides(*wrong, right)
+    check_sides(*right, wrong)
+    with pytest.raises(ValueError, match=r"not rectified.*as if left and right were exchanged"):
+        check_rectified(*wrong)

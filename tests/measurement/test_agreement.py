@@ -56,6 +56,26 @@ def test_a_plain_part_is_bridged():
     assert ends_plain.last == 17 and ends_plain.stop == 39  # somewhere in between
 
 
+def test_a_surface_goes_on_beyond_a_faint_gap():
+    at = np.arange(N)
+    gap = (at >= 20) & (at < 25)
+    assert lines(np.where(gap, 0.3, until(45, 0.1))).reach(16).last == 42
+    assert lines(np.where(gap, 0.3, until(29, 0.1))).reach(16).last == 17  # a chance that is as short tells nothing
+    assert lines(np.where(gap, 0.3, 0.1 + 0.0 * until(45, 0.1))).reach(16).last < 0
+
+
+def test_lines_speak_for_a_surface_or_against_it():
+    at = np.arange(N)
+    contrast = np.where((at >= 20) & (at < 30), 0.05, 1.0)
+    said = lines(until(40, 0.1), contrast).evidence()
+    assert (
+        (said[:20] > 0.3).all() and (said[20:30] == 0).all() and (said[30:40] > 0.3).all() and (said[40:] < -0.3).all()
+    )
+    farther = np.where((at >= 20) & (at < 30), 30.0, 50.0)
+    assert (lines(until(20, 0.1), contrast, farther).evidence()[20:30] < 0).all()
+    assert (lines(until(40, np.nan), contrast).evidence()[40:] == 0).all()
+
+
 def test_single_lines_that_disagree_end_nothing():
     alike = until(40, 0.1)
     alike[[10, 11, 20, 30]] = 0.0

@@ -86,3 +86,9 @@ def test_correlations_that_are_none_are_refused_with_what_to_do(tmp_path, togeth
     StereoRig.save(RECT.rig, path, calibration={"std": {"rectified": {"f_px": 0.1, "correlation": together}}})
     with pytest.raises(ValueError, match=r"rig\.json: .*damaged.*run `stereolib calibrate` again$"):
         Instrument.load(path)
+
+
+def test_a_rig_that_cannot_be_rectified_is_named(tmp_path):
+    path = StereoRig(RECT.rig.left, RECT.rig.right, RECT.rig.R, -RECT.rig.T).save(tmp_path / "rig.json")
+    with pytest.raises(ValueError, match=r"rig\.json: the right camera must stand to the right.*swap the cameras"):
+        Instrument.load(path)

@@ -94,6 +94,15 @@ def test_a_scan_of_the_cube_a_little_farther_changes_no_size():
     assert (np.abs(off) < 2 * alone.std_mm).all()
 
 
+def test_a_scan_of_a_smaller_cube_in_its_place_is_said_and_dropped():
+    """Its faces lie on the same lines; that they end sooner tells that it is another."""
+    smaller = cube_scene(700.0, size_mm=(200.0, 200.0, 300.0))
+    data = SENSOR.scan(smaller, recordings.LASER_POSE, np.random.default_rng(3), turns=5)
+    found, alone = texture(laser.average(laser.turns(laser.decode(data)))), the_cube(texture(None))
+    assert "scan and pair disagree" in found.warnings[0] and the_cube(found).sources["lines"] is Source.IMAGE
+    np.testing.assert_allclose(the_cube(found).size_mm, alone.size_mm, atol=1e-3)
+
+
 @pytest.mark.parametrize(("yaw", "sideways"), [(2.0, 0.0), (-5.0, 0.0), (0.0, 30.0)])
 def test_a_laser_that_has_moved_is_said_and_changes_no_size(yaw, sideways):
     found = texture(turned(yaw, sideways))

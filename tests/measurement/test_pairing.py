@@ -73,3 +73,13 @@ def test_a_piece_of_an_outline_is_no_second_object():
 
 def test_nothing_pairs_with_nothing():
     assert paired([], []).both == () and paired([], [outline(700, 0)]).scanned == (0,)
+
+
+def test_what_stands_behind_or_before_a_paired_object_is_no_other_moment():
+    """The scan sees the nearer one, or over a low one; another outline in that direction is still said."""
+    near, far = outline(1000, 0), outline(1600, 0, width=500)
+    for seen in ([near], [far]):
+        found = paired([near, far], seen)
+        assert len(found.both) == 1 and found.warnings == ()
+    found = paired([near, outline(1600, 25)], [near, outline(1000, 25)])
+    assert found.both == ((0, 0),) and "at 1000 mm and the pair at 1600 mm" in found.warnings[0]

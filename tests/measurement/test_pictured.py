@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import re
 
+import cv2
 import numpy as np
 import pytest
 from support.boxes import OWN
-from support.pictured import HIGH, recorded, rendered, true_box
+from support.pictured import HIGH, of_pair, recorded, rendered, true_box
 
 from stereolib.measurement import CannotMeasure, ObjectRegion, Reason
 from stereolib.measurement.agreement import Past
-from stereolib.measurement.box import Edge, Own, Shared, Side
+from stereolib.measurement.box import Box, Edge, Own, Shared, Side
 from stereolib.measurement.follow import look_round
+from stereolib.measurement.outline import Expected, find_edge
 from stereolib.measurement.pictured import see_box
 from stereolib.virtual import recordings
 
@@ -60,6 +62,28 @@ def test_a_sliver_that_one_camera_sees_tells_the_depth_by_its_far_edge(yaw_deg, 
 def look_round_is_vain(shown):
     stretch = shown.stretch()
     return all(look_round(shown.views, shown.world, stretch, outwards) is None for outwards in (-1, 1))
+
+
+@pytest.mark.parametrize("inside_mm", [12.0, 16.0, 25.0])
+def test_a_line_printed_on_a_face_is_not_its_end(inside_mm):
+    """It stands out more than the end does, but both pictures agree about the face beyond it."""
+    case, expected = (700.0, (260.0, 260.0, 220.0), 30.0), Expected(1.5, low_px=-25.0, high_px=5.0)
+    shown, own = rendered(*case), true_box(*case)
+    printed, pictures = own.copy(), [picture.copy() for picture in shown.views.pair.pictures]
+    printed[Own.RIGHT] -= inside_mm
+    for right, picture in enumerate(pictures):
+        ink = np.zeros(picture.shape[:2], np.uint8)
+        ends = shown.world.pixels(Box(printed).edge(Edge.RIGHT_END), bool(right))
+        cv2.line(ink, *np.rint(16 * ends).astype(int).tolist(), 255, 3, cv2.LINE_AA, 4)
+        picture[:] = np.rint(picture * (1 - 0.3 * ink[..., None] / 255))
+    found = find_edge(of_pair(*pictures).views, shown.world, own, Edge.RIGHT_END, Side.RIGHT, expected)
+    assert abs(found.peak.position_px) < 0.5
+
+
+def test_a_stretch_is_looked_for_in_the_pixels_of_the_picture_that_measures():
+    wide = Expected(1.5, low_px=-3.0, high_px=9.0, plain_px=3.0).zoomed(2.0)
+    assert wide.places()[[0, -1]] == pytest.approx([-10.5, 22.5]) and wide.std_px == 1.5
+    assert wide.belief(np.array([6.0])) == 1.0
 
 
 def test_a_top_from_above_tells_the_depth():

@@ -9,8 +9,7 @@ from support.boxes import FLOOR, OWN
 from stereolib.base import turn_2d
 from stereolib.laser import LaserScan, find_segments, fit_footprint
 from stereolib.measurement import LaserOnFloor
-from stereolib.measurement.agreement import Past
-from stereolib.measurement.box import Box, Edge, Own, Shared, Side
+from stereolib.measurement.box import Box, Own, Shared, Side
 from stereolib.measurement.observations import EndBetweenBeams, RangesSeen
 from stereolib.measurement.scanned import scan_observations, scanned_box, sides_of
 from stereolib.measurement.scene_solver import Priors, solve
@@ -61,15 +60,9 @@ def test_lines_find_their_sides():
     assert sides_of(shown, laser, OWN[Own.TURN] + np.pi / 2) == {0: Side.LEFT}
 
 
-def test_ends_that_the_pictures_show_are_left_to_them():
+def test_free_ends_lie_between_beams():
     laser = LaserOnFloor(np.eye(2), np.zeros(2), NEAR)
-    shown = footprint(laser, 1)
-
-    def ends(past):
-        found = scan_observations(shown, laser, OWN[Own.TURN], past)
-        assert sum(isinstance(o, RangesSeen) for o in found) == 2
-        return {(o.side, o.at_corner) for o in found if isinstance(o, EndBetweenBeams)}
-
-    both = {(Side.RIGHT, False), (Side.LEFT, False)}
-    assert ends({}) == both
-    assert ends({Edge.RIGHT_END: Past.CUT, Edge.LEFT_END: Past.OPEN}) == {(Side.RIGHT, False)}
+    found = scan_observations(footprint(laser, 1), laser, OWN[Own.TURN])
+    assert sum(isinstance(o, RangesSeen) for o in found) == 2
+    ends = {(o.side, o.at_corner) for o in found if isinstance(o, EndBetweenBeams)}
+    assert ends == {(Side.RIGHT, False), (Side.LEFT, False)}

@@ -59,3 +59,12 @@ def test_index_runs_last_and_sees_what_the_others_wrote(tmp_path: Path) -> None:
 def test_no_jobs_are_refused(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="jobs is 0"):
         execute_notebooks([], tmp_path, tmp_path, jobs=0)
+
+
+def test_without_a_terminal_a_notebook_is_a_line_when_it_begins_and_when_it_ends(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source = write_notebook(tmp_path / "notebooks", "01_one", "1 + 1")
+    execute_notebooks([source], tmp_path / "out", tmp_path / "figures")
+    began, ended = capsys.readouterr().err.splitlines()
+    assert began.split() == ["01_one", "begins"] and ended.split()[::2] == ["01_one", "s"]

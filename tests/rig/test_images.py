@@ -132,3 +132,13 @@ def test_check_pair_refuses(picture, right, text):
     check_pair(picture, picture)
     with pytest.raises(ValueError, match=text):
         check_pair(picture, right)
+
+
+def test_one_picture_twice_is_named(tmp_path, picture):
+    """Byte by byte or in another format; one colour all over tells nothing of which file it is."""
+    left, again = written(tmp_path / "l.png", picture), written(tmp_path / "again.bmp", picture)
+    for right in (left, again):
+        with pytest.raises(ValueError, match=rf"l\.png and \S+{right.name} are the same picture.*right camera's"):
+            read_pair(left, right)
+    plain = written(tmp_path / "plain.png", np.full_like(picture, 90))
+    assert len(read_pair(plain, plain)) == 2

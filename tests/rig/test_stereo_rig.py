@@ -158,6 +158,17 @@ def test_refuses_bad_rigs(rig):
         rig.rectify().rectify_points(np.zeros((1, 2)), "middle")
 
 
+@pytest.mark.parametrize("T", [[-0.06, 0, 0], [0, 0, 0]])
+def test_a_baseline_in_metres_is_refused(rig, T, tmp_path):
+    with pytest.raises(ValueError, match=r"T is 0(\.06)? mm long.*metres times 1000"):
+        StereoRig(rig.left, rig.right, rig.R, T)
+    path = tmp_path / "metres.json"
+    path.write_text(broken(lambda r: r.update(T_mm=T)))
+    with pytest.raises(ValueError, match=r"metres\.json.*no two lenses stand so near.*metres times 1000"):
+        StereoRig.load(path)
+    assert StereoRig(rig.left, rig.right, rig.R, [-1.0, 0, 0]).baseline_mm == 1
+
+
 @pytest.mark.parametrize("T", [[93.0, 1, 0], [-1.0, 93, 0]])
 def test_refuses_to_rectify_exchanged_or_stacked_cameras(rig, T):
     with pytest.raises(ValueError, match="to the right of the left"):
@@ -203,7 +214,7 @@ def broken(change):
 def test_files_of_another_kind_are_named(content, why, tmp_path):
     path = tmp_path / "bad_rig.json"
     path.write_bytes(content)
-    with pytest.raises(ValueError, match=re.escape(f"bad_rig.json: {why}")):
+    with pytest.raises(ValueError, match=re.escape(f"bad_rig.json: {why}") + ".*`stereolib calibrate` makes"):
         StereoRig.load(path)
 
 
@@ -229,7 +240,7 @@ def test_files_of_another_kind_are_named(content, why, tmp_path):
 def test_bad_files_are_named(text, tmp_path):
     path = tmp_path / "bad_rig.json"
     path.write_text(text)
-    with pytest.raises(ValueError, match=r"bad_rig\.json is not a rig file of stereolib"):
+    with pytest.raises(ValueError, match=r"bad_rig\.json is not a rig file of stereolib.*`stereolib calibrate` makes"):
         StereoRig.load(path)
 
 

@@ -246,43 +246,60 @@ _CHEAP_WEBCAM = one_after_another(
 
 ROWS: dict[str, Row] = {
     "undisturbed": Row("nothing is wrong", untouched),
-    "own": Row("nothing is shared: rig, calibration, box, floor, place", untouched, "own"),
+    "own": Row(
+        "nothing is wrong; each recording has a rig, calibration, floor and camera place of its own", untouched, "own"
+    ),
     "laser_yaw_2": Row("laser turned by 2 degrees since its calibration", laser_moved(yaw_deg=2.0)),
-    "laser_yaw_5": Row("laser turned by 5 degrees", laser_moved(yaw_deg=5.0)),
-    "laser_side_30": Row("laser 30 mm to one side", laser_moved(sideways_mm=30.0)),
-    "laser_any_50": Row("laser 50 mm in any direction", laser_moved(any_way_mm=50.0)),
-    "laser_unknown": Row("laser's pose unknown, up to 50 mm and 5 degrees off", laser_pose_unknown),
-    "other_scan": Row("scan of another scene", other_scan, of_pair=True),
-    "no_scan": Row("no scan", no_scan),
-    "emitter": Row("laser's emitter 25 mm beside its axis", emitter_beside_axis),
-    "gain_0.5": Row("right picture's gain 0.5", right_gain(0.5)),
-    "gain_0.7": Row("right picture's gain 0.7", right_gain(0.7)),
-    "gain_1.4": Row("right picture's gain 1.4", right_gain(1.4)),
-    "gain_2": Row("right picture's gain 2", right_gain(2.0)),
-    "gamma_1.5": Row("right picture's gamma 1.5 or its inverse", right_gamma(1.5)),
-    "noise_10": Row("noise of 10 grey levels", noisy(10.0)),
-    "clipped_15": Row("15 % of the pixels clipped", over_exposed(15.0)),
-    "rows_0.5": Row("right picture 0.5 px up or down", right_moved(rows_px=0.5)),
-    "rows_1": Row("right picture 1 px up or down", right_moved(rows_px=1.0)),
-    "rows_2": Row("right picture 2 px up or down", right_moved(rows_px=2.0)),
-    "roll_0.3": Row("right picture rolled by 0.3 degrees", right_moved(roll_deg=0.3)),
-    "columns_1": Row("right picture 1 px left or right", right_moved(columns_px=1.0)),
-    "columns_1_no_scan": Row("the same without a scan", one_after_another(right_moved(columns_px=1.0), no_scan)),
-    "blur_3": Row("blur of 3 px (full width at half maximum)", blurred(3.0)),
-    "jpeg_20": Row("JPEG of quality 20", compressed(20)),
-    "cheap_webcam": Row("all of it mildly: a cheap webcam", _CHEAP_WEBCAM),
-    "high": Row("camera 450 mm high, looking down by 20 degrees", untouched, "high"),
-    "cartons": Row("printed cartons on terrazzo, another way of rendering", untouched, "cartons"),
-    "bricks": Row("bricks on planks, another way of rendering", untouched, "bricks"),
-    "cartons_gain_0.7": Row("the cartons, right picture's gain 0.7", right_gain(0.7), "cartons"),
-    "cartons_rows_1": Row("the cartons, right picture 1 px up or down", right_moved(rows_px=1.0), "cartons"),
-    "faint": Row("surfaces of little contrast", untouched, "faint"),
-    "faint_gain_0.7": Row("the same, right picture's gain 0.7", right_gain(0.7), "faint"),
-    "faint_gain_1.4": Row("the same, right picture's gain 1.4", right_gain(1.4), "faint"),
-    "faint_rows_1": Row("the same, right picture 1 px up or down", right_moved(rows_px=1.0), "faint"),
-    "held": Row("a carton held 20 to 150 mm in the air", untouched, "held", silent_pct=3.0),
-    "leaning": Row("a carton that leans by 5 to 20 degrees", untouched, "leaning", silent_pct=3.0),
-}  # fmt: skip
+    "laser_yaw_5": Row("laser turned by 5 degrees since its calibration", laser_moved(yaw_deg=5.0)),
+    "laser_side_30": Row("laser shifted by 30 mm to one side since its calibration", laser_moved(sideways_mm=30.0)),
+    "laser_any_50": Row("laser shifted by 50 mm in any direction since its calibration", laser_moved(any_way_mm=50.0)),
+    "laser_unknown": Row("laser never calibrated, up to 50 mm and 5 degrees from below the camera", laser_pose_unknown),
+    "other_scan": Row("scan taken of another scene than the pictures", other_scan, of_pair=True),
+    "no_scan": Row("no scan: the two pictures alone", no_scan),
+    "emitter": Row("laser whose light starts 25 mm beside its axis, as a real XV-11's does", emitter_beside_axis),
+    "gain_0.5": Row("right picture half as bright as the left one", right_gain(0.5)),
+    "gain_0.7": Row("right picture 0.7 times as bright as the left one", right_gain(0.7)),
+    "gain_1.4": Row("right picture 1.4 times as bright as the left one", right_gain(1.4)),
+    "gain_2": Row("right picture twice as bright as the left one", right_gain(2.0)),
+    "gamma_1.5": Row("right picture's grey levels bent: gamma 1.5 or its inverse", right_gamma(1.5)),
+    "noise_10": Row("noise of 10 grey levels in both pictures", noisy(10.0)),
+    "clipped_15": Row("both pictures overexposed: 15 % of the pixels white", over_exposed(15.0)),
+    "rows_0.5": Row("right camera tilted since the calibration: picture 0.5 px up or down", right_moved(rows_px=0.5)),
+    "rows_1": Row("right camera tilted since the calibration: picture 1 px up or down", right_moved(rows_px=1.0)),
+    "rows_2": Row("right camera tilted since the calibration: picture 2 px up or down", right_moved(rows_px=2.0)),
+    "roll_0.3": Row("right camera rolled by 0.3 degrees since the calibration", right_moved(roll_deg=0.3)),
+    "columns_1": Row(
+        "right camera turned since the calibration: picture 1 px left or right", right_moved(columns_px=1.0)
+    ),
+    "columns_1_no_scan": Row(
+        "right camera turned since the calibration, no scan: picture 1 px left or right",
+        one_after_another(right_moved(columns_px=1.0), no_scan),
+    ),
+    "blur_3": Row("both pictures blurred by 3 px (full width at half maximum)", blurred(3.0)),
+    "jpeg_20": Row("both pictures as JPEG of quality 20", compressed(20)),
+    "cheap_webcam": Row(
+        "a cheap webcam: laser and right camera moved, gain, noise, blur and JPEG, each mildly", _CHEAP_WEBCAM
+    ),
+    "high": Row("nothing is wrong, the camera 450 mm high and looking down by 20 degrees", untouched, "high"),
+    "cartons": Row("nothing is wrong, with printed cartons on a terrazzo floor", untouched, "cartons"),
+    "bricks": Row("nothing is wrong, with boxes of brick pattern on a floor of planks", untouched, "bricks"),
+    "cartons_gain_0.7": Row(
+        "printed cartons on terrazzo, right picture 0.7 times as bright", right_gain(0.7), "cartons"
+    ),
+    "cartons_rows_1": Row(
+        "printed cartons on terrazzo, right camera tilted: picture 1 px up or down", right_moved(rows_px=1.0), "cartons"
+    ),
+    "faint": Row("nothing is wrong, with surfaces of little contrast", untouched, "faint"),
+    "faint_gain_0.7": Row("surfaces of little contrast, right picture 0.7 times as bright", right_gain(0.7), "faint"),
+    "faint_gain_1.4": Row("surfaces of little contrast, right picture 1.4 times as bright", right_gain(1.4), "faint"),
+    "faint_rows_1": Row(
+        "surfaces of little contrast, right camera tilted: picture 1 px up or down", right_moved(rows_px=1.0), "faint"
+    ),
+    "held": Row("a carton held 20 to 150 mm in the air, which has to be refused", untouched, "held", silent_pct=3.0),
+    "leaning": Row(
+        "a carton that leans by 5 to 20 degrees, which has to be refused", untouched, "leaning", silent_pct=3.0
+    ),
+}
 _FIRST_SEED = 10_000  # none of `benchmarks/bench_dimensions.py`
 
 

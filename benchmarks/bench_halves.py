@@ -1,7 +1,7 @@
 """Do stated intervals hold for few pairs? Calibrations of one rig from disjoint pictures, held against each other.
 
-Boards as printers and hands make them, each set in its own way: rims of all widths, a sheet bent by 0.5 mm, blur, noise,
-JPEG. About eight minutes on two cores, most of it for the pictures.
+Boards as printers and hands make them, each set in its own way: rims of all widths, a sheet bent by 0.5 mm, blur,
+noise, JPEG. About eight minutes on two cores, most of it for the pictures.
 """
 
 from __future__ import annotations
@@ -98,7 +98,7 @@ def main() -> None:
     result: dict[str, Any] = {"rigs": RIGS, "pairs": [min(len(v) for v, _ in sets), max(len(v) for v, _ in sets)]}
     for size in tqdm(SIZES, "calibrating", unit="size"):
         found = [of_set(views, rig, size) for views, rig in sets]
-        result[f"pairs_{size}"] = row(*(np.array(sum(part, [])) for part in zip(*found, strict=True)))
+        result[f"pairs_{size}"] = row(*(np.concatenate([p for p in part if p]) for part in zip(*found, strict=True)))
         print(size, result[f"pairs_{size}"])
     save("halves", result, ROOMS)
 

@@ -12,7 +12,7 @@ from stereolib.base import Float64, plus_minus
 from stereolib.calibration.board_size import SizeErrors, board_size_error_pct, triangulate
 from stereolib.calibration.boards import Board, BoardViews
 from stereolib.calibration.bundle_adjustment import moved_rig
-from stereolib.calibration.diagnosis import _EPIPOLAR_PX, _LENGTH_PCT, _WIDTH_PX, Check
+from stereolib.calibration.diagnosis import ERROR_PCT, Check, rows_limits_px
 from stereolib.calibration.movement import MOVEMENTS, SURE, Moved, Movement, estimate_movement
 from stereolib.calibration.record import CalibrationRecord
 from stereolib.calibration.solve import epipolar_errors_px
@@ -377,13 +377,18 @@ def _checks(check: CalibrationCheck) -> tuple[Check, ...]:
     )
     ratio = moved[:, 2] / check.points_mm[..., 2].ravel()
     depth_pct = 100 * float(np.nanmean(np.abs(ratio - 1)))
-    good, usable = (limit * max(1.0, check.views.size[0] / _WIDTH_PX) for limit in _EPIPOLAR_PX)
     again = "calibrate again"
     return (
-        Check("squares are wrong by", check.sizes.square_error_pct, "%", *_LENGTH_PCT, again),
-        Check("the board's longer side is wrong by", check.sizes.board_error_pct, "%", *_LENGTH_PCT, again),
-        Check("depths, as the rig has moved, are wrong by", depth_pct, "%", *_LENGTH_PCT, again),
-        Check("rows differ after rectification by", check.row_rms_px, "px rms", good, usable, again),
+        Check("squares are wrong by", check.sizes.square_error_pct, "%", *ERROR_PCT, again),
+        Check("the board's longer side is wrong by", check.sizes.board_error_pct, "%", *ERROR_PCT, again),
+        Check("depths, as the rig has moved, are wrong by", depth_pct, "%", *ERROR_PCT, again),
+        Check(
+            "rows differ after rectification by",
+            check.row_rms_px,
+            "px rms",
+            *rows_limits_px(check.views.size[0]),
+            again,
+        ),
     )
 
 
@@ -430,14 +435,14 @@ def _notes(check: CalibrationCheck) -> Iterator[str]:
         yield "the calibration does not say which boards made it: whether these are fresh cannot be checked"
     if not check.record.whole:
         yield "the calibration states no deviations, or each by itself: what it could not know is not told apart well"
-    if check.board_pct.std > _LENGTH_PCT[0]:
+    if check.board_pct.std > ERROR_PCT[0]:
         yield f"the size of the board is sure to {check.board_pct.std:.2f} % only: take more pairs, and nearer ones"
     correlation = np.abs(check.movement.correlation)
     for a, name in enumerate(MOVEMENTS[:_TURNS]):
         b = _TURNS + int(correlation[a, _TURNS:_POSES].argmax())
         if correlation[a, b] > _TIED and check.rig.right.K[0, 0] * check.movement.std[a] > _OPEN_PX:
             yield f"{_LIKE[name]} and {_LIKE[MOVEMENTS[b]]} can hardly be told apart here"
-    if check.movement.std[_POSES:].max() > _LENGTH_PCT[1] / 100:
+    if check.movement.std[_POSES:].max() > ERROR_PCT[1] / 100:
         yield "another focus of both lenses can hardly be seen here: tilt the board by 20 to 40 degrees"
     if len(check.views) == 1:
         yield "one pair shows one place of the picture at one distance: a few more, near and far, tell more"

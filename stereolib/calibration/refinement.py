@@ -109,7 +109,7 @@ def window_room_px(grey: UInt8, grid_px: Float32) -> Float64:
         distance = rim_distance(grey, turned)
         outwards = np.abs((turned[0] - turned[1]) @ normal)
         np.minimum(there[0], (distance * outwards - _CLEAR_PX) / np.abs(normal).sum(), out=there[0])
-    return np.nan_to_num(room, nan=np.inf)
+    return np.asarray(np.nan_to_num(room, nan=np.inf))
 
 
 def rim_distance(grey: UInt8, grid_px: Float32) -> float:
@@ -137,4 +137,4 @@ def rim_distance(grey: UInt8, grid_px: Float32) -> float:
 def _grey_at(grey: UInt8, at_px: Float32) -> Float64:
     where = np.asarray(at_px, np.float32).reshape(-1, 1, 2)
     found = cv2.remap(grey, where, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    return found.reshape(at_px.shape[:-1]).astype(float)
+    return np.asarray(found.reshape(at_px.shape[:-1]), float)

@@ -61,7 +61,8 @@ def without_wrong_corners(views: BoardViews, model: str = "brown3") -> tuple[Boa
     left, left_off = _cleaned(views, views.left_px, model)
     right, right_off = _cleaned(views, views.right_px, model)
     wrong = []
-    for side, kept, found, off in (("left", left, views.left_px, left_off), ("right", right, views.right_px, right_off)):
+    sides = ("left", left, views.left_px, left_off), ("right", right, views.right_px, right_off)
+    for side, kept, found, off in sides:
         for k, at in zip(*np.nonzero(np.isnan(kept[..., 0]) & np.isfinite(found[..., 0])), strict=True):
             row, column = divmod(int(at), views.board.columns)
             x, y = found[k, at].tolist()

@@ -13,7 +13,6 @@ from stereolib.cli.outputs import listed
 if TYPE_CHECKING:
     from stereolib.calibration import Board
 
-_LEAST_SQUARE_MM = 1.0  # a shorter edge was given in metres: such corners are no pixel apart at arm's length
 _SIDES = {"left", "right", "l", "r"}
 _Key = tuple[tuple[bool, int, str], ...]
 
@@ -47,8 +46,6 @@ def parse_board(
     for edge in edges:
         if not (math.isfinite(edge) and edge > 0):
             raise ValueError(f"the square's edge must be a positive number of mm, got {edge:g}")
-        if edge < _LEAST_SQUARE_MM:
-            raise ValueError(f"--square-mm is in millimetres, as 25; no camera sees squares of {edge:g} mm")
     mean, aspect = sum(edges) / len(edges), edges[-1] / edges[0]
     if marker_mm is None:
         if legacy:

@@ -12,9 +12,10 @@ from stereolib.calibration.refinement import extrapolated, rim_distance
 
 RIMS = (1.0, 0.5, 0.25)
 MARGINS = (1.0, 0.0)
+WEBCAM = Photo()
 
 
-def errors_px(rim: float, margin: float, photo: Photo = Photo()) -> tuple[np.ndarray, np.ndarray]:
+def errors_px(rim: float, margin: float, photo: Photo = WEBCAM) -> tuple[np.ndarray, np.ndarray]:
     """Distances of the inner and of the outermost corners from where they were, over six pairs."""
     rng = np.random.default_rng(4)
     rig, sheet = draw_rig(rng), Print(rim=rim, margin=margin)
@@ -93,7 +94,8 @@ def test_a_corner_without_room_is_not_found():
     rng = np.random.default_rng(3)
     rig, sheet = draw_rig(rng), Print(rim=0.18)
     pairs = photographed(rig, draw_poses(rig, 4, rng), sheet, Photo(), rng)
-    found = [corners for pair in pairs for image in pair if (corners := find_checkerboard(image, sheet.board)) is not None]
-    grids = np.array(found).reshape(len(found), sheet.board.rows, sheet.board.columns, 2)
+    tried = [find_checkerboard(image, sheet.board) for pair in pairs for image in pair]
+    found = np.array([corners for corners in tried if corners is not None])
+    grids = found.reshape(len(found), sheet.board.rows, sheet.board.columns, 2)
     assert np.isnan(grids[:, 0]).any()
     assert np.isfinite(grids[:, 1:-1, 1:-1]).all()

@@ -25,7 +25,7 @@ def test_wrong_corners_are_named_and_left_out(off_px):
     right[4, 17] += [off_px, 0]
     right[9, 0] += [0, -off_px]
     cleaned, wrong = without_wrong_corners(replace(views, right_px=right))
-    assert {(w.pair, w.side, w.column, w.row) for w in wrong} == {("pair 05", "right", 9, 2), ("pair 10", "right", 1, 1)}
+    assert {w[:4] for w in wrong} == {("pair 05", "right", 9, 2), ("pair 10", "right", 1, 1)}
     for corner in wrong:
         assert corner.off_px == pytest.approx(off_px, abs=0.3)
     assert str(wrong[0]).startswith(wrong[0].pair + " right (column ")
@@ -41,7 +41,7 @@ def test_the_rig_is_as_if_they_had_been_right():
     assert len(wrong) == 3
     clean, mended = (calibrate_stereo(v).rig for v in (views, cleaned))
     assert mended.baseline_mm == pytest.approx(clean.baseline_mm, abs=0.02)
-    assert mended.left.K == pytest.approx(clean.left.K, abs=0.2)
+    np.testing.assert_allclose(mended.left.K, clean.left.K, atol=0.2)
     assert abs(calibrate_stereo(replace(views, left_px=left)).rig.left.K - rig.left.K).max() > 1.0
 
 

@@ -95,7 +95,8 @@ def look(camera: Camera, T_camera_board: Float64, sheet: Print) -> Float64:
         x, y = (eye[k] + rays[:, k] * (z - eye[2]) / rays[:, 2] for k in (0, 1))
         z = np.where(np.maximum(np.abs(x) / far[0], np.abs(y) / far[1]) < 2, sheet.height_mm(x, y), 0.0)
     # between pixels the sheet's coordinates are all but linear
-    fine = [cv2.resize(at.reshape(u.shape), None, fx=_SAMPLES, fy=_SAMPLES, interpolation=cv2.INTER_LINEAR) for at in (x, y)]
+    finer = u.shape[1] * _SAMPLES, u.shape[0] * _SAMPLES
+    fine = [cv2.resize(at.reshape(u.shape), finer, interpolation=cv2.INTER_LINEAR) for at in (x, y)]
     grey = cv2.resize(sheet.grey(*fine), u.shape[::-1], interpolation=cv2.INTER_AREA)
     seen = np.full((height, width), _BEHIND)
     seen[v0:v1, u0:u1] = grey

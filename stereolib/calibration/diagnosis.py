@@ -30,7 +30,7 @@ from stereolib.rig import StereoRig
 #: What decides the verdict, per cent of a depth or a length: up to the first a calibration is good, up to the second
 #: usable; 0.5 % is 1.5 mm on the paper's cube.
 _ERROR_PCT = (0.5, 2.0)
-#: What is worth advice: corners and rows in pixels of an image 640 wide (more for wider ones), focal lengths in per cent.
+#: Beyond it advice is due: corners and rows in pixels of an image 640 wide (more for wider ones), focal lengths in %.
 _RMS_PX, _EPIPOLAR_PX, _FOCAL_PCT = 0.5, 0.3, 0.5
 _WIDTH_PX = 640
 _LENGTH_MM, _LENGTH_SHARE = 100.0, 0.1  # the length whose error is told; nearer, that share of the distance
@@ -242,10 +242,10 @@ def diagnose(
 
     Notes
     -----
-    The verdict follows the error of depth and of length, one standard deviation, and what makes this untrue: a lens model
-    too short (what it makes wrong is added), boards left out whose size comes out wrong, a ruler that contradicts, squares
-    not as high as wide, a rig that moved, one that cannot be rectified or sees nothing there, a lens that folds where
-    boards were seen. All else is advice.
+    The verdict follows the error of depth and of length, one standard deviation, and what makes this untrue: a lens
+    model too short (what it makes wrong is added), boards left out whose size comes out wrong, a ruler that
+    contradicts, squares not as high as wide, a rig that moved, one that cannot be rectified or sees nothing there, a
+    lens that folds where boards were seen. All else is advice.
     """
     for what, value in (("ruler's reading", ruler_mm), ("distance to judge depths at", at_mm)):
         if value is not None and not (np.isfinite(value) and value > 0):

@@ -222,8 +222,8 @@ def lens_errors_mm(rig: StereoRig, better: StereoRig, errors: ErrorMap) -> tuple
 
     Notes
     -----
-    Pixels of the one are triangulated by the other: the two lenses' coefficients may be far apart along a valley in which
-    the lenses are alike, so that a derivative by them would mislead.
+    Pixels of the one are triangulated by the other: the two lenses' coefficients may be far apart along a valley in
+    which the lenses are alike, so that a derivative by them would mislead.
     """
     pixels = np.stack(np.meshgrid(errors.columns_px, errors.rows_px), -1).reshape(-1, 2)
     points, half = rig.left.rays(pixels, clamp=True) * errors.at_mm, np.array([errors.of_mm / 2, 0.0, 0.0])

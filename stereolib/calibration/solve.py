@@ -199,7 +199,7 @@ def rectified_scale(rectified: RectifiedRig) -> tuple[float, float]:
         np.arange(_SCALE_STEP_PX // 2, height, _SCALE_STEP_PX),
     )
     grid = np.stack(np.meshgrid(*steps), -1).reshape(-1, 2)
-    asked, found = np.concatenate([grid, grid + [1, 0], grid + [0, 1]]), []
+    asked, found = np.concatenate([grid, grid + np.array([1, 0]), grid + np.array([0, 1])]), []
     for side in ("left", "right"):
         at, right, below = rectified.rectify_points(asked, side).reshape(3, -1, 2)
         (a, b), (c, d) = (right - at).T, (below - at).T

@@ -149,7 +149,7 @@ def check_rows(diagnosis: Diagnosis) -> list[tuple[str, str, str, str, str]]:
     Returns
     -------
     list of (name, value, good, usable, advice)
-        Up to which value it is good, and up to which usable; or, if it does not decide, beyond which it is worth advice.
+        Up to which value it is good, and up to which usable; or, if it does not decide, beyond which advice is due.
     """
     return [(check.name, f"{check.value:.2f} {check.unit}", *_limits(check)) for check in diagnosis.checks]
 

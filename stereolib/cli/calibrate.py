@@ -16,14 +16,14 @@ from stereolib.cli.outputs import check_outputs
 
 #: Kind of file that `stereolib.rig` saves -> its names, and how many lens coefficients it holds at most.
 _FORMATS = {"opencv": (["opencv.yml"], 14), "ros": (["left.yaml", "right.yaml"], 8), "kalibr": (["camchain.yaml"], 4)}
-_NOTES = """verdict, by the errors of depth and of length at --at-mm (one standard deviation, the median over the picture):
+_NOTES = """verdict, by the errors of depth and of length at --at-mm (one standard deviation, median over the picture):
   good    both are up to 0.5 %: measure with it
   usable  up to 2 %: measure with it, to 2 %; mend what is named for more
   bad     beyond that, or nothing can be said of the errors: do not measure with it
-What makes these errors untrue counts as well: a lens model too short, boards left out whose squares come out wrong or that
-are not as high as wide (by the same limits); a ruler that contradicts, a rig that moved, cameras that cannot be rectified
-or do not overlap there, a lens that folds where boards were seen (bad). All else is advice, at most three lines, the first
-to be followed first; --json and the report have the rest.
+What makes these errors untrue counts as well: a lens model too short, squares of boards left out that come out wrong
+or not as high as wide (by the same limits); a ruler that contradicts, a rig that moved, cameras that cannot be
+rectified or do not overlap there, a lens that folds where boards were seen (bad). All else is advice, at most three
+lines, to be followed in their order; --json has the rest.
 
 exit code: 0 good or usable, 1 bad, 2 wrong input. Boards found are kept in .stereolib_corners beside the pictures, so
 that a second run does not search again; delete that folder at will."""

@@ -187,7 +187,8 @@ def _worst_corners(diagnosis: Diagnosis, files: Files) -> list[str]:
         found = (views.left_px, views.right_px)[side][k, corner].astype(float)
         row, column = divmod(int(corner), views.board.columns)
         file = files[views.names[k]][side]
-        title = f"{file.name} ({sides[side]}), corner of column {column + 1}, row {row + 1}: {off_px[side, k, corner]:.2f} px off"
+        where = f"corner of column {column + 1}, row {row + 1}"
+        title = f"{file.name} ({sides[side]}), {where}: {off_px[side, k, corner]:.2f} px off"
         plot_crop(read_image(file, grey=True), found, found - diagnosis.residuals_px[side, k, corner], ax, title)
     for ax in axes[len(worst) :]:
         ax.set_axis_off()

@@ -127,7 +127,7 @@ def test_units_that_cannot_be_millimetres_are_asked_about(square_mm):
 
 def test_metres_are_refused():
     for board in (lambda: Checkerboard(9, 6, 0.025), lambda: Charuco(9, 6, 0.025, 0.018)):
-        with pytest.raises(ValueError, match="millimetres are expected: for 0.025 m that is 25"):
+        with pytest.raises(ValueError, match=r"millimetres are expected: for 0\.025 m that is 25"):
             board()
 
 

@@ -50,7 +50,7 @@ class Fault:
 
 
 def bad_sets(seed: int = 0) -> Iterator[Fault]:
-    """Make 28 sets of 32 pairs at most, each with one fault.
+    """Make 28 sets of 30 pairs at most, each with one fault.
 
     Parameters
     ----------

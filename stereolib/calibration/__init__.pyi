@@ -10,8 +10,8 @@ from .laser_pose import LidarCamera, calibrate_lidar_to_camera
 from .lens_choice import HoldOut, choose_lens_model, hold_out_errors, hold_out_rigs, hold_out_splits
 from .lens_models import LENS_MODELS, LensFold, fold_inside
 from .movement import MOVEMENTS, Moved, Movement
-from .record import CalibrationRecord
 from .outliers import MIN_PAIRS
+from .record import CalibrationRecord
 from .solve import (
     CameraCalibration,
     StereoCalibration,

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from stereolib.base import Float64
+from stereolib.base import Float64, counted
 from stereolib.calibration.board_size import board_stretch, left_out_size_errors
 from stereolib.calibration.boards import BoardViews, Checkerboard
 from stereolib.calibration.bundle_adjustment import RigFit
@@ -25,14 +25,15 @@ from stereolib.calibration.misfits import by_reason, in_short
 from stereolib.calibration.outliers import SortedPairs, sort_pairs
 from stereolib.calibration.solve import epipolar_errors_px, rectified_scale
 from stereolib.calibration.uncertainty import ErrorMap, RigStd, error_map, rectified_std, rig_covariance, rig_std
+from stereolib.calibration.wrong_corners import CornerOff, corners_off
 from stereolib.rig import StereoRig
 
 #: What decides the verdict, per cent of a depth or a length: up to the first a calibration is good, up to the second
 #: usable; 0.5 % is 1.5 mm on the paper's cube.
-_ERROR_PCT = (0.5, 2.0)
+ERROR_PCT = (0.5, 2.0)
 #: Beyond it advice is due: corners and rows in pixels of an image 640 wide (more for wider ones), focal lengths in %.
 _RMS_PX, _EPIPOLAR_PX, _FOCAL_PCT = 0.5, 0.3, 0.5
-_WIDTH_PX = 640
+WIDTH_PX = 640
 _LENGTH_MM, _LENGTH_SHARE = 100.0, 0.1  # the length whose error is told; nearer, that share of the distance
 _FEW_PAIRS = 8  # fewer say too little about what they leave out
 _RULER = (0.02, 2.0)  # share of the baseline, and mm: a ruler between two lenses is no better
@@ -136,6 +137,8 @@ class Diagnosis:
         Of this lens model and its neighbours, shortest first; empty for too few pairs.
     fit : RigFit
         The problem at its minimum, of the pairs used.
+    wrong_corners : tuple of CornerOff
+        Single corners of these pairs that were left out, the farthest off first.
     checks : tuple of Check
         Everything that has limits.
     warnings : tuple of str
@@ -173,11 +176,23 @@ class Diagnosis:
     folds: tuple[str, ...]
     lenses: tuple[HoldOut, ...]
     fit: RigFit
+    wrong_corners: tuple[CornerOff, ...]
     checks: tuple[Check, ...] = ()
     warnings: tuple[str, ...] = ()
     verdict: str = ""
     reasons: tuple[str, ...] = ()
     advice: tuple[str, ...] = ()
+
+    @property
+    def worst_corners(self) -> list[CornerOff]:
+        """Corners with where the others expect them: those left out, then those of the fit, the farthest off first."""
+        found = np.stack([self.views.left_px, self.views.right_px]).astype(float)
+        fitted = [
+            corner
+            for side, at, residuals in zip(("left", "right"), found, self.residuals_px, strict=True)
+            for corner in corners_off(self.views, side, at - residuals, np.isfinite(residuals[..., 0]))
+        ]
+        return [*self.wrong_corners, *sorted(fitted, key=lambda corner: -corner.off_px)]
 
     @property
     def pairs_used(self) -> tuple[str, ...]:
@@ -251,7 +266,7 @@ def diagnose(
         if value is not None and not (np.isfinite(value) and value > 0):
             raise ValueError(f"the {what} must be a positive number of mm, got {value}")
     pairs = sort_pairs(views, model)
-    used = views.only(pairs.groups[0])
+    used = pairs.views.only(pairs.groups[0])
     fit, rig = pairs.calibration.fit, pairs.calibration.rig
     covariance = rig_covariance(fit)
     sizes = left_out_size_errors(used, fit)
@@ -291,6 +306,7 @@ def diagnose(
         folds=tuple(f"the {side} lens {fold}" for side, fold in _folds(rig)),
         lenses=lenses,
         fit=fit,
+        wrong_corners=tuple(corner for corner in pairs.wrong_corners if corner.pair in used.names),
     )
     diagnosis = replace(diagnosis, checks=_checks(diagnosis))
     return _judged(
@@ -299,6 +315,7 @@ def diagnose(
             *_moved_findings(diagnosis, pairs),
             *_ruler_findings(diagnosis, ruler_mm),
             *_pair_findings(diagnosis),
+            *_corner_findings(diagnosis),
             *_board_findings(used, fit),
             *unrectified,
             *_lens_findings(diagnosis),
@@ -370,6 +387,16 @@ def _pair_findings(diagnosis: Diagnosis) -> list[Finding]:
     return findings
 
 
+def _corner_findings(diagnosis: Diagnosis) -> list[Finding]:
+    """Single corners that stood elsewhere."""
+    wrong = diagnosis.wrong_corners
+    if not wrong:
+        return []
+    listed = "; ".join(map(str, wrong[:_LISTED])) + f"; and {len(wrong) - _LISTED} more" * (len(wrong) > _LISTED)
+    what = f"{counted(len(wrong), 'corner')} left out, off by up to {wrong[0].off_px:.1f} px"
+    return [Finding(_REMARK, f"{what}: look whether the board is covered, glossy or cut there ({listed})")]
+
+
 def _board_findings(used: BoardViews, fit: RigFit) -> list[Finding]:
     """Whether the board's squares are as high as wide."""
     board, found = used.board, board_stretch(used, fit)
@@ -416,16 +443,16 @@ def _coverage_findings(diagnosis: Diagnosis) -> list[Finding]:
 def _checks(diagnosis: Diagnosis) -> tuple[Check, ...]:
     """Everything with limits that could be measured."""
     d, rig, std, at = diagnosis, diagnosis.rig, diagnosis.std, f"at {diagnosis.error_map.at_mm:g} mm"
-    scale = max(1.0, d.views.size[0] / _WIDTH_PX)
+    scale = max(1.0, d.views.size[0] / WIDTH_PX)
     lenses = (rig.left, std.left_K), (rig.right, std.right_K)
     focal_pct = 100 * float(max((K_std[:2] / np.diag(camera.K)[:2]).max() for camera, K_std in lenses))
     checks = []
     if np.isfinite(d.depth_pct):
         remedy = "take more pictures, near and far and all over the image"
-        checks.append(Check(f"depths {at} are sure to", d.depth_pct, "%", *_ERROR_PCT, remedy))
-        checks.append(Check(f"lengths {at} are sure to", d.length_pct, "%", *_ERROR_PCT, remedy))
+        checks.append(Check(f"depths {at} are sure to", d.depth_pct, "%", *ERROR_PCT, remedy))
+        checks.append(Check(f"lengths {at} are sure to", d.length_pct, "%", *ERROR_PCT, remedy))
     remedy = "is the board flat, and was it held still?"
-    checks.append(Check("squares of boards left out are wrong by", d.square_error_pct, "%", *_ERROR_PCT, remedy))
+    checks.append(Check("squares of boards left out are wrong by", d.square_error_pct, "%", *ERROR_PCT, remedy))
     remedy = "is the board flat, held still, and in focus?"
     checks.append(Check("corners fit to", d.rms_px, "px rms", _RMS_PX * scale, np.inf, remedy))
     if np.isfinite(d.epipolar_rms_px) and d.magnification <= _MAGNIFIED:
@@ -511,7 +538,7 @@ def _rectified_std(rig: StereoRig, covariance: Float64) -> dict[str, Any]:
 
 def _level(error_pct: float) -> int:
     """What an error means for the verdict."""
-    return _REMARK if error_pct <= _ERROR_PCT[0] else _USABLE if error_pct <= _ERROR_PCT[1] else _BAD
+    return _REMARK if error_pct <= ERROR_PCT[0] else _USABLE if error_pct <= ERROR_PCT[1] else _BAD
 
 
 def _median(values: Float64) -> float:

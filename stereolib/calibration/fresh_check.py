@@ -12,7 +12,7 @@ from stereolib.base import Float64, plus_minus
 from stereolib.calibration.board_size import SizeErrors, board_size_error_pct, triangulate
 from stereolib.calibration.boards import Board, BoardViews
 from stereolib.calibration.bundle_adjustment import moved_rig
-from stereolib.calibration.diagnosis import ERROR_PCT, Check, rows_limits_px
+from stereolib.calibration.diagnosis import ERROR_PCT, WIDTH_PX, Check
 from stereolib.calibration.movement import MOVEMENTS, SURE, Moved, Movement, estimate_movement
 from stereolib.calibration.record import CalibrationRecord
 from stereolib.calibration.solve import epipolar_errors_px
@@ -29,6 +29,7 @@ _DRAWS = 32  # of the corners' noise: a standard deviation to an eighth
 _BENT = 0.005  # of the board's longer side, 1 mm of 200 mm: bent so far, it is bent and not the pictures are noisy
 _EXPLAINED = 1.5  # times the noise that the rows show: a flat board before the right rig leaves no more
 _SAME_PX = 0.01  # left and right corners nearer than that are one picture's
+_ROWS_PX = (0.3, 1.0)  # of pictures 640 wide: up to the first good, up to the second usable
 _UNFIT_PX = 1.5  # rms, of pictures 640 px wide: no rig explains such corners, whatever has moved
 _WORSE = 4.0  # times the median rms of the pairs: what honest pairs never reach
 _LEAST_RMS_PX = 0.1  # a median below it is no measure
@@ -277,7 +278,7 @@ def _fitting(
     """The pairs that fit to one rig, the others and why, and how that rig has moved."""
     movement = estimate_movement(views, rig, record)
     rms = np.sqrt((movement.fit.pair_rms_px**2).mean(axis=1))
-    unfit = _UNFIT_PX * max(1.0, views.size[0] / _WIDTH_PX)
+    unfit = _UNFIT_PX * max(1.0, views.size[0] / WIDTH_PX)
     limit = min(unfit, _WORSE * max(float(np.median(rms)), _LEAST_RMS_PX))
     keep = np.flatnonzero(rms <= limit)
     why = (
@@ -377,6 +378,7 @@ def _checks(check: CalibrationCheck) -> tuple[Check, ...]:
     )
     ratio = moved[:, 2] / check.points_mm[..., 2].ravel()
     depth_pct = 100 * float(np.nanmean(np.abs(ratio - 1)))
+    rows = (limit * max(1.0, check.views.size[0] / WIDTH_PX) for limit in _ROWS_PX)
     again = "calibrate again"
     return (
         Check("squares are wrong by", check.sizes.square_error_pct, "%", *ERROR_PCT, again),
@@ -386,7 +388,7 @@ def _checks(check: CalibrationCheck) -> tuple[Check, ...]:
             "rows differ after rectification by",
             check.row_rms_px,
             "px rms",
-            *rows_limits_px(check.views.size[0]),
+            *rows,
             again,
         ),
     )

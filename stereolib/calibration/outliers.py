@@ -13,6 +13,7 @@ from stereolib.calibration.boards import BoardViews, Checkerboard
 from stereolib.calibration.bundle_adjustment import RigFit, board_poses, fit_rig, project_with_derivatives
 from stereolib.calibration.misfits import by_reason, explain, posed_rms_px, refocused_pairs, repeated_pairs
 from stereolib.calibration.solve import CameraCalibration, StereoCalibration, calibrate_camera, calibrate_stereo
+from stereolib.calibration.wrong_corners import CornerOff, without_wrong_corners
 from stereolib.rig import Camera
 
 #: Usable pairs: fewer hold a rig at best, and say nothing of how good it is.
@@ -41,6 +42,10 @@ class SortedPairs:
     ----------
     calibration : StereoCalibration
         Stands on the first of `groups`.
+    views : BoardViews
+        All pairs, NaN for single corners that are wrong.
+    wrong_corners : tuple of CornerOff
+        These.
     groups : tuple of tuple of int
         Indices of pairs, the largest group first.
     refused : dict
@@ -52,6 +57,8 @@ class SortedPairs:
     """
 
     calibration: StereoCalibration
+    views: BoardViews
+    wrong_corners: tuple[CornerOff, ...]
     groups: tuple[tuple[int, ...], ...]
     refused: dict[int, str]
     repeated: dict[int, int]
@@ -79,17 +86,19 @@ def sort_pairs(views: BoardViews, model: str = "brown3") -> SortedPairs:
 
     Notes
     -----
-    Of pairs that show the board in one place the first stays. Then each camera on its own: a view that fits no pose has
-    wrong corners. Then the pose of the right camera that each pair alone implies: of all these, the one that predicts
-    most pairs' right corners from their left ones wins, and the next one is sought among the rest. Last the joint fit
+    Of pairs that show the board in one place the first stays. Then each camera on its own: single wrong corners are left
+    out, and a view that fits no pose has many. Then the pose of the right camera that each pair alone implies: of all
+    these, the one that predicts most pairs' right corners from their left ones wins, and the next one is sought among the
+    rest. Last the joint fit
     of the winners, against which every pair is tried again: what is worse than four times the median is out, and so
     is another focus. For what is out, explanations are tried.
     """
     repeated = repeated_pairs(views)
     different = np.setdiff1d(np.arange(len(views)), list(repeated))
     _refuse_few(views, len(different))
+    _refuse_flat(views.only(different.tolist()))
+    views, wrong_corners = without_wrong_corners(views, model)
     some = views.only(different.tolist())
-    _refuse_flat(some)
     groups, wrong = _start(some, model)
     able = np.setdiff1d(np.arange(len(some)), list(wrong))
     calibration, inside, limit_px = _settled(some, groups[0], able, model)
@@ -103,7 +112,7 @@ def sort_pairs(views: BoardViews, model: str = "brown3") -> SortedPairs:
     reasons = {int(different[k]): why for k, why in reasons.items()} | dict.fromkeys(repeated, _REPEATED)
     _refuse_unusable(views, len(inside), reasons)
     positions = tuple(tuple(different[group].tolist()) for group in (inside, *others))
-    return SortedPairs(calibration, positions, reasons, repeated, moved_by)
+    return SortedPairs(calibration, views, wrong_corners, positions, reasons, repeated, moved_by)
 
 
 def _start(views: BoardViews, model: str) -> tuple[list[Ints], dict[int, str]]:

@@ -18,23 +18,50 @@ _WHOLE_VIEW = 0.15  # share of wrong corners from which on the view is wrong, or
 _ROUNDS = 4  # of fitting and looking anew; most sets settle in two
 
 
-class WrongCorner(NamedTuple):
-    """A corner that stands where no other corner lets it stand: its place on the board, counted from 1, and in px."""
+class CornerOff(NamedTuple):
+    """A corner, its place on the board, counted from 1, where it was found, and where all others expect it, px."""
 
     pair: str
     side: str
     column: int
     row: int
-    x_px: float
-    y_px: float
-    off_px: float
+    found_px: tuple[float, float]
+    expected_px: tuple[float, float]
+
+    @property
+    def off_px(self) -> float:
+        """How far apart these are."""
+        return float(np.hypot(*np.subtract(self.found_px, self.expected_px)))
 
     def __str__(self) -> str:
-        place = f"column {self.column}, row {self.row}, at {self.x_px:.0f} {self.y_px:.0f}"
-        return f"{self.pair} {self.side} ({place}): {self.off_px:.1f} px"
+        where = "at {:.0f} {:.0f}".format(*self.found_px)
+        return f"{self.pair} {self.side} (column {self.column}, row {self.row}, {where}): {self.off_px:.1f} px"
 
 
-def without_wrong_corners(views: BoardViews, model: str = "brown3") -> tuple[BoardViews, tuple[WrongCorner, ...]]:
+def corners_off(views: BoardViews, side: str, expected_px: Float64, chosen: Bools) -> list[CornerOff]:
+    """List chosen corners of one side with where they were expected, the farthest off first.
+
+    Parameters
+    ----------
+    views : BoardViews
+    side : "left" | "right"
+    expected_px : (n, corners, 2) float64, px
+    chosen : (n, corners) bool
+
+    Returns
+    -------
+    list of CornerOff
+    """
+    found = views.left_px if side == "left" else views.right_px
+    listed = []
+    for k, at in zip(*np.nonzero(chosen), strict=True):
+        row, column = divmod(int(at), views.board.columns)
+        places = [(float(x), float(y)) for x, y in (found[k, at], expected_px[k, at])]
+        listed.append(CornerOff(views.names[k], side, column + 1, row + 1, *places))
+    return sorted(listed, key=lambda corner: -corner.off_px)
+
+
+def without_wrong_corners(views: BoardViews, model: str = "brown3") -> tuple[BoardViews, tuple[CornerOff, ...]]:
     """Leave out single corners that are off by many times what is usual.
 
     Each camera is calibrated by itself, and every corner held against what the others say of it. A view with many such
@@ -50,7 +77,7 @@ def without_wrong_corners(views: BoardViews, model: str = "brown3") -> tuple[Boa
     -------
     views : BoardViews
         NaN for what is left out.
-    wrong : tuple of WrongCorner
+    wrong : tuple of CornerOff
         The farthest off first.
 
     Raises
@@ -58,31 +85,28 @@ def without_wrong_corners(views: BoardViews, model: str = "brown3") -> tuple[Boa
     ValueError
         As `calibrate_camera`.
     """
-    left, left_off = _cleaned(views, views.left_px, model)
-    right, right_off = _cleaned(views, views.right_px, model)
-    wrong = []
-    sides = ("left", left, views.left_px, left_off), ("right", right, views.right_px, right_off)
-    for side, kept, found, off in sides:
-        for k, at in zip(*np.nonzero(np.isnan(kept[..., 0]) & np.isfinite(found[..., 0])), strict=True):
-            row, column = divmod(int(at), views.board.columns)
-            x, y = found[k, at].tolist()
-            wrong.append(WrongCorner(views.names[k], side, column + 1, row + 1, x, y, float(off[k, at])))
-    found_wrong = tuple(sorted(wrong, key=lambda corner: -corner.off_px))
-    return replace(views, left_px=left, right_px=right), found_wrong
+    kept, wrong = [], list[CornerOff]()
+    for side, found in (("left", views.left_px), ("right", views.right_px)):
+        off, expected = _wrong(views, found, model)
+        kept.append(np.where(off[..., None], np.float32(np.nan), found))
+        wrong += corners_off(views, side, expected, off)
+    by_distance = tuple(sorted(wrong, key=lambda corner: -corner.off_px))
+    return replace(views, left_px=kept[0], right_px=kept[1]), by_distance
 
 
-def _cleaned(views: BoardViews, found_px: Float32, model: str) -> tuple[Float32, Float64]:
-    """Corners of one camera, NaN for the wrong ones, and the distance of each from what the others say of it."""
+def _wrong(views: BoardViews, found_px: Float32, model: str) -> tuple[Bools, Float64]:
+    """Which corners of one camera are wrong, and where all that are not expect each."""
     wrong: Bools = np.zeros(found_px.shape[:2], bool)
     for _ in range(_ROUNDS):
         kept = np.where(wrong[..., None], np.float32(np.nan), found_px)
         camera = calibrate_camera(views.board, kept, views.size, model=model).camera
         turns, shifts = board_poses(views.board.points_mm, kept, camera)
         points = views.board.points_mm @ turns.transpose(0, 2, 1) + shifts[:, None]
-        off = np.linalg.norm(found_px - project_with_derivatives(camera, points)[0], axis=2)
+        expected = project_with_derivatives(camera, points)[0]
+        off = np.linalg.norm(found_px - expected, axis=2)
         usual = np.maximum(np.nanmedian(off, axis=1, keepdims=True), max(float(np.nanmedian(off)), _LEAST_PX))
         before, wrong = wrong, off > _MANY * usual
         wrong[wrong.mean(axis=1) > _WHOLE_VIEW] = False
         if np.array_equal(before, wrong):
             break
-    return np.where(wrong[..., None], np.float32(np.nan), found_px), off
+    return wrong, expected

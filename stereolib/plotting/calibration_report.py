@@ -174,22 +174,16 @@ def _residuals(diagnosis: Diagnosis) -> list[str]:
 
 def _worst_corners(diagnosis: Diagnosis, files: Files) -> list[str]:
     """Crops of the pictures round the corners that are farthest from where the rig predicts them."""
-    views, sides = diagnosis.views, ("left", "right")
-    known = np.array([name in files for name in views.names])
-    off_px = np.nan_to_num(np.linalg.norm(diagnosis.residuals_px, axis=3)) * known[:, None]
-    worst = np.argsort(off_px, axis=None)[::-1][:_SHOWN_CORNERS]
-    worst = worst[off_px.ravel()[worst] > 0]
-    if not worst.size:
+    worst = [corner for corner in diagnosis.worst_corners if corner.pair in files][:_SHOWN_CORNERS]
+    if not worst:
         return []
     figure, axes = panels(3, -(-len(worst) // 3), width_in=12, aspect=1.05)
-    for ax, index in zip(axes, worst, strict=False):
-        side, k, corner = np.unravel_index(index, off_px.shape)
-        found = (views.left_px, views.right_px)[side][k, corner].astype(float)
-        row, column = divmod(int(corner), views.board.columns)
-        file = files[views.names[k]][side]
-        where = f"corner of column {column + 1}, row {row + 1}"
-        title = f"{file.name} ({sides[side]}), {where}: {off_px[side, k, corner]:.2f} px off"
-        plot_crop(read_image(file, grey=True), found, found - diagnosis.residuals_px[side, k, corner], ax, title)
+    for ax, corner in zip(axes, worst, strict=False):
+        file = files[corner.pair][corner.side == "right"]
+        where = f"corner of column {corner.column}, row {corner.row}"
+        left_out = ", left out" * (corner in diagnosis.wrong_corners)
+        title = f"{file.name} ({corner.side}), {where}: {corner.off_px:.2f} px off{left_out}"
+        plot_crop(read_image(file, grey=True), np.array(corner.found_px), np.array(corner.expected_px), ax, title)
     for ax in axes[len(worst) :]:
         ax.set_axis_off()
     axes[0].legend(loc="lower left", fontsize=8)

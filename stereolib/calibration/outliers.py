@@ -10,7 +10,14 @@ import numpy as np
 from stereolib.base import Float64, Floats, Ints
 from stereolib.calibration.board_size import board_stretch
 from stereolib.calibration.boards import BoardViews, Checkerboard
-from stereolib.calibration.bundle_adjustment import RigFit, board_poses, fit_rig, project_with_derivatives
+from stereolib.calibration.bundle_adjustment import (
+    RigFit,
+    board_poses,
+    fit_rig,
+    project_with_derivatives,
+    with_coefficients,
+)
+from stereolib.calibration.lens_models import LENS_MODELS
 from stereolib.calibration.misfits import by_reason, explain, posed_rms_px, refocused_pairs, repeated_pairs
 from stereolib.calibration.solve import CameraCalibration, StereoCalibration, calibrate_camera, calibrate_stereo
 from stereolib.calibration.wrong_corners import CornerOff, without_wrong_corners
@@ -28,6 +35,7 @@ _MIN_GROUP = 3  # pairs: fewer determine no rig
 _LEAST_SHARE = 4  # a quarter of the pairs must agree, or the set is no set
 _SAME_PX = 0.01  # left and right corners nearer than that are one picture's
 _FLAT_DEG = 5.0  # boards tilted by less leave the focal length open
+_JUDGING_LENS = LENS_MODELS["brown3"][0]  # what webcams need: a shorter one asked for is no judge of the focus
 _USUAL_FOCAL = 1.1  # image widths, a webcam's
 _WRONG_CORNERS = "the corners in the {} view fit no board: is the picture sharp, the board flat and whole in it?"
 _MISFIT = "left and right do not fit together: the board moved between the shutters, or these are two different moments"
@@ -234,14 +242,16 @@ def _settled(views: BoardViews, start: Ints, able: Ints, model: str) -> tuple[St
 
 
 def _refocused(views: BoardViews, tried: RigFit, fitting: Ints) -> Ints:
-    """Pairs with another focus, whatever the squares' height: a stretched board looks like other focal lengths."""
-    found, some = refocused_pairs(tried, fitting), views.only(fitting.tolist())
-    stretch = board_stretch(some, fit_rig(some, tried.rig)) if found.size else None
-    if stretch is None or not isinstance(views.board, Checkerboard):
+    """Pairs with another focus, whatever lens and board: one too short and one stretched look like changing focus."""
+    found = refocused_pairs(tried, fitting)
+    if not found.size:
         return found
-    board = replace(views.board, aspect=views.board.aspect + stretch[0])
-    rig = fit_rig(replace(some, board=board), tried.rig).rig
-    return refocused_pairs(fit_rig(replace(views, board=board), rig, free=False), fitting)
+    board, some = views.board, views.only(fitting.tolist())
+    fit = fit_rig(some, with_coefficients(tried.rig, max(tried.rig.left.dist.size, _JUDGING_LENS)))
+    if isinstance(board, Checkerboard) and (stretch := board_stretch(some, fit)):
+        board = replace(board, aspect=board.aspect + stretch[0])
+        fit = fit_rig(replace(some, board=board), fit.rig)
+    return refocused_pairs(fit_rig(replace(views, board=board), fit.rig, free=False), fitting)
 
 
 def _movement(first: StereoCalibration, second: StereoCalibration) -> str:

@@ -29,7 +29,7 @@ _DRAWS = 32  # of the corners' noise: a standard deviation to an eighth
 _BENT = 0.005  # of the board's longer side, 1 mm of 200 mm: bent so far, it is bent and not the pictures are noisy
 _EXPLAINED = 1.5  # times the noise that the rows show: a flat board before the right rig leaves no more
 _SAME_PX = 0.01  # left and right corners nearer than that are one picture's
-_ROWS_PX = (0.3, 1.0)  # of pictures 640 wide: up to the first good, up to the second usable
+ROWS_PX = (0.3, 1.0)  # of pictures 640 wide: up to the first good, up to the second usable
 _UNFIT_PX = 1.5  # rms, of pictures 640 px wide: no rig explains such corners, whatever has moved
 _WORSE = 4.0  # times the median rms of the pairs: what honest pairs never reach
 _LEAST_RMS_PX = 0.1  # a median below it is no measure
@@ -378,7 +378,7 @@ def _checks(check: CalibrationCheck) -> tuple[Check, ...]:
     )
     ratio = moved[:, 2] / check.points_mm[..., 2].ravel()
     depth_pct = 100 * float(np.nanmean(np.abs(ratio - 1)))
-    rows = (limit * max(1.0, check.views.size[0] / WIDTH_PX) for limit in _ROWS_PX)
+    good, usable = (limit * max(1.0, check.views.size[0] / WIDTH_PX) for limit in ROWS_PX)
     again = "calibrate again"
     return (
         Check("squares are wrong by", check.sizes.square_error_pct, "%", *ERROR_PCT, again),
@@ -388,7 +388,8 @@ def _checks(check: CalibrationCheck) -> tuple[Check, ...]:
             "rows differ after rectification by",
             check.row_rms_px,
             "px rms",
-            *rows,
+            good,
+            usable,
             again,
         ),
     )

@@ -94,12 +94,11 @@ def sort_pairs(views: BoardViews, model: str = "brown3") -> SortedPairs:
 
     Notes
     -----
-    Of pairs that show the board in one place the first stays. Then each camera on its own: single wrong corners are left
-    out, and a view that fits no pose has many. Then the pose of the right camera that each pair alone implies: of all
-    these, the one that predicts most pairs' right corners from their left ones wins, and the next one is sought among the
-    rest. Last the joint fit
-    of the winners, against which every pair is tried again: what is worse than four times the median is out, and so
-    is another focus. For what is out, explanations are tried.
+    Of pairs that show the board in one place the first stays. Then each camera on its own: single wrong corners are
+    left out, and a view that fits no pose has many. Then the pose of the right camera that each pair alone implies: of
+    all these, the one that predicts most pairs' right corners from their left ones wins, and the next one is sought
+    among the rest. Last the joint fit of the winners, against which every pair is tried again: what is worse than four
+    times the median is out, and so is another focus. For what is out, explanations are tried.
     """
     repeated = repeated_pairs(views)
     different = np.setdiff1d(np.arange(len(views)), list(repeated))

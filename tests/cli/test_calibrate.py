@@ -165,7 +165,7 @@ def test_a_file_in_the_way_is_said_before_any_work(tmp_path: Path, capsys: pytes
 def test_help_states_the_limits_that_are_applied() -> None:
     from stereolib.calibration import diagnosis
 
-    for limit, line in zip(diagnosis._ERROR_PCT, ("good", "usable"), strict=True):
+    for limit, line in zip(diagnosis.ERROR_PCT, ("good", "usable"), strict=True):
         assert re.search(rf"{line}.*\b{limit:g} %", CALIBRATE.notes), limit
         assert f"{limit:g} %" in wording.VERDICT_MEANINGS[line]
     assert "default: 1000" in make_help()

@@ -522,11 +522,14 @@ def _rectified(rig: StereoRig, views: BoardViews) -> tuple[Float64, tuple[float,
         return np.full(len(views), np.nan), (np.nan, np.nan), [finding]
     rows, (magnified, left) = epipolar_errors_px(rectified, views), rectified_scale(rectified)
     findings = []
-    if magnified > _MAGNIFIED or left < _LEAST_LEFT:
-        angle, how = np.degrees(np.arccos(np.clip(rig.R[2, 2], -1, 1))), "converge" if rig.R[2, 0] < 0 else "diverge"
-        text = f"the cameras {how} by {angle:.0f} degrees: too much for this rectification, which magnifies"
-        remedy = "turn them to where their axes are nearly parallel"
-        findings = [Finding(_BAD, f"{text} {magnified:.1f} times and leaves {100 * left:.0f} % of a picture: {remedy}")]
+    angle, how = np.arccos(np.clip(rig.R[2, 2], -1, 1)), "converge" if rig.R[2, 0] < 0 else "diverge"
+    sees = min(2 * np.arctan(camera.size[0] / 2 / camera.K[0, 0]) for camera in (rig.left, rig.right))
+    if magnified > _MAGNIFIED or left < _LEAST_LEFT or angle > sees:
+        text = f"the cameras {how} by {np.degrees(angle):.0f} degrees: too much for this rectification, which"
+        does = f"magnifies {magnified:.1f} times and leaves {100 * left:.0f} % of a picture"
+        if angle > sees:  # OpenCV crops nothing then
+            does = f"finds no direction that both pictures show, {np.degrees(sees):.0f} degrees wide each"
+        findings = [Finding(_BAD, f"{text} {does}: turn them to where their axes are nearly parallel")]
     return np.asarray(np.sqrt(np.nanmean(rows**2, axis=1))), (magnified, left), findings
 
 

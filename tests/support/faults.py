@@ -148,7 +148,7 @@ def _mirrored(views: BoardViews) -> BoardViews:
 
 def _converging(rng: np.random.Generator) -> Iterator[Fault]:
     """Cameras far apart, both turned in by so many degrees that their axes meet where the boards are."""
-    for degrees in (17, 20):
+    for degrees in (17, 20, 27, 33):
         rig, turn = draw_rig(rng), np.radians(degrees)
         half = cv2.Rodrigues(np.array([0.0, turn, 0.0]))[0]
         apart = np.array([2 * 650 * np.tan(turn), 0.0, 0.0])

@@ -49,7 +49,7 @@ def test_without_a_name_nothing_is_written(figures_in_temporary_folder):
     assert not figures_in_temporary_folder.exists()
     bundle, metadata = shown._repr_mimebundle_()
     assert base64.b64decode(bundle["image/png"]) == shown.data
-    assert Image.open(io.BytesIO(shown.data)).size == (900, 338)
+    assert Image.open(io.BytesIO(shown.data)).size == (900, 337)
     assert metadata == {}
 
 

@@ -1,4 +1,5 @@
 from .calibration_report import lens_shift_px, write_calibration_report
+from .course_map import plot_course
 from .curves import plot_bars, plot_curves, plot_dots
 from .maps import plot_occupancy, plot_scan, plot_scan_polar, plot_scans, plot_sizes, plot_top_view
 from .measurements import plot_height_attempt, plot_intervals
@@ -20,6 +21,7 @@ from .pictures import (
 )
 from .style import COLORS, panels
 from .triangulation import plot_triangulation
+from .two_views import plot_line_of_sight, plot_pair, plot_similar_triangles, plot_thumb
 
 __all__ = [
     "COLORS",
@@ -32,6 +34,7 @@ __all__ = [
     "plot_bars",
     "plot_box",
     "plot_corners",
+    "plot_course",
     "plot_curves",
     "plot_disparity",
     "plot_dots",
@@ -40,15 +43,19 @@ __all__ = [
     "plot_height_attempt",
     "plot_image",
     "plot_intervals",
+    "plot_line_of_sight",
     "plot_mask",
     "plot_occupancy",
+    "plot_pair",
     "plot_points",
     "plot_quantity",
     "plot_rows",
     "plot_scan",
     "plot_scan_polar",
     "plot_scans",
+    "plot_similar_triangles",
     "plot_sizes",
+    "plot_thumb",
     "plot_top_view",
     "plot_triangulation",
     "save_figure",

@@ -55,7 +55,8 @@ def _corners(distance_mm: float, middle_mm: float) -> Float64:
     """Left, near, right and far corner of the box from above: (4, 2), mm to the right and forward."""
     half = _SIDE_MM / np.sqrt(2)
     shape = np.array([[-half, half], [0, 0], [half, half], [0, 2 * half]])
-    return shape + np.array([middle_mm, distance_mm])
+    corners: Float64 = shape + np.array([middle_mm, distance_mm])
+    return corners
 
 
 def _draw_picture(ax: Any, f_px: float, distance_mm: float, at_mm: float, middle_mm: float) -> None:

@@ -16,15 +16,15 @@ LEFT, RIGHT = COLORS[5], COLORS[3]  # the two eyes, wherever they are told apart
 
 
 @default_style
-def plot_thumb(eyes_mm: float, thumbs_mm: Sequence[float], wall_mm: float, ax: Axes) -> Axes:
+def plot_thumb(eyes_mm: float, thumbs_mm: tuple[float, float], wall_mm: float, ax: Axes) -> Axes:
     """Draw two eyes, a thumb at some distances and where both see it on a wall, from above and to scale.
 
     Parameters
     ----------
     eyes_mm : float
         From eye to eye.
-    thumbs_mm : sequence of float
-        Distances of the thumb.
+    thumbs_mm : two floats
+        Distances of the thumb, the farther one first.
     wall_mm : float
     ax : matplotlib.axes.Axes
 
@@ -33,13 +33,20 @@ def plot_thumb(eyes_mm: float, thumbs_mm: Sequence[float], wall_mm: float, ax: A
     matplotlib.axes.Axes
     """
     eyes = (("left eye", eyes_mm / 2, LEFT), ("right eye", -eyes_mm / 2, RIGHT))
-    for thumb, style in zip(thumbs_mm, ("-", "--", ":"), strict=False):
+    for thumb, style, up in zip(thumbs_mm, ("-", "--"), (1, -1), strict=True):
         ends = [side * (1 - wall_mm / thumb) for _, side, _ in eyes]
         for (_, side, color), end in zip(eyes, ends, strict=True):
             ax.plot([0, wall_mm], [side, end], color=color, ls=style, lw=1.6)
         ax.plot(thumb, 0, "o", color=TRUTH, ms=8, zorder=4)
         thin = {"arrowstyle": "-", "lw": 0.8}
-        ax.annotate(f"thumb at {thumb:.0f} mm", (thumb, 0), (thumb, 0.95 * eyes_mm), ha="center", arrowprops=thin)
+        ax.annotate(
+            f"thumb at {thumb:.0f} mm",
+            (thumb, 0),
+            (thumb, up * 1.2 * eyes_mm),
+            ha="center",
+            va="center",
+            arrowprops=thin,
+        )
     for name, side, color in eyes:
         ax.plot(0, side, "o", color=color, ms=9)
         ax.annotate(name, (0, side), (-9, 0), textcoords="offset points", ha="right", va="center")
@@ -126,14 +133,14 @@ def plot_pair(pictures: tuple[UInt8, UInt8], points_px: Any, axes: Any) -> None:
         plot_image(picture, ax, name)
         for column, row in np.reshape(points, (-1, 2)):
             ax.plot(column, row, "o", ms=11, mfc="none", mec="black", mew=3.2)
-            ax.plot(column, row, "o", ms=11, mfc="none", mec=LEFT, mew=1.8)
+            ax.plot(column, row, "o", ms=11, mfc="none", mec="white", mew=1.6)
             low = row > picture.shape[0] / 2
             ax.annotate(
                 f"column {column:.0f}\nrow {row:.0f}",
                 (column, row),
-                (11, -11 if low else 7),
+                (11, -13 if low else 7),
                 textcoords="offset points",
-                va="center" if low else "bottom",
+                va="bottom",
                 fontsize=9,
                 bbox={"facecolor": "white", "alpha": 0.85, "lw": 0, "pad": 1.5},
             )

@@ -1,4 +1,5 @@
 from .calibration_report import lens_shift_px, write_calibration_report
+from .calibration_views import plot_boards_in_space, plot_epipolar_lines, plot_epipolar_plane, plot_lens_arrows
 from .course_map import plot_course
 from .curves import plot_bars, plot_curves, plot_dots
 from .maps import plot_occupancy, plot_scan, plot_scan_polar, plot_scans, plot_sizes, plot_top_view
@@ -32,17 +33,21 @@ __all__ = [
     "panels",
     "plot_arrows",
     "plot_bars",
+    "plot_boards_in_space",
     "plot_box",
     "plot_corners",
     "plot_course",
     "plot_curves",
     "plot_disparity",
     "plot_dots",
+    "plot_epipolar_lines",
+    "plot_epipolar_plane",
     "plot_errors",
     "plot_height",
     "plot_height_attempt",
     "plot_image",
     "plot_intervals",
+    "plot_lens_arrows",
     "plot_line_of_sight",
     "plot_mask",
     "plot_occupancy",

@@ -41,7 +41,7 @@ COMMANDS = {  # what each hands to the environment's Python; nox's sessions stan
     "reproduce": ["-m", "stereolib", "reproduce"],
     "test": ["-m", "nox", "-s", "tests", "test-opencv4", "notebooks", "--"],
     "data": ["-m", "stereolib", "data", "build"],
-    "lab": ["-m", "jupyter", "lab", "notebooks/00_index.ipynb"],
+    "lab": ["-m", "jupyter", "lab", "notebooks/00_two_pictures.ipynb"],
     "same": ["benchmarks/same.py"],
 }
 

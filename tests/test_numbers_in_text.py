@@ -107,7 +107,7 @@ FOUND = {
     "05_lrf.ipynb": 0.35,
     "README.md": 0.85,
     "CONTRIBUTING.md": 1.0,
-    "00_index.ipynb": 0.9,
+    "00_two_pictures.ipynb": 0.9,
     "09_real_recordings.ipynb": 0.9,
 }
 

@@ -48,9 +48,9 @@ def normal(requirement: str) -> tuple[str, str]:
 # --- notebooks
 
 
-def test_notebooks_are_numbered_from_the_index_on() -> None:
+def test_notebooks_are_numbered_from_the_start_on() -> None:
     stems = [path.stem for path in NOTEBOOKS]
-    assert stems[0] == "00_index"
+    assert stems[0] == "00_two_pictures"
     assert all(re.fullmatch(r"\d\d_[a-z_]+", stem) for stem in stems)
     assert len({stem[:2] for stem in stems}) == len(stems)
 

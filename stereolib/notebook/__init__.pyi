@@ -1,7 +1,7 @@
 from .camera_drawings import draw_lens, draw_rectification
+from .first_drawings import draw_two_pictures
 from .height_drawings import draw_heights, draw_recipe, draw_width
 from .laser_drawings import draw_map_view, draw_matching, draw_sweep
-from .ledger_drawings import draw_verdicts
 from .matching_drawings import draw_dilation, draw_motorcycle, draw_sgbm, draw_surface
 from .sliders import Explorer, explore
 
@@ -18,7 +18,7 @@ __all__ = [
     "draw_sgbm",
     "draw_surface",
     "draw_sweep",
-    "draw_verdicts",
+    "draw_two_pictures",
     "draw_width",
     "explore",
 ]

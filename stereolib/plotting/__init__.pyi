@@ -1,5 +1,7 @@
 from .calibration_report import lens_shift_px, write_calibration_report
+from .calibration_views import plot_boards_in_space, plot_epipolar_lines, plot_epipolar_plane, plot_lens_arrows
 from .check_figure import check_figure
+from .course_map import plot_course
 from .curves import plot_bars, plot_curves, plot_dots
 from .maps import plot_occupancy, plot_scan, plot_scan_polar, plot_scans, plot_sizes, plot_top_view
 from .measurements import plot_height_attempt, plot_intervals
@@ -22,6 +24,7 @@ from .pictures import (
 )
 from .style import COLORS, panels
 from .triangulation import plot_triangulation
+from .two_views import plot_line_of_sight, plot_pair, plot_similar_triangles, plot_thumb
 
 __all__ = [
     "COLORS",
@@ -33,26 +36,35 @@ __all__ = [
     "panels",
     "plot_arrows",
     "plot_bars",
+    "plot_boards_in_space",
     "plot_box",
     "plot_corners",
+    "plot_course",
     "plot_crop",
     "plot_curves",
     "plot_disparity",
     "plot_dots",
+    "plot_epipolar_lines",
+    "plot_epipolar_plane",
     "plot_errors",
     "plot_height",
     "plot_height_attempt",
     "plot_image",
     "plot_intervals",
+    "plot_lens_arrows",
+    "plot_line_of_sight",
     "plot_mask",
     "plot_occupancy",
+    "plot_pair",
     "plot_points",
     "plot_quantity",
     "plot_rows",
     "plot_scan",
     "plot_scan_polar",
     "plot_scans",
+    "plot_similar_triangles",
     "plot_sizes",
+    "plot_thumb",
     "plot_top_view",
     "plot_triangulation",
     "save_figure",

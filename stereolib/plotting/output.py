@@ -25,17 +25,20 @@ class Picture:
     ----------
     data : bytes
         A PNG file.
+    alt : str
+        What there is to see, for those who do not.
     """
 
-    def __init__(self, data: bytes) -> None:
-        self.data = data
+    def __init__(self, data: bytes, alt: str = "") -> None:
+        self.data, self.alt = data, alt
 
-    def _repr_mimebundle_(self, **_: Any) -> dict[str, str]:
-        return {"image/png": base64.b64encode(self.data).decode(), "text/plain": "<picture>"}
+    def _repr_mimebundle_(self, **_: Any) -> tuple[dict[str, str], dict[str, Any]]:
+        shown = {"image/png": base64.b64encode(self.data).decode(), "text/plain": "<picture>"}
+        return shown, {"image/png": {"alt": self.alt}} if self.alt else {}
 
 
 @default_style
-def save_figure(name: str | None, figure: Figure, *, svg: bool = False) -> Picture:
+def save_figure(name: str | None, figure: Figure, *, alt: str = "", svg: bool = False) -> Picture:
     """Write a figure as ``figures/<name>.png`` and show it.
 
     The PNG carries 256 colours, no date and no version, so that the same data make the same bytes.
@@ -45,6 +48,8 @@ def save_figure(name: str | None, figure: Figure, *, svg: bool = False) -> Pictu
     name : str or None
         None only shows it.
     figure : matplotlib.figure.Figure
+    alt : str
+        One or two sentences: what the reader should see. They stand in the PNG as its ``Description``.
     svg : bool
         Write an SVG as well, for line art.
 
@@ -52,14 +57,17 @@ def save_figure(name: str | None, figure: Figure, *, svg: bool = False) -> Pictu
     -------
     Picture
     """
-    from PIL import Image
+    from PIL import Image, PngImagePlugin
 
     stream = io.BytesIO()
     figure.savefig(stream, format="png", dpi=DPI, facecolor="white")
     stream.seek(0)
     picture = Image.open(stream).convert("RGB").quantize(256, dither=Image.Dither.FLOYDSTEINBERG)
     stream = io.BytesIO()
-    picture.save(stream, format="png", optimize=True)
+    about = PngImagePlugin.PngInfo()
+    if alt:
+        about.add_itxt("Description", alt)
+    picture.save(stream, format="png", optimize=True, pnginfo=about)
     if name:
         write_atomic(figures_dir() / f"{name}.png", stream.getvalue())
         if svg:
@@ -67,7 +75,7 @@ def save_figure(name: str | None, figure: Figure, *, svg: bool = False) -> Pictu
             with matplotlib.rc_context({"svg.hashsalt": name, "svg.fonttype": "path"}):
                 figure.savefig(drawing, format="svg", metadata={"Date": None, "Creator": None})
             write_atomic(figures_dir() / f"{name}.svg", drawing.getvalue())
-    return Picture(stream.getvalue())
+    return Picture(stream.getvalue(), alt)
 
 
 def save_table(name: str, table: _Table) -> _Table:

@@ -11,9 +11,12 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-DPI = 100
+DPI = 150
 #: Colours that differ in print too (Okabe and Ito 2008), the first for what is ours, the second for the paper's.
 COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+#: What a colour means in every figure: what is true, what the paper's recipe says, what we say, what the laser says, a
+#: rival, and what is refused or unknown. They differ for the colour-blind and, in this order, in brightness too.
+TRUTH, PAPER, OURS, LASER, RIVAL, REFUSED = "#000000", "#D55E00", "#0072B2", "#009E73", "#E69F00", "#8c8c8c"
 LINE_STYLES = ("-", "--", "-.", ":")
 BGR_BLUE, BGR_VERMILLION, BGR_ORANGE, BGR_SKY = (178, 114, 0), (0, 94, 213), (0, 159, 230), (233, 180, 86)
 NOTHING_GREY = "#d9d9d9"  # where a map holds no value

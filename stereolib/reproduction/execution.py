@@ -24,7 +24,7 @@ from stereolib.reproduction.kernels import kernel_environment
 CELL_TIMEOUT_S = 240.0
 NOTEBOOK_TIMEOUT_S = 600.0
 _TRACEBACK_LINES, _STDERR_CHARACTERS = 15, 500  # shown of a failure
-INDEX = "00_index"  # shows what all the others recorded, so it runs last
+INDEX = "00_two_pictures"  # shows what all the others recorded, so it runs last
 
 _WIDGET_VIEW = "application/vnd.jupyter.widget-view+json"
 _ANSI = re.compile(r"\x1b\[[0-9;]*m")

@@ -6,7 +6,7 @@ import pytest
 
 from stereolib.matching import SGBMParams, compute_disparity, score, score_repair
 from stereolib.matching.filters import close
-from stereolib.notebook import draw_dilation, draw_sgbm
+from stereolib.notebook import draw_dilation, draw_sgbm, draw_two_pictures
 from stereolib.virtual import recordings
 
 
@@ -24,3 +24,14 @@ def test_sliders_say_what_the_library_measures(condition: str) -> None:
     assert picture.shape == (480, 1280, 3) and f"{done.shift_px:+.2f} px" in text
     with pytest.raises(ValueError, match="multiple of 16"):
         draw_sgbm(condition, 100, 5, 10)
+
+
+@pytest.mark.parametrize(("baseline_mm", "f_px", "distance_mm"), [(93, 730, 700), (186, 365, 700), (93, 730, 1400)])
+def test_first_slider_says_the_formula(baseline_mm: int, f_px: int, distance_mm: int) -> None:
+    picture, text = draw_two_pictures(baseline_mm, f_px, distance_mm)
+    assert picture.ndim == 3
+    assert (
+        f"near edge {f_px * baseline_mm / distance_mm:.1f} px, of the post {f_px * baseline_mm / 4000:.1f} px" in text
+    )
+    disparity_px = f_px * baseline_mm / distance_mm
+    assert f"{distance_mm / (disparity_px + 1):.1f} mm nearer" in text

@@ -47,9 +47,17 @@ def test_svg_is_the_same_bytes_each_time(figures_in_temporary_folder):
 def test_without_a_name_nothing_is_written(figures_in_temporary_folder):
     shown = plotting.save_figure(None, drawing())
     assert not figures_in_temporary_folder.exists()
-    bundle = shown._repr_mimebundle_()
+    bundle, metadata = shown._repr_mimebundle_()
     assert base64.b64decode(bundle["image/png"]) == shown.data
-    assert Image.open(io.BytesIO(shown.data)).size == (600, 225)
+    assert Image.open(io.BytesIO(shown.data)).size == (900, 337)
+    assert metadata == {}
+
+
+def test_a_text_goes_with_the_picture(figures_in_temporary_folder):
+    shown = plotting.save_figure("told", drawing(), alt="Two lines cross at 0.7 m; the blue one is ours.")
+    assert shown._repr_mimebundle_()[1]["image/png"]["alt"].startswith("Two lines cross")
+    with Image.open(figures_in_temporary_folder / "told.png") as written:
+        assert written.text == {"Description": "Two lines cross at 0.7 m; the blue one is ours."}
 
 
 def test_table(figures_in_temporary_folder):

@@ -48,7 +48,9 @@ def test_normalise_keeps_the_picture_beside_a_widget() -> None:
 
 def test_index_runs_last_and_sees_what_the_others_wrote(tmp_path: Path) -> None:
     folder = "import os, pathlib, time\nfigures = pathlib.Path(os.environ['STEREOLIB_FIGURES'])\n"
-    index = write_notebook(tmp_path / "notebooks", "00_index", folder + "print(*(p.name for p in figures.iterdir()))")
+    index = write_notebook(
+        tmp_path / "notebooks", "00_two_pictures", folder + "print(*(p.name for p in figures.iterdir()))"
+    )
     one = write_notebook(
         tmp_path / "notebooks", "01_one", folder + "time.sleep(1)\nfigures.mkdir()\n(figures / 'fig').touch()"
     )

@@ -1,0 +1,127 @@
+"""The notebooks as a course: length, plain English, small cells, the glossary's links, an appendix for what tests need."""
+
+from __future__ import annotations
+
+import doctest
+import re
+import statistics
+
+import nbformat
+import numpy as np
+import pytest
+
+from stereolib.base import ROOT
+
+#: Chapters that are held to all of this.
+CHAPTERS: list[str] = ["00_two_pictures", "01_calibration"]
+GLOSSARY = ROOT / "notebooks" / "glossary.md"
+APPENDIX = "## Appendix"
+MOST_WORDS, MOST_LINES = 1800, 5
+GRADES = (5.0, 10.5)  # of a reader at school; below it sentences are telegrams
+WIDE, MOST_WIDE = 6, 1  # columns, and tables of the whole book with more
+
+TERMS = re.findall(r'<a id="([\w-]+)"></a>', GLOSSARY.read_text(encoding="utf-8"))
+each_chapter = pytest.mark.parametrize("chapter", CHAPTERS)
+
+
+def cells(chapter: str, *, appendix: bool = False) -> list[nbformat.NotebookNode]:
+    """The cells of a chapter before its appendix, or those of the appendix."""
+    found = nbformat.read(ROOT / "notebooks" / f"{chapter}.ipynb", as_version=4).cells
+    begins = [k for k, cell in enumerate(found) if cell.cell_type == "markdown" and cell.source.startswith(APPENDIX)]
+    at = begins[0] if begins else len(found)
+    return found[at:] if appendix else found[:at]
+
+
+def prose(chapter: str) -> str:
+    """The text of a chapter without headings, tables, code and formulas."""
+    text = "\n\n".join(cell.source for cell in cells(chapter) if cell.cell_type == "markdown")
+    text = re.sub(r"```.*?```|\$\$.*?\$\$", " ", text, flags=re.DOTALL)
+    text = re.sub(r"<[^>]+>|^#.*$|^\|.*$", " ", text, flags=re.MULTILINE)
+    return re.sub(r"\[([^\]]+)\]\([^)]*\)", r"\1", text)
+
+
+def grade(text: str) -> float:
+    """Years at school by Flesch and Kincaid: words a sentence and syllables a word."""
+    plain = re.sub(r"`[^`]*`|\$[^$]*\$", "x", text)
+    sentences = [s for s in re.split(r"[.!?:]+(?:\s|$)|\n\s*(?:[*\d-]|\n)", plain) if len(s.split()) > 2]
+    words = [w for s in sentences for w in re.findall(r"[A-Za-z][A-Za-z'-]*", s)]
+    syllables = sum(max(1, len(re.findall(r"[aeiouy]+", re.sub(r"(?:e|es|ed)$", "", w.lower())))) for w in words)
+    return 0.39 * len(words) / len(sentences) + 11.8 * syllables / len(words) - 15.59
+
+
+def test_grade_knows_plain_from_heavy() -> None:
+    assert grade("The cat sat on the mat. It was warm there.") < 3
+    heavy = "Notwithstanding considerable methodological heterogeneity, reproducibility characteristically necessitates"
+    assert grade(f"{heavy} comprehensive documentation of computational environments.") > 20
+
+
+@each_chapter
+def test_chapter_is_short_and_plain(chapter: str) -> None:
+    text = prose(chapter)
+    assert len(text.split()) <= MOST_WORDS
+    assert GRADES[0] <= grade(text) <= GRADES[1]
+
+
+@each_chapter
+def test_cells_are_small(chapter: str) -> None:
+    sizes = [
+        sum(bool(line.strip()) for line in cell.source.splitlines())
+        for cell in cells(chapter)
+        if cell.cell_type == "code" and "parameters" not in cell.metadata.get("tags", [])
+    ]
+    assert statistics.median(sizes) <= MOST_LINES
+
+
+@each_chapter
+def test_a_guess_is_asked_for(chapter: str) -> None:
+    assert any("**Guess" in cell.source for cell in cells(chapter) if cell.cell_type == "markdown")
+
+
+@each_chapter
+def test_what_only_tests_need_is_folded(chapter: str) -> None:
+    code = [cell for cell in cells(chapter, appendix=True) if cell.cell_type == "code"]
+    assert all({"hide-input", "hide-cell"} & set(cell.metadata.get("tags", [])) for cell in code)
+    assert not [cell.source for cell in cells(chapter) if "record_rows(" in cell.source]
+
+
+@each_chapter
+def test_pictures_have_a_text(chapter: str) -> None:
+    for cell in cells(chapter):
+        for output in cell.get("outputs", []):
+            if "image/png" in output.get("data", {}):
+                assert len(output.metadata.get("image/png", {}).get("alt", "")) > 40, cell.source
+
+
+@each_chapter
+def test_terms_lead_to_the_glossary(chapter: str) -> None:
+    linked = set(re.findall(r"\(glossary\.md#([\w-]+)\)", "".join(cell.source for cell in cells(chapter))))
+    assert linked, chapter
+    assert linked <= set(TERMS)
+
+
+def test_wide_tables_are_rare() -> None:
+    wide = []
+    for chapter in CHAPTERS:
+        for cell in cells(chapter):
+            rows = [line for line in cell.source.splitlines() if line.startswith("|")] * (cell.cell_type == "markdown")
+            wide += [chapter for row in rows[:1] if row.count("|") - 1 > WIDE]
+            for output in cell.get("outputs", []):
+                table = "".join(output.get("data", {}).get("text/html", ""))
+                wide += [chapter] * (table.partition("</thead>")[0].count("<th") > WIDE)
+                first = output.get("text", "").splitlines()[:1]
+                wide += [chapter for line in first if len(re.split(r"\s{2,}", line.strip())) > WIDE]
+    assert len(wide) <= MOST_WIDE, wide
+
+
+def test_glossary_explains_thirty_terms_by_code_that_runs() -> None:
+    assert len(TERMS) == len(set(TERMS)) >= 30
+    parts = re.split(r'<a id="[\w-]+"></a>', GLOSSARY.read_text(encoding="utf-8"))[1:]
+    assert all(">>>" in part or "![" in part for part in parts)
+    assert doctest.testfile(str(GLOSSARY), module_relative=False, globs={"np": np}).failed == 0
+
+
+@pytest.mark.skipif(not CHAPTERS, reason="no chapter is held to it yet")
+def test_every_term_is_used() -> None:
+    text = "".join(cell.source for chapter in CHAPTERS for cell in cells(chapter))
+    unused = [term for term in TERMS if f"(glossary.md#{term})" not in text]
+    assert len(CHAPTERS) < 9 or not unused

@@ -1,4 +1,4 @@
-"""The notebooks as a course: length, plain English, small cells, the glossary's links, an appendix for what tests need."""
+"""The notebooks as a course: length, plain English, small cells, links to the glossary, an appendix for the tests."""
 
 from __future__ import annotations
 

@@ -1,5 +1,6 @@
 from .calibration_report import lens_shift_px, write_calibration_report
-from .curves import plot_bars, plot_curves, plot_dots
+from .curves import plot_bars, plot_curves, plot_dots, plot_shares
+from .gallery import Exhibit, plot_cells, plot_gallery, plot_repairs
 from .maps import plot_occupancy, plot_scan, plot_scan_polar, plot_scans, plot_sizes, plot_top_view
 from .measurements import plot_height_attempt, plot_intervals
 from .output import figure_to_image, save_figure, save_table
@@ -23,6 +24,7 @@ from .triangulation import plot_triangulation
 
 __all__ = [
     "COLORS",
+    "Exhibit",
     "ImageQuantity",
     "color_disparity",
     "figure_to_image",
@@ -31,11 +33,13 @@ __all__ = [
     "plot_arrows",
     "plot_bars",
     "plot_box",
+    "plot_cells",
     "plot_corners",
     "plot_curves",
     "plot_disparity",
     "plot_dots",
     "plot_errors",
+    "plot_gallery",
     "plot_height",
     "plot_height_attempt",
     "plot_image",
@@ -44,10 +48,12 @@ __all__ = [
     "plot_occupancy",
     "plot_points",
     "plot_quantity",
+    "plot_repairs",
     "plot_rows",
     "plot_scan",
     "plot_scan_polar",
     "plot_scans",
+    "plot_shares",
     "plot_sizes",
     "plot_top_view",
     "plot_triangulation",

@@ -14,7 +14,16 @@ from .calibration import (
     redrawn_corners,
     translation_between_principal_points,
 )
-from .dilation import behind_exposures, filled_out, noise_kinds, noise_left, pixels_unlike, plant_specks, right_pct
+from .dilation import (
+    behind_exposures,
+    filled_out,
+    kind_shares,
+    noise_kinds,
+    noise_left,
+    pixels_unlike,
+    plant_specks,
+    right_pct,
+)
 from .environment import (
     distance_errors,
     distances_to_boxes,
@@ -132,6 +141,7 @@ __all__ = [
     "height_off_cm",
     "joint_and_two_parts",
     "joint_and_two_parts_redrawn",
+    "kind_shares",
     "map_of_boxes",
     "mask_on_edge",
     "maximum_marks_edge",

@@ -10,6 +10,7 @@ from stereolib.base import Bools, Floats
 from stereolib.matching import Score, median_filter, score
 
 _WRONG_PX = 2.0  # as bad-2 has it; also by how much a pixel deviates from those around it
+_WORDS = {"hole": "hole", "below": "speck, too far", "above": "speck, too near", "alike": "patch"}
 
 
 def noise_left(
@@ -92,6 +93,28 @@ def noise_kinds(disparity_px: Floats, truth_px: Floats, where: Bools, size_px: i
         below, above = wrong & (disparity_px < around - _WRONG_PX), wrong & (disparity_px > around + _WRONG_PX)
     hole = where & np.isnan(disparity_px) & np.isfinite(truth_px)
     return {"hole": hole, "below": below, "above": above, "alike": wrong & ~below & ~above}
+
+
+def kind_shares(kinds: Mapping[str, Bools]) -> dict[str, float]:
+    """What the bad pixels of a map are, in words.
+
+    Parameters
+    ----------
+    kinds : mapping of str to (H, W) bool
+        From `noise_kinds`.
+
+    Returns
+    -------
+    dict of str to float, %
+        A speck is ``"too far"`` if it is below what is around it; a ``"patch"`` is wrong together with that.
+
+    Examples
+    --------
+    >>> kind_shares({"hole": np.array([True] * 3), "below": ~np.zeros(1, bool), "above": ~np.ones(1, bool)})
+    {'hole': 75.0, 'speck, too far': 25.0, 'speck, too near': 0.0}
+    """
+    every = sum(int(mask.sum()) for mask in kinds.values())
+    return {_WORDS[kind]: 100 * int(mask.sum()) / every for kind, mask in kinds.items()}
 
 
 def right_pct(disparity_px: Floats, truth_px: Floats, where: Bools) -> float:

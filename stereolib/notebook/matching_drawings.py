@@ -10,7 +10,7 @@ import numpy as np
 
 from stereolib import paper
 from stereolib.base import Bools, Float64, Floats, UInt8
-from stereolib.matching import SGBMParams, compute_disparity, score, score_repair, smooth
+from stereolib.matching import FilterCase, SGBMParams, compute_disparity, score, score_repair, smooth
 
 
 def draw_sgbm(condition: str, num_disparities: int, block_size: int, uniqueness_ratio: int) -> tuple[UInt8, str]:
@@ -68,12 +68,13 @@ def draw_surface(distance_mm: float, contrast: float, scale_mm: float, light: fl
 
 
 def draw_dilation(condition: str, method: str, size_px: int) -> tuple[UInt8, str]:
-    """Notebook 04: one of Fig. 4's maps before and after a filter.
+    """Notebook 04: the truth, one of Fig. 4's maps, and what a filter makes of it, with the errors on the cube.
 
     Parameters
     ----------
     condition : str
     method : str
+        One of `SMOOTHING_METHODS`.
     size_px : int
 
     Returns
@@ -81,15 +82,20 @@ def draw_dilation(condition: str, method: str, size_px: int) -> tuple[UInt8, str
     picture : (H, W, 3) uint8, blue-green-red
     text : str
     """
-    from stereolib.plotting import color_disparity
+    from stereolib.plotting import figure_to_image, plot_repairs
 
-    left, right, disparity_px, cube = _condition(condition)
-    before = compute_disparity(left, right)
-    after = smooth(before, method, size_px=size_px, image=left)
-    done = score_repair(before, after, disparity_px, cube)
-    text = f"holes {done.holes_pct:.0f} % of the cube, filled {done.filled_pct:.0f} %; of the filled pixels "
-    text += f"{done.wrong2_pct:.0f} % are off by more than 2 px; good pixels move by {done.shift_px:+.2f} px"
-    return np.hstack([color_disparity(before, 0, 128), color_disparity(after, 0, 128)]), text
+    left, _, truth_px, cube = _condition(condition)
+    before, right_px = _both_maps(condition)
+    after = smooth(before, method, size_px=size_px, image=left, right_px=right_px)
+    done = score_repair(before, after, truth_px, cube)
+    left_pct = score(after, truth_px, cube).bad2_pct
+    text = f"wrong or missing: {left_pct:.1f} % of the cube; of its holes ({done.holes_pct:.0f} %) "
+    text += f"{done.filled_pct:.0f} % are filled, {done.wrong2_pct:.0f} % of them wrongly; "
+    text += f"good pixels move by {done.shift_px:+.2f} px"
+    part = slice(90, 470), slice(118, 560)
+    figure = plot_repairs({"as matched": before, method: after}, truth_px, cube, part, columns=3)
+    figure.set_dpi(110)
+    return figure_to_image(figure), text
 
 
 def draw_motorcycle(num_disparities: int, block_size: int, uniqueness_ratio: int) -> tuple[UInt8, str]:
@@ -127,6 +133,14 @@ def _condition(name: str) -> tuple[UInt8, UInt8, Floats, Bools]:
     left, right = recordings.rectified().rectify(*recordings.load_pair(f"conditions/{name}"))
     truth = recordings.load_truth(f"conditions/{name}")
     return left, right, truth.disparity_px, truth.visible & (truth.box == 1)
+
+
+@lru_cache(maxsize=4)
+def _both_maps(name: str) -> tuple[Floats, Floats]:
+    """Disparity of both views of a condition of Fig. 4."""
+    left, right, disparity_px, cube = _condition(name)
+    both = FilterCase.from_pair((left, right), disparity_px, cube, cube)
+    return both.left_px, both.right_px
 
 
 @lru_cache(maxsize=2)

@@ -2,7 +2,8 @@ from .calibration_report import lens_shift_px, write_calibration_report
 from .calibration_views import plot_boards_in_space, plot_epipolar_lines, plot_epipolar_plane, plot_lens_arrows
 from .check_figure import check_figure
 from .course_map import plot_course
-from .curves import plot_bars, plot_curves, plot_dots
+from .curves import plot_bars, plot_curves, plot_dots, plot_shares
+from .gallery import Exhibit, plot_cells, plot_gallery, plot_repairs
 from .maps import plot_occupancy, plot_scan, plot_scan_polar, plot_scans, plot_sizes, plot_top_view
 from .measurements import plot_height_attempt, plot_intervals
 from .output import figure_to_image, save_figure, save_table
@@ -28,6 +29,7 @@ from .two_views import plot_line_of_sight, plot_pair, plot_similar_triangles, pl
 
 __all__ = [
     "COLORS",
+    "Exhibit",
     "ImageQuantity",
     "check_figure",
     "color_disparity",
@@ -38,6 +40,7 @@ __all__ = [
     "plot_bars",
     "plot_boards_in_space",
     "plot_box",
+    "plot_cells",
     "plot_corners",
     "plot_course",
     "plot_crop",
@@ -47,6 +50,7 @@ __all__ = [
     "plot_epipolar_lines",
     "plot_epipolar_plane",
     "plot_errors",
+    "plot_gallery",
     "plot_height",
     "plot_height_attempt",
     "plot_image",
@@ -58,10 +62,12 @@ __all__ = [
     "plot_pair",
     "plot_points",
     "plot_quantity",
+    "plot_repairs",
     "plot_rows",
     "plot_scan",
     "plot_scan_polar",
     "plot_scans",
+    "plot_shares",
     "plot_similar_triangles",
     "plot_sizes",
     "plot_thumb",

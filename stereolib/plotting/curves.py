@@ -15,7 +15,7 @@ from stereolib.plotting.style import COLORS, LINE_STYLES, default_style
 
 @default_style
 def plot_curves(
-    curves: Mapping[str, tuple[Any, Any]],
+    curves: Mapping[str, tuple[Any, ...]],
     ax: Axes,
     *,
     xlabel: str,
@@ -28,7 +28,7 @@ def plot_curves(
 
     Parameters
     ----------
-    curves : mapping of str to (x, y)
+    curves : mapping of str to (x, y) or (x, y, color)
         Numbers are drawn in single precision: matplotlib leaves out points where a path hardly bends, and would leave
         out others where another processor's kernels change the last bit of a double.
     ax : matplotlib.axes.Axes
@@ -44,9 +44,9 @@ def plot_curves(
     -------
     matplotlib.axes.Axes
     """
-    for k, (name, (x, y)) in enumerate(curves.items()):
+    for k, (name, (x, y, *color)) in enumerate(curves.items()):
         style: dict[str, Any] = {
-            "color": COLORS[k % len(COLORS)],
+            "color": color[0] if color else COLORS[k % len(COLORS)],
             "ls": LINE_STYLES[k % len(LINE_STYLES)] if joined else "",
         }
         ax.plot(_single(x), _single(y), marker=marker, ms=4, lw=1.4, label=name, **style)
@@ -105,6 +105,34 @@ def plot_bars(counts: Mapping[str, int], ax: Axes, *, xlabel: str, title: str = 
     ax.invert_yaxis()
     ax.set(xlabel=xlabel, title=title)
     ax.margins(x=0.1)
+    return ax
+
+
+@default_style
+def plot_shares(shares: Mapping[str, Mapping[str, float]], ax: Axes, colors: Mapping[str, str], *, xlabel: str) -> Axes:
+    """Draw what wholes are made of: a horizontal bar for each, its parts one after the other.
+
+    Parameters
+    ----------
+    shares : mapping of str to mapping of str to float
+        A bar's name to its parts, from left to right; bars from top to bottom.
+    ax : matplotlib.axes.Axes
+    colors : mapping of str to str
+        A part's name to its colour, in the legend's order.
+    xlabel : str
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+    """
+    begins = np.zeros(len(shares))
+    for part, color in colors.items():
+        widths = np.array([one[part] for one in shares.values()])
+        ax.barh(list(shares), widths, left=begins, color=color, label=part, edgecolor="white", lw=0.5)
+        begins = begins + widths
+    ax.invert_yaxis()
+    ax.set(xlabel=xlabel, xlim=(0, float(begins.max())))
+    ax.legend(frameon=False, fontsize=9, ncols=len(colors), loc="lower center", bbox_to_anchor=(0.45, 1.0))
     return ax
 
 

@@ -22,13 +22,15 @@ _WIDEST = "0.70 m to its nearest point"  # ... and with any, in the other readin
 _CAMERA = "8.5 cm up"
 
 
-def finding(figures: Path) -> str:
+def finding(figures: Path, *, short: bool = False) -> str:
     """What the paper's recipe reads, over every threshold and every camera that fits what is printed.
 
     Parameters
     ----------
     figures : Path
         With ``tables/recipe_*.csv``, ``tables/height_recordings.csv`` and the recorded ledger.
+    short : bool
+        In three sentences.
 
     Returns
     -------
@@ -41,7 +43,8 @@ def finding(figures: Path) -> str:
         If a table is missing or lacks what is quoted: run notebook 06.
     """
     try:
-        text = templates().get_template("finding.txt.jinja").render(**_quoted(figures))
+        name = "finding_short.txt.jinja" if short else "finding.txt.jinja"
+        text = templates().get_template(name).render(**_quoted(figures))
     except (KeyError, IndexError) as error:
         raise ValueError(f"{figures / 'tables'} lacks what notebook 06 writes ({error}): run make reproduce") from error
     return " ".join(text.split())
@@ -63,6 +66,7 @@ def _quoted(figures: Path) -> dict[str, Any]:
         "line": line.iloc[0].to_dict(),
         "widest": widest.iloc[0].to_dict(),
         "off_px": rows["difference"]["scale.width_px"].lstrip("+-"),
+        "plane_cm": rows["ours"]["height.plane"],
         "ray_cm": rows["ours"]["height.cube"].split(),
         "meant": len(meant),
         "meant_measured": int(meant["plane off mm"].notna().sum()),

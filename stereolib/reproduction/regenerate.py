@@ -155,7 +155,7 @@ def reproduce(
             shutil.copytree(figures_dir, staged_figures)
         staged_figures.mkdir(parents=True, exist_ok=True)
         execute_notebooks(sources, staged_notebooks, staged_figures, jobs)
-        build_report(staged_figures)
+        build_report(staged_figures, notebooks_dir)
         changed = compare_tables(figures_dir, staged_figures, complete=not names)
         if (ledger := staged_figures / "ledger.csv").is_file():
             print(_verdicts(ledger))

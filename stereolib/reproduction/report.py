@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
-import base64
+import re
+from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from stereolib.base import read_bytes, write_atomic
-from stereolib.paper import KINDS, Published, published, recorded_rows
+from markupsafe import Markup
+
+from stereolib.base import datasets, write_atomic
+from stereolib.paper import KINDS, published, recorded_rows
+from stereolib.reproduction.chapters import Chapter, read_chapters
+from stereolib.reproduction.embedded import Embedded, embed
 from stereolib.reproduction.finding import finding, templates
 
 if TYPE_CHECKING:
@@ -33,6 +38,21 @@ VERDICTS = {
     "not comparable": "#555555",
     "not attempted": "#555555",
 }
+# verdict -> what it says; some mean one thing for what was measured and for what is built in
+WORDS = {
+    ("reproduced", "recovered"): "our number is within its tolerance of the printed one",
+    ("differs", "not recovered"): "our number is farther from the printed one than its tolerance",
+    ("meets the truth",): "our number is within its tolerance of what is known of the virtual rig",
+    ("misses the truth",): "our number is farther from what is known of it than its tolerance",
+    ("agrees", "follows"): "all conditions of the claim hold",
+    ("holds in part", "follows in part"): "some of them hold",
+    ("does not hold", "does not follow"): "none of them holds",
+    ("consistent",): "the printed numbers agree with each other, or with geometry",
+    ("paper contradicts itself",): "the printed numbers do not agree with each other, or with geometry",
+    ("redrawn",): "a picture without a statement, drawn again",
+    ("not comparable",): "the paper prints nothing that ours could be held against",
+    ("not attempted",): "the paper names it and does not do it",
+}
 MEANINGS = {
     "test": "measured in pictures or scans, and no construction fixes the outcome: data could have turned the verdict",
     "built in": "the construction of the virtual rig fixes it: its numbers, its geometry or its noise law",
@@ -40,16 +60,18 @@ MEANINGS = {
     "redrawn": "a picture about which the paper states nothing that a number could be held against",
 }
 FAILED = ("differs", "does not hold", "misses the truth", "not recovered", "does not follow")
-_TABLE = ("table1.", "stereo.", "check.")  # what stands in the section of Table I
+_FIRST_PICTURE = "fig08"  # beside the finding
 
 
-def build_report(figures: Path) -> Path:
+def build_report(figures: Path, notebooks: Path | None = None) -> Path:
     """Write ``ledger.csv`` and ``report.html`` into the figures folder.
 
     Parameters
     ----------
     figures : Path
         Holds ``fig01.png`` and so on, and ``tables/ledger_*.csv``.
+    notebooks : Path, optional
+        The folder of those that drew them. Default: the repository's.
 
     Returns
     -------
@@ -61,14 +83,16 @@ def build_report(figures: Path) -> Path:
     ValueError
         If a figure is missing, or a published item was recorded by no notebook; all are named.
     """
-    rows = recorded_rows(figures)
+    rows, chapters = recorded_rows(figures), read_chapters(notebooks or datasets.repository() / "notebooks")
     missing = [f"{item.id} ({item.notebook})" for id, item in published().items() if id not in set(rows["id"])]
-    pictures = {item.figure: figures / f"{item.figure}.png" for item in _figures()}
-    absent = [path.name for path in pictures.values() if not path.is_file()]
+    papers = {item.figure: item.notebook for item in published().values() if item.figure}
+    drawn = papers | {name: chapter.stem for chapter in chapters for name in chapter.figures}
+    absent = [f"{name}.png ({stem})" for name, stem in drawn.items() if not (figures / f"{name}.png").is_file()]
     gaps = [f"no row for {', '.join(missing)}"] * bool(missing) + [f"no figure {', '.join(absent)}"] * bool(absent)
     if gaps:
         raise ValueError(f"the report would have gaps: {'; '.join(gaps)}. Run those notebooks (make reproduce)")
-    page = _page(rows, {name: read_bytes(path) for name, path in pictures.items()}, finding(figures))
+    pictures = {name: _figure(name, embed(figures / f"{name}.png")) | {"notebook": drawn[name]} for name in drawn}
+    page = _page(rows, chapters, pictures, (finding(figures, short=True), finding(figures)))
     write_atomic(figures / "ledger.csv", rows.to_csv(index=False, lineterminator="\n"))
     return write_atomic(figures / "report.html", page)
 
@@ -162,33 +186,32 @@ def by_cause(rows: list[dict[str, Any]]) -> dict[str, list[dict[str, Any]]]:
     return causes
 
 
-def _figures() -> list[Published]:
-    return [item for item in published().values() if item.id.startswith("fig.")]
-
-
-def _page(rows: pd.DataFrame, pictures: dict[str, bytes], found: str) -> str:
+def _page(
+    rows: pd.DataFrame, chapters: list[Chapter], pictures: dict[str, dict[str, Any]], found: tuple[str, str]
+) -> str:
     by_id = {row["id"]: _cells(row) for row in rows.to_dict("records")}
     sections: list[dict[str, Any]] = []
-    for item in _figures():
-        others = [other for other in published().values() if other.figure == item.figure and other is not item]
-        sections.append(
-            {
-                "id": item.figure,
-                "title": f"Figure {item.id.removeprefix('fig.')}",
-                "shows": item.value,
-                "png_base64": base64.b64encode(pictures[item.figure]).decode("ascii"),
-                "rows": [by_id[one.id] for one in (item, *others)],
-            }
-        )
-    rest = [item.id for item in published().values() if not item.figure]
-    table = [id for id in rest if id.startswith(_TABLE)]
-    text = [id for id in rest if id not in table]
-    for name, title, ids in (("table", "Table I and the matrices", table), ("text", "Text and equations", text)):
-        sections.append({"id": name, "title": title, "rows": [by_id[id] for id in ids]})
+    for chapter in chapters:
+        order = {name: k for k, name in enumerate(chapter.figures)}
+        mine = [one for one in pictures.values() if one["notebook"] == chapter.stem]
+        shown = sorted(mine, key=lambda one: order.get(one["id"], -1))
+        held = [row for row in by_id.values() if row["notebook"] == chapter.stem]
+        if held or shown:
+            sections.append({"chapter": chapter, "rows": held, "figures": shown})
     template = templates().get_template("report.html.jinja")
     first: dict[str, Any] = {name: [by_id[row["id"]] for row in some] for name, some in sort_out(rows).items()}
     first |= {"causes": by_cause(first["failed"]), "kinds": count_kinds(rows), "total": len(rows)}
-    return template.render(sections=sections, colours=VERDICTS, meanings=MEANINGS, finding=found, **first)
+    first |= {"finding": found, "picture": pictures[_FIRST_PICTURE]}
+    return template.render(sections=sections, colours=VERDICTS, words=WORDS, meanings=MEANINGS, **first)
+
+
+def _figure(name: str, picture: Embedded) -> dict[str, Any]:
+    """A figure as the template shows it; where its file says nothing, its text is what the paper's shows."""
+    papers = {item.figure: item for item in published().values() if item.id.startswith("fig.")}
+    shows = papers[name].value if name in papers else ""
+    title = f"Figure {papers[name].id.removeprefix('fig.')}" if name in papers else name
+    alt = picture.alt or (f"{title} of the paper, as we draw it" if shows else f"{name}, drawn by its notebook")
+    return {"id": name, "title": title, "shows": shows, "picture": picture, "alt": alt, "told": bool(picture.alt)}
 
 
 def _cells(row: dict[str, str]) -> dict[str, Any]:
@@ -197,9 +220,13 @@ def _cells(row: dict[str, str]) -> dict[str, Any]:
     unit = f" {row['unit']}" if row["unit"] else ""
     paper, ours = row["paper"] + unit, row["ours"] + (unit if row["difference"] else "")
     is_matrix = not isinstance(item.value, str)  # one of its rows a line
+    if not item.what:  # a statement, which stands as the row's name, or a figure
+        paper = "a picture" if item.id.startswith("fig.") else "says so"
     return row | {
-        "about": "; ".join(part for part in (item.where, item.what, item.convention) if part),
+        "code": Markup(re.sub(r"([._])", r"\1<wbr>", escape(row["id"]))),  # an id breaks after these, not in a word
+        "figure": item.figure,
         "says": item.what or item.value,
+        "convention": item.convention,
         "paper_lines": paper.split("; ") if is_matrix else [paper],
         "our_lines": ours.split("; ") if is_matrix else [ours],
     }

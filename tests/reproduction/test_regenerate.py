@@ -22,7 +22,7 @@ tables.mkdir(parents=True, exist_ok=True)
 """
 
 
-def report(figures_dir: Path) -> None:
+def report(figures_dir: Path, notebooks_dir: Path) -> None:
     """Ledger of whatever the notebooks recorded, in place of the real one."""
     rows = [["id", "paper", "ours", "difference", "unit", "verdict"]]
     for table in sorted((figures_dir / "tables").glob("*.csv")):

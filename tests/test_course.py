@@ -13,7 +13,7 @@ import pytest
 from stereolib.base import ROOT
 
 #: Chapters that are held to all of this.
-CHAPTERS: list[str] = ["02_rectification"]
+CHAPTERS: list[str] = ["02_rectification", "05_lrf", "07_pixel_cm", "09_real_recordings"]
 GLOSSARY = ROOT / "notebooks" / "glossary.md"
 APPENDIX = "## Appendix"
 MOST_WORDS, MOST_LINES = 1800, 5

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 
+import cv2
 import numpy as np
 
-from stereolib.base import Bools, Float64, Floats
+from stereolib.base import Bools, Float64, Floats, UInt8
 from stereolib.calibration import Board, BoardViews, board_size_error_pct, epipolar_errors_px
-from stereolib.matching import Score
+from stereolib.matching import Score, SGBMParams, compute_disparity, score
 from stereolib.measurement import HeightAttempt, corner_width_mm
 from stereolib.rig import Camera, RectifiedRig, StereoRig
 
@@ -91,6 +94,41 @@ def sizes_by_depth_equation(
     }
 
 
+def depth_errors_left_out(
+    held_out: HeldOut, corners_mm: Mapping[str, Floats], alpha: float = 0.0
+) -> tuple[Float64, Float64]:
+    """Triangulate boards that the calibration has not seen, and hold each corner's depth against the true one.
+
+    Parameters
+    ----------
+    held_out : sequence of (StereoRig, BoardViews)
+        From `hold_out_rigs`: each rig with pairs that it has not seen.
+    corners_mm : mapping of str to (N, 3) array, mm
+        True corners by the pair's name, in the left camera's frame.
+    alpha : float
+        As `StereoRig.rectify`.
+
+    Returns
+    -------
+    true_mm, error_mm : (corners,) float64, mm
+        Depth along the left camera's axis, and ours less it.
+
+    Notes
+    -----
+    A checkerboard may be found upside down; of both orders of its corners the one that fits is taken.
+    """
+    depths, errors = [], []
+    for rig, boards in held_out:
+        rectified = rig.rectify(alpha)
+        for name, *pair in zip(boards.names, boards.left_px, boards.right_px, strict=True):
+            found, true = board_points_mm(rectified, *pair) @ rectified.R1, np.asarray(corners_mm[name], float)
+            if np.linalg.norm(found[0] - true[0]) > np.linalg.norm(found[0] - true[-1]):
+                true = true[::-1]
+            depths.append(true[:, 2])
+            errors.append(found[:, 2] - true[:, 2])
+    return np.concatenate(depths), np.concatenate(errors)
+
+
 def partner_offsets_px(
     disparity_px: Floats, rectified: RectifiedRig, left: Camera, right: Camera
 ) -> tuple[Float64, Float64]:
@@ -129,6 +167,88 @@ def partner_offsets_px(
     partners[~np.all((partners >= 0) & (partners <= np.array(right.size) - 1), axis=1)] = np.nan
     columns, rows = (pixels - partners).T
     return columns.reshape(height, width), rows.reshape(height, width)
+
+
+@dataclass(frozen=True, eq=False)
+class Stage:
+    """A pair as it came, or made ready, matched and held against its own truth.
+
+    Attributes
+    ----------
+    left : (H, W, 3) uint8
+    disparity_px : (H, W) float32, px
+    columns_px, rows_px : (H, W) float64, px
+        How far the true partner of each pixel stands away, in column and row; NaN where it is not known or not seen.
+    """
+
+    left: UInt8
+    disparity_px: Floats
+    columns_px: Float64
+    rows_px: Float64
+
+    @cached_property
+    def score(self) -> Score:
+        """The map against the true columns."""
+        return score(self.disparity_px, self.columns_px)
+
+    @property
+    def wrong(self) -> Bools:
+        """Pixels off by more than 2 px or empty, of those whose truth is known. (H, W) bool."""
+        with np.errstate(invalid="ignore"):
+            near = np.abs(self.disparity_px - self.columns_px) <= 2
+        return np.asarray(self.counted & ~near)
+
+    @property
+    def counted(self) -> Bools:
+        """Pixels whose truth is known. (H, W) bool."""
+        return np.asarray(np.isfinite(self.columns_px))
+
+    @property
+    def rows_rms_px(self) -> float:
+        """How far apart in row partners stand, px rms."""
+        return float(np.sqrt(np.nanmean(self.rows_px**2)))
+
+
+def match_stages(
+    pair: tuple[UInt8, UInt8], rig: StereoRig, true: RectifiedRig, seen_px: Floats, params: SGBMParams
+) -> dict[str, Stage]:
+    """Match a pair with the same settings as recorded, undistorted only, and rectified.
+
+    Parameters
+    ----------
+    pair : (left, right), (H, W, 3) uint8
+        As recorded.
+    rig : StereoRig
+        As calibrated: it undistorts and rectifies.
+    true : RectifiedRig
+        The rig as it is.
+    seen_px : (H, W) float, px
+        True disparity in its rectified left image; NaN where the right camera does not see the point.
+    params : SGBMParams
+        For all three, but for the place of the search window: rectified it begins at 0.
+
+    Returns
+    -------
+    dict of str to Stage
+        ``"as recorded"``, ``"undistorted only"``, ``"rectified"``.
+    """
+    lenses = rig.left, rig.right
+    undistorted = [cv2.undistort(image, c.K, c.dist) for image, c in zip(pair, lenses, strict=True)]
+    pinholes = [Camera(c.K, np.zeros(0), c.size) for c in (true.rig.left, true.rig.right)]
+    rows = np.where(np.isfinite(seen_px), 0.0, np.nan)
+    known = {
+        "as recorded": (pair, params, partner_offsets_px(seen_px, true, true.rig.left, true.rig.right)),
+        "undistorted only": (undistorted, params, partner_offsets_px(seen_px, true, *pinholes)),
+        "rectified": (
+            rig.rectify().rectify(*pair),
+            replace(params, min_disparity=0),
+            (np.asarray(seen_px, float), rows),
+        ),
+    }
+    return {
+        name: Stage(images[0], compute_disparity(images[0], images[1], search, whole=True), *offsets)
+        for name, (images, search, offsets) in known.items()
+    }
 
 
 def rectification_gain(recorded: Score, undistorted: Score, rectified: Score) -> dict[str, float]:

@@ -62,13 +62,13 @@ def draw_rectification(alpha: float, roll_error_deg: float) -> tuple[UInt8, str]
     turn = cv2.Rodrigues(np.array([0.0, 0.0, np.radians(roll_error_deg)]))[0]
     rectified = StereoRig(true.left, true.right, turn @ true.R, true.T).rectify(alpha)
     left, right = rectified.rectify(*recordings.load_pair("conditions/texture"))
-    points = np.random.default_rng(0).uniform([-250, -150, 700], [250, 150, 1000], (200, 3))
-    known = (
-        (true.left.project(points), "left"),
-        (true.right.project(points @ true.R.T + true.T), "right"),
-    )
+    depth_mm = np.linspace(700, 1000, 7)  # points all over the left image, at each of these depths
+    points = (true.left.rays(_pixel_grid(true.left)[::997]) * depth_mm[:, None, None]).reshape(-1, 3)
+    in_right = true.right.project(points @ true.R.T + true.T)
+    both = np.all((in_right >= 0) & (in_right <= np.array(true.right.size) - 1), axis=1)
+    known = (true.left.project(points[both]), "left"), (in_right[both], "right")
     rows = [rectified.rectify_points(pixels, side)[:, 1] for pixels, side in known]
-    rms = np.sqrt(np.mean((rows[0] - rows[1]) ** 2))
+    rms = np.sqrt(np.nanmean((rows[0] - rows[1]) ** 2))
     picture = np.hstack([left, right])
     picture[40::60] = (230, 180, 90)
     return picture, f"focal length {rectified.f_px:.1f} px; rows differ by {rms:.2f} px rms"

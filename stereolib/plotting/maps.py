@@ -15,6 +15,7 @@ from stereolib.mapping import FREE, OCCUPIED, Map, OccupancyGrid, Station, stati
 from stereolib.plotting.style import COLORS, default_style
 
 _DISC_MM, _HEADING_MM = 65, 130  # of a station: its radius, and how far its line reaches, seldom to the next disc
+_OVER_RING = {"facecolor": "white", "lw": 0, "pad": 1}
 _ROW_STEP = 0.34  # between the series of `plot_sizes`, in rows
 _SERIES_COLORS = (COLORS[4], COLORS[0], COLORS[2])
 
@@ -71,9 +72,27 @@ def plot_scan_polar(
     lost = ~np.isfinite(ranges_mm)
     rim = 1.0 if lost.all() else 1.05 * np.nanmax(ranges_mm)
     polar.scatter(angles_rad[lost], np.full(lost.sum(), rim), s=14, marker="x", color=COLORS[1], lw=0.8)
-    polar.set_title(title)
-    polar.tick_params(labelsize=8)
+    polar.set_title(title, pad=14)
+    rings_mm = 1000.0 * np.arange(1, max(2, int(rim // 1000) + 1))
+    polar.set_rgrids(rings_mm, labels=[])
+    angle = _free_angle_rad(angles_rad, ranges_mm, rings_mm)
+    for ring in rings_mm:
+        polar.text(angle, ring, f"{ring:.0f}", ha="center", va="center", fontsize=9, bbox=_OVER_RING)
+    polar.tick_params(labelsize=9)
     return ax
+
+
+def _free_angle_rad(angles_rad: Float64, ranges_mm: Float64, rings_mm: Float64) -> float:
+    """Where the rings' labels are farthest from any reading."""
+    x, y = ranges_mm * np.cos(angles_rad), ranges_mm * np.sin(angles_rad)
+    seen = np.isfinite(x)
+    candidates = np.radians(np.arange(0, 360, 3.0))
+    apart = [
+        np.hypot(x[seen] - ring * np.cos(a), y[seen] - ring * np.sin(a)).min(initial=np.inf)
+        for a in candidates
+        for ring in rings_mm
+    ]
+    return float(candidates[np.reshape(apart, (len(candidates), -1)).min(axis=1).argmax()])
 
 
 @default_style

@@ -284,6 +284,23 @@ def board_poses() -> tuple[Float64, ...]:
     return tuple(draw_board_poses(BOARD_PAIRS, np.random.default_rng(30), BOARD))
 
 
+def board_corners_mm() -> dict[str, Float64]:
+    """Give the true corners of the recorded boards, by the names of `load_boards`.
+
+    Returns
+    -------
+    dict of str to (54, 3) float64, mm
+        In the left camera's frame, in the order of `Checkerboard.points_mm`.
+
+    Examples
+    --------
+    >>> board_corners_mm()["boards/01"].shape
+    (54, 3)
+    """
+    middle = (BOARD.points_mm - BOARD.points_mm.mean(axis=0)) * [1.0, -1.0, 1.0]  # of a board's frame y runs up
+    return {f"boards/{i + 1:02d}": middle @ T[:3, :3].T + T[:3, 3] for i, T in enumerate(board_poses())}
+
+
 def board_scene(T_left_board: Float64, target: Checkerboard = BOARD) -> Scene:
     """Hold a board in front of the rig.
 

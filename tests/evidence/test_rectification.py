@@ -95,6 +95,26 @@ def test_limits_are_what_their_reasons_say():
     assert {c.most for c in sizes.values()} == {round(100 * 1 / (1000 * published()["setup.distance"].value), 2)}
 
 
+def test_depths_of_boards_left_out_are_held_against_true_ones():
+    """Without noise nothing is off; told squares a tenth too large, every depth is; a board upside down is no error."""
+    corners = {f"pair {k}": one for k, one in enumerate(true_corners(20))}
+    for told_mm, off_pct in ((25.0, 0.0), (27.5, 10.0)):
+        views = views_of(paper_rig(), noise_px=0.0)
+        held_out = hold_out_rigs(replace(views, board=replace(views.board, square_mm=told_mm)))
+        for order in (1, -1):
+            given = {name: one[::order] for name, one in corners.items()}
+            true_mm, error_mm = evidence.depth_errors_left_out(held_out, given)
+            assert true_mm.shape == error_mm.shape == (20 * 54,)
+            np.testing.assert_allclose(100 * error_mm / true_mm, off_pct, atol=0.02)
+
+
+def true_corners(count: int) -> list[np.ndarray]:
+    """Corners of the boards of `views_of`, in the left camera's frame."""
+    centred = (recordings.BOARD.points_mm - recordings.BOARD.points_mm.mean(axis=0)) * [1.0, -1.0, 1.0]
+    poses = draw_poses(paper_rig(), count, np.random.default_rng(1))
+    return [centred @ T[:3, :3].T + T[:3, 3] for T in poses]
+
+
 # --- matching without rectification
 
 
@@ -116,6 +136,22 @@ def test_rectification_is_needed_where_rows_differ_and_not_where_they_agree():
     aligned, apart = matched(0.0), matched(5.0)
     needed = evidence.rectification_gain(apart, apart, aligned)
     assert_turns("claim.rectification_needed", needed, evidence.rectification_gain(aligned, aligned, aligned))
+
+
+def test_stages_differ_only_in_what_was_done_to_the_pair():
+    """On pinholes side by side nothing is to be done: all stages are the same map, and no row differs."""
+    camera = Camera([[300, 0, 159.5], [0, 300, 59.5], [0, 0, 1]], [], SHAPE[::-1])
+    rig = StereoRig(camera, camera, np.eye(3), [-60.0, 0, 0])
+    rng = np.random.default_rng(7)
+    left = cv2.GaussianBlur(rng.integers(0, 256, (*SHAPE, 3), dtype=np.uint8), (0, 0), 1.0)
+    pair = left, np.roll(left, -12, axis=1)
+    truth = np.full(SHAPE, 12.0)
+    truth[:, :20] = np.nan
+    stages = evidence.match_stages(pair, rig, rig.rectify(), truth, SGBMParams(32))
+    assert list(stages) == ["as recorded", "undistorted only", "rectified"]
+    for stage in stages.values():
+        assert stage.score.bad2_pct < 1 and stage.rows_rms_px < 1e-6
+        assert 100 * stage.wrong.sum() / stage.counted.sum() == pytest.approx(stage.score.bad2_pct)
 
 
 def test_partners_are_where_the_cameras_see_them():

@@ -18,6 +18,14 @@ def test_scan_from_above_has_left_on_the_left(ax):
     np.testing.assert_allclose(ax.collections[0].get_offsets(), [[-300, 1000]])
 
 
+def test_polar_labels_stand_off_the_readings():
+    ax = plotting.panels(1, subplot_kw={"projection": "polar"})[1][0]
+    angles = np.radians(np.arange(360.0))
+    plotting.plot_scan_polar(angles, np.where(abs(angles - np.pi) < 0.3, np.nan, 2000.0), ax)
+    places = {text.get_text(): text.get_position() for text in ax.texts}
+    assert places == {"1000": (pytest.approx(np.pi, abs=0.1), 1000), "2000": (pytest.approx(np.pi, abs=0.1), 2000)}
+
+
 def test_polar_scan_marks_dropouts():
     ax = plotting.panels(1, subplot_kw={"projection": "polar"})[1][0]
     plotting.plot_scan_polar(np.radians([0.0, 90, 180]), np.array([1000.0, np.nan, 500]), ax)

@@ -81,6 +81,43 @@ def test_height_and_box_show_their_numbers(ax):
     np.testing.assert_array_equal(image, before)
 
 
+def test_crops_show_both_points_at_the_left_one_s_row():
+    images = [np.zeros((100, 200), np.uint8) for _ in range(2)]
+    at = np.array([[[60.0, 50.0], [120, 60]], [[40.0, 46.0], [100, 60]]])  # the first is 4 rows higher on the right
+    for (column, row), image in zip(at[:, 0].astype(int), images, strict=True):
+        image[row, column] = 255
+    _, axes = plotting.panels(1, 2)
+    plotting.plot_row_test(*images, *at, axes, "pair")
+    crops = axes[1].images[0].get_array()
+    bright = np.argwhere(crops == 255)
+    rings = np.array([line.get_xydata() for line in axes[1].lines if line.get_marker() == "o"])
+    for ring in rings[0]:
+        assert np.any(np.all(bright == ring[::-1].round().astype(int), axis=1))
+    labels = [text.get_text() for text in axes[1].get_xticklabels()]
+    assert labels == ["left | right: 4.0 rows higher", "left | right: same row"]
+    assert [line.get_ydata()[0] for line in axes[0].lines[:2]] == [50, 60]
+
+
+def test_epipolar_lines_stand_where_they_are_and_rows_are_dashed(ax):
+    image, points = np.zeros((40, 60), np.uint8), np.array([[10.0, 12.0]])
+    line = np.array([[5.0, 20.0], [30.0, 25.0]])
+    plotting.plot_epipolar_lines(image, points, [line], ax)
+    drawn, dashed = (one.get_xydata() for one in ax.lines)
+    np.testing.assert_array_equal(drawn, line)
+    np.testing.assert_array_equal(dashed, [[5, 12], [30, 12]])
+    other = plotting.panels(1)[1][0]
+    plotting.plot_epipolar_lines(image, points, [], other)
+    np.testing.assert_array_equal(other.lines[0].get_xydata(), points)
+
+
+def test_what_is_not_counted_is_faded(ax):
+    counted = np.zeros((30, 40), bool)
+    counted[:, :20] = True
+    plotting.plot_mask(np.full((30, 40), 100, np.uint8), np.zeros((30, 40), bool), ax, counted=counted)
+    shown = ax.images[0].get_array()
+    assert shown[5, 5, 0] == 100 and shown[5, 30, 0] == 224
+
+
 def test_rows_and_corners(ax):
     plotting.plot_rows(np.zeros((40, 60), np.uint8), np.zeros((40, 60), np.uint8), ax, rows=[10, 20.5])
     assert ax.images[0].get_array().shape == (40, 120)

@@ -1,6 +1,7 @@
 from .calibration_report import lens_shift_px, write_calibration_report
 from .curves import plot_bars, plot_curves, plot_dots
 from .maps import plot_occupancy, plot_scan, plot_scan_polar, plot_scans, plot_sizes, plot_top_view
+from .matches import mark_pixels, plot_matched, plot_pixel_cost, plot_row_cost, plot_row_pair, plot_strips
 from .measurements import plot_height_attempt, plot_intervals
 from .output import figure_to_image, save_figure, save_table
 from .pictures import (
@@ -27,6 +28,7 @@ __all__ = [
     "color_disparity",
     "figure_to_image",
     "lens_shift_px",
+    "mark_pixels",
     "panels",
     "plot_arrows",
     "plot_bars",
@@ -41,14 +43,19 @@ __all__ = [
     "plot_image",
     "plot_intervals",
     "plot_mask",
+    "plot_matched",
     "plot_occupancy",
+    "plot_pixel_cost",
     "plot_points",
     "plot_quantity",
+    "plot_row_cost",
+    "plot_row_pair",
     "plot_rows",
     "plot_scan",
     "plot_scan_polar",
     "plot_scans",
     "plot_sizes",
+    "plot_strips",
     "plot_top_view",
     "plot_triangulation",
     "save_figure",

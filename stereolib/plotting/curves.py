@@ -15,7 +15,7 @@ from stereolib.plotting.style import COLORS, LINE_STYLES, default_style
 
 @default_style
 def plot_curves(
-    curves: Mapping[str, tuple[Any, Any]],
+    curves: Mapping[str, tuple[Any, ...]],
     ax: Axes,
     *,
     xlabel: str,
@@ -28,7 +28,7 @@ def plot_curves(
 
     Parameters
     ----------
-    curves : mapping of str to (x, y)
+    curves : mapping of str to (x, y) or (x, y, color)
         Numbers are drawn in single precision: matplotlib leaves out points where a path hardly bends, and would leave
         out others where another processor's kernels change the last bit of a double.
     ax : matplotlib.axes.Axes
@@ -44,9 +44,9 @@ def plot_curves(
     -------
     matplotlib.axes.Axes
     """
-    for k, (name, (x, y)) in enumerate(curves.items()):
+    for k, (name, (x, y, *color)) in enumerate(curves.items()):
         style: dict[str, Any] = {
-            "color": COLORS[k % len(COLORS)],
+            "color": color[0] if color else COLORS[k % len(COLORS)],
             "ls": LINE_STYLES[k % len(LINE_STYLES)] if joined else "",
         }
         ax.plot(_single(x), _single(y), marker=marker, ms=4, lw=1.4, label=name, **style)

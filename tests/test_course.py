@@ -13,7 +13,17 @@ import pytest
 from stereolib.base import ROOT
 
 #: Chapters that are held to all of this.
-CHAPTERS: list[str] = ["00_two_pictures", "01_calibration", "02_rectification", "04_dilation", "05_lrf", "07_pixel_cm", "09_real_recordings"]
+CHAPTERS: list[str] = [
+    "00_two_pictures",
+    "01_calibration",
+    "02_rectification",
+    "03_sgbm_parameters",
+    "04_dilation",
+    "05_lrf",
+    "07_pixel_cm",
+    "09_real_recordings",
+    "10_matching_beyond",
+]
 GLOSSARY = ROOT / "notebooks" / "glossary.md"
 APPENDIX = "## Appendix"
 MOST_WORDS, MOST_LINES = 1800, 5

@@ -129,7 +129,7 @@ def compute_disparity_guided(
     is taken away, and the box that holds it in full size. Where both return something, the one whose
     neighbourhoods look more alike wins. What it costs: fewer pixels are wrong by more than 2 px, but those within 4 px
     are less exact. On the virtual cube their rms error is about twice that of the full window, their pull towards
-    whole pixels four to five times (notebook 03).
+    whole pixels four to five times (notebook 10).
     """
     check_pair(left, right)
     if left.shape[:2] != expected.near_px.shape:

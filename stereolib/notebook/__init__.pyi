@@ -2,17 +2,19 @@ from .camera_drawings import draw_lens, draw_rectification
 from .first_drawings import draw_two_pictures
 from .height_drawings import draw_heights, draw_recipe, draw_width
 from .laser_drawings import draw_map_view, draw_matching, draw_sweep
-from .matching_drawings import draw_dilation, draw_motorcycle, draw_sgbm, draw_surface
+from .matching_drawings import draw_dilation, draw_guided, draw_motorcycle, draw_paths, draw_sgbm, draw_surface
 from .sliders import Explorer, explore
 
 __all__ = [
     "Explorer",
     "draw_dilation",
+    "draw_guided",
     "draw_heights",
     "draw_lens",
     "draw_map_view",
     "draw_matching",
     "draw_motorcycle",
+    "draw_paths",
     "draw_recipe",
     "draw_rectification",
     "draw_sgbm",

@@ -1,7 +1,8 @@
-"""What the sliders about matching and its filters draw (notebooks 03, 04 and 09)."""
+"""What the sliders about matching and its filters draw (notebooks 03, 04, 09 and 10)."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
 from typing import Any
@@ -9,8 +10,82 @@ from typing import Any
 import numpy as np
 
 from stereolib import paper
-from stereolib.base import Bools, Float64, Floats, UInt8
-from stereolib.matching import FilterCase, SGBMParams, compute_disparity, score, score_repair, smooth
+from stereolib.base import Bools, Float64, Floats, Ints, UInt8
+from stereolib.laser import AveragedScan
+from stereolib.matching import (
+    FilterCase,
+    KnownView,
+    SGBMParams,
+    compute_disparity,
+    compute_disparity_guided,
+    expected_disparity,
+    score,
+    score_repair,
+    smooth,
+)
+
+
+def draw_paths(
+    sums: Callable[[int, int], Floats | Ints], truth_px: Floats, row: int, column: int, p1: int, p2: int
+) -> tuple[UInt8, str]:
+    """Notebook 03: one pixel's costs and its row's, summed along paths at other prices.
+
+    Parameters
+    ----------
+    sums : callable
+        Takes P1 and P2, returns the sums of a strip of pictures, (H, W, D), for the disparities 0, 1, 2, ...
+    truth_px : (H, W) float, px
+        True disparity of the strip, NaN where it is not asked for.
+    row, column : int, px
+        The pixel, in the strip.
+    p1, p2 : int
+        Prices of a step by one disparity and of a larger one.
+
+    Returns
+    -------
+    picture : (H, W, 3) uint8, blue-green-red
+    text : str
+    """
+    from stereolib.plotting import figure_to_image, panels, plot_pixel_cost, plot_row_cost
+
+    volume = sums(p1, p2)
+    figure, axes = panels(2, width_in=9, aspect=0.62, width_ratios=(1, 1.6))
+    plot_pixel_cost(volume[row, column], truth_px[row, column], axes[0], f"pixel in column {column}")
+    plot_row_cost(volume[row], truth_px[row], axes[1], f"its row, P1 = {p1}, P2 = {p2}")
+    axes[1].axvline(column, color="0.5", lw=0.8)
+    found, count = volume.argmin(axis=-1), volume.shape[-1]
+    quality = score(found[:, count:], truth_px[:, count:])
+    cheapest = f"cheapest at {found[row, column]} px, true {truth_px[row, column]:.1f} px"
+    return figure_to_image(figure), f"{cheapest}; bad 2 in the strip: {quality.bad2_pct:.1f} %"
+
+
+def draw_guided(distance_mm: int, margin_px: int, laser_off_mm: int) -> tuple[UInt8, str]:
+    """Notebook 10: the cube matched around what the laser leads one to expect.
+
+    Parameters
+    ----------
+    distance_mm : int
+        To the cube: 500 to 1000, in hundreds.
+    margin_px : int
+        Searched to either side of the expectation.
+    laser_off_mm : int
+        By how much farther forward the laser is believed to stand than it does.
+
+    Returns
+    -------
+    picture : (H, W, 3) uint8, blue-green-red
+    text : str
+    """
+    from stereolib.plotting import color_disparity
+    from stereolib.virtual import recordings
+
+    view, scan = _before_laser(distance_mm)
+    believed = (float(laser_off_mm), 0.0, 0.0)
+    expected = expected_disparity(scan, recordings.rectified(), recordings.setup(), believed)
+    found = compute_disparity_guided(view.left, view.right, expected, margin_px=margin_px)
+    quality = score(found, view.truth_px, view.regions["cube"])
+    text = f"{2 * margin_px} disparities searched; bad 2 on the cube: {quality.bad2_pct:.1f} %"
+    return np.hstack([color_disparity(expected.near_px, 0, 160), color_disparity(found, 0, 160)]), text
 
 
 def draw_sgbm(condition: str, num_disparities: int, block_size: int, uniqueness_ratio: int) -> tuple[UInt8, str]:
@@ -141,6 +216,15 @@ def _both_maps(name: str) -> tuple[Floats, Floats]:
     left, right, disparity_px, cube = _condition(name)
     both = FilterCase.from_pair((left, right), disparity_px, cube, cube)
     return both.left_px, both.right_px
+
+
+@lru_cache(maxsize=6)
+def _before_laser(distance_mm: int) -> tuple[KnownView, AveragedScan]:
+    """The recorded cube of medium texture at a distance, and what the laser saw of it."""
+    from stereolib.virtual import recordings
+
+    view = recordings.view(f"series/medium_{distance_mm}")
+    return view, recordings.scan(view.name)
 
 
 @lru_cache(maxsize=2)

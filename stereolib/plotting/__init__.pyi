@@ -5,6 +5,7 @@ from .course_map import plot_course
 from .curves import plot_bars, plot_curves, plot_dots, plot_shares
 from .gallery import Exhibit, plot_cells, plot_gallery, plot_repairs
 from .maps import plot_occupancy, plot_scan, plot_scan_polar, plot_scans, plot_sizes, plot_top_view
+from .matches import mark_pixels, plot_matched, plot_pixel_cost, plot_row_cost, plot_row_pair, plot_strips
 from .measurements import plot_height_attempt, plot_intervals
 from .output import figure_to_image, save_figure, save_table
 from .pictures import (
@@ -15,11 +16,11 @@ from .pictures import (
     plot_corners,
     plot_crop,
     plot_disparity,
-    plot_epipolar_lines,
     plot_errors,
     plot_height,
     plot_image,
     plot_mask,
+    plot_partners,
     plot_points,
     plot_quantity,
     plot_row_crops,
@@ -38,6 +39,7 @@ __all__ = [
     "color_disparity",
     "figure_to_image",
     "lens_shift_px",
+    "mark_pixels",
     "panels",
     "plot_arrows",
     "plot_bars",
@@ -61,12 +63,17 @@ __all__ = [
     "plot_lens_arrows",
     "plot_line_of_sight",
     "plot_mask",
+    "plot_matched",
     "plot_occupancy",
     "plot_pair",
+    "plot_partners",
+    "plot_pixel_cost",
     "plot_points",
     "plot_quantity",
     "plot_repairs",
+    "plot_row_cost",
     "plot_row_crops",
+    "plot_row_pair",
     "plot_row_test",
     "plot_rows",
     "plot_scan",
@@ -75,6 +82,7 @@ __all__ = [
     "plot_shares",
     "plot_similar_triangles",
     "plot_sizes",
+    "plot_strips",
     "plot_thumb",
     "plot_top_view",
     "plot_triangulation",

@@ -131,7 +131,7 @@ def plot_row_crops(
 
 
 @default_style
-def plot_epipolar_lines(image: UInt8, points_px: Floats, lines_px: Sequence[Floats], ax: Axes, title: str = "") -> Axes:
+def plot_partners(image: UInt8, points_px: Floats, lines_px: Sequence[Floats], ax: Axes, title: str = "") -> Axes:
     """Draw points on an image, or the lines on which their partners may lie, each in a colour of its own.
 
     Parameters

@@ -101,12 +101,12 @@ def test_crops_show_both_points_at_the_left_one_s_row():
 def test_epipolar_lines_stand_where_they_are_and_rows_are_dashed(ax):
     image, points = np.zeros((40, 60), np.uint8), np.array([[10.0, 12.0]])
     line = np.array([[5.0, 20.0], [30.0, 25.0]])
-    plotting.plot_epipolar_lines(image, points, [line], ax)
+    plotting.plot_partners(image, points, [line], ax)
     drawn, dashed = (one.get_xydata() for one in ax.lines)
     np.testing.assert_array_equal(drawn, line)
     np.testing.assert_array_equal(dashed, [[5, 12], [30, 12]])
     other = plotting.panels(1)[1][0]
-    plotting.plot_epipolar_lines(image, points, [], other)
+    plotting.plot_partners(image, points, [], other)
     np.testing.assert_array_equal(other.lines[0].get_xydata(), points)
 
 

@@ -1,0 +1,205 @@
+"""What a matcher weighs, and what comes of it: costs over the disparity, maps below the pictures they came from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from stereolib.base import Bools, Floats, Ints, UInt8
+from stereolib.plotting.pictures import plot_disparity, plot_image
+from stereolib.plotting.style import OURS, TRUTH, default_style, panels
+
+_BGR_MARKED = (200, 0, 230)
+_SIDES = {"left": "#56B4E9", "right": "#CC79A7"}  # colours that mean nothing else
+_WIDTH_IN, _FONT_PT = 8.0, 10  # more than 7 pt where it is printed 16 cm wide
+
+
+@default_style
+def plot_pixel_cost(costs: Floats | Ints, true_px: float, ax: Axes, title: str = "", *, ylabel: str = "cost") -> Axes:
+    """Draw what each disparity would cost a pixel, the cheapest one and the true one.
+
+    Parameters
+    ----------
+    costs : (D,) array
+        Cost of the disparities 0, 1, 2, ...
+    true_px : float, px
+    ax : matplotlib.axes.Axes
+    title : str
+    ylabel : str
+        What the cost is counted in.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+    """
+    cheapest = int(np.argmin(costs))
+    ax.axvline(true_px, color=TRUTH, ls="--", lw=1.2, label="true disparity")
+    ax.plot(np.arange(len(costs)), costs, color="0.45", lw=1.2)
+    ax.plot(cheapest, costs[cheapest], "o", color=OURS, ms=7, label="cheapest")
+    ax.grid(alpha=0.3)
+    ax.set(title=title, xlabel="disparity d (px)", ylabel=ylabel)
+    ax.legend(fontsize=_FONT_PT, framealpha=0.9)
+    return ax
+
+
+@default_style
+def plot_row_cost(costs: Floats | Ints, true_px: Floats, ax: Axes, title: str = "", *, label: str = "cost") -> Any:
+    """Draw the costs of a whole row of a picture: cheap is white, with the cheapest disparity and the true one.
+
+    Parameters
+    ----------
+    costs : (W, D) array
+        Of every column, for the disparities 0, 1, 2, ...; the first D columns, which have no partner for some, are
+        left out.
+    true_px : (W,) float, px
+    ax : matplotlib.axes.Axes
+    title : str
+    label : str
+        What the cost is counted in.
+
+    Returns
+    -------
+    matplotlib.image.AxesImage
+    """
+    width, count = costs.shape
+    seen, columns = costs[count:], np.arange(count, width)
+    dearest = float(np.percentile(seen, 90))
+    frame = (count - 0.5, width - 0.5, -0.5, count - 0.5)
+    look: dict[str, Any] = {"cmap": "Greys", "vmin": seen.min(), "vmax": dearest, "interpolation": "nearest"}
+    shown = ax.imshow(seen.T, origin="lower", aspect="auto", extent=frame, **look)
+    ax.plot(columns, true_px[count:], color=TRUTH, lw=7, alpha=0.3, label="true")
+    ax.plot(columns, seen.argmin(axis=1), ".", color=OURS, ms=2.5, label="cheapest")
+    ax.set(title=title, xlabel="column (px)", ylabel="disparity d (px)", xlim=frame[:2], ylim=frame[2:])
+    ax.legend(fontsize=_FONT_PT, loc="upper right", framealpha=0.9, markerscale=4)
+    if ax.figure is not None:
+        ax.figure.colorbar(shown, ax=ax, label=label, pad=0.01)
+    return shown
+
+
+@default_style
+def plot_row_pair(left: UInt8, right: UInt8, row: int, columns_px: tuple[float, float], title: str = "") -> Figure:
+    """Draw two strips with a ringed speck in each, and the grey values of the row in which both lie.
+
+    Parameters
+    ----------
+    left, right : (H, W) uint8
+    row : int
+    columns_px : (left, right), px
+        Where the speck is.
+    title : str
+        What the strips are.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    figure: Figure
+    figure, axes = panels(1, 3, width_in=_WIDTH_IN, aspect=0.18)
+    for ax, name, strip, column in zip(axes, _SIDES, (left, right), columns_px, strict=False):
+        plot_image(strip, ax, f"{name} picture, {title}").set(xlabel="", ylabel="row (px)")
+        ax.axhline(row, color=_SIDES[name], lw=1)
+        ax.plot(column, row, "o", ms=11, mfc="none", mec=_SIDES[name], mew=3)
+        axes[2].plot(strip[row], color=_SIDES[name], lw=1.4, ls="-" if strip is left else "--", label=name)
+    axes[2].set(xlabel="column (px)", ylabel="grey value", xlim=(0, left.shape[1] - 1), ylim=(60, 205))
+    axes[2].legend(loc="lower right", ncols=2, frameon=False)
+    axes[2].grid(alpha=0.3)
+    return figure
+
+
+@default_style
+def plot_strips(strips: Mapping[str, Floats], *, first: int, high: float) -> Figure:
+    """Draw strips of disparity below each other, with one key of the colours.
+
+    Parameters
+    ----------
+    strips : mapping of str to (H, W) float, px
+    first : int
+        Column where the drawing begins.
+    high : float, px
+        Where the colours end.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    figure: Figure
+    figure, axes = panels(1, len(strips), width_in=_WIDTH_IN, aspect=0.135, sharex=True)
+    for ax, (name, strip) in zip(axes, strips.items(), strict=True):
+        shown = plot_disparity(strip, ax, name, high=high, bar=False)
+        ax.set(xlabel="", ylabel="", yticks=[], xlim=(first, strip.shape[1] - 1))
+    axes[-1].set_xlabel("column (px)")
+    figure.colorbar(shown, ax=list(axes), label="disparity (px)", pad=0.01)
+    return figure
+
+
+def mark_pixels(image: UInt8, where: Bools) -> UInt8:
+    """Colour some pixels of a picture, in a colour that photographs seldom have.
+
+    Parameters
+    ----------
+    image : (H, W, 3) uint8, blue-green-red
+    where : (H, W) bool
+
+    Returns
+    -------
+    (H, W, 3) uint8, blue-green-red
+
+    Examples
+    --------
+    >>> mark_pixels(np.zeros((1, 2, 3), np.uint8), np.array([[True, False]])).tolist()
+    [[[200, 0, 230], [0, 0, 0]]]
+    """
+    marked = image.copy()
+    marked[where] = _BGR_MARKED
+    return marked
+
+
+@default_style
+def plot_matched(
+    pictures: Mapping[str, UInt8],
+    maps: Mapping[str, Floats],
+    notes: Mapping[str, str] | None = None,
+    *,
+    high: float,
+    title: str = "virtual rig",
+) -> Figure:
+    """Draw pictures in a row, the maps matched from them below, and one key of the colours for all maps.
+
+    Parameters
+    ----------
+    pictures : mapping of str to (H, W) or (H, W, 3) uint8
+        Left pictures by the name above each.
+    maps : mapping of str to (H, W) float, px
+        Under the same names.
+    notes : mapping of str to str, optional
+        What stands below a map.
+    high : float, px
+        Where the colours end.
+    title : str
+        Above all.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    height, width = next(iter(maps.values())).shape
+    panel_in = _WIDTH_IN * 0.92 / len(maps)  # the key takes the rest
+    lines = 1 + sum(max(text.count("\n") + 1 for text in some) for some in (maps, (notes or {"": ""}).values()))
+    tall_in = 2 * panel_in * height / width + 0.2 * lines + 0.2
+    figure: Figure
+    figure, axes = panels(len(maps), 2, width_in=_WIDTH_IN, aspect=tall_in / 2 / (_WIDTH_IN / len(maps)))
+    figure.suptitle(title, fontsize=_FONT_PT + 1)
+    for k, name in enumerate(maps):
+        above, below = axes[k], axes[len(maps) + k]
+        plot_image(pictures[name], above).set_title(name, fontsize=_FONT_PT)
+        shown = plot_disparity(maps[name], below, high=high, bar=False)
+        for ax in (above, below):
+            ax.set(xlabel="", ylabel="", xticks=[], yticks=[])
+        below.set_xlabel((notes or {}).get(name, ""), fontsize=_FONT_PT)
+    key = figure.colorbar(shown, ax=list(axes[len(maps) :]), fraction=0.03, pad=0.01)
+    key.set_label("disparity (px)", fontsize=_FONT_PT)
+    return figure

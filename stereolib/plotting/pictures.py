@@ -18,6 +18,8 @@ from stereolib.paper import HeightResult
 from stereolib.plotting.style import BGR_SKY, BGR_VERMILLION, COLORS, NOTHING_GREY, default_style, image_axes
 from stereolib.rig import to_grey
 
+_GLASS_PX = (16, 12)  # columns and rows that `plot_mask` magnifies
+
 
 @default_style
 def plot_image(image: UInt8, ax: Axes, title: str = "") -> Axes:
@@ -144,8 +146,8 @@ def plot_errors(error_px: Floats, ax: Axes, title: str = "", *, limit: float = 4
 
 
 @default_style
-def plot_mask(image: UInt8, mask: Bools, ax: Axes, title: str = "", *, ring: tuple[float, float] | None = None) -> Axes:
-    """Draw marked pixels on a picture (Fig. 7).
+def plot_mask(image: UInt8, mask: Bools, ax: Axes, title: str = "", *, zoom: tuple[float, float] | None = None) -> Axes:
+    """Draw marked pixels on a picture (Fig. 7), and those around one place through a magnifying glass.
 
     Parameters
     ----------
@@ -153,8 +155,8 @@ def plot_mask(image: UInt8, mask: Bools, ax: Axes, title: str = "", *, ring: tup
     mask : (H, W) bool
     ax : matplotlib.axes.Axes
     title : str
-    ring : (column, row), optional
-        Points out one pixel.
+    zoom : (column, row), optional
+        The middle of what the glass shows, 16 x 12 px of it.
 
     Returns
     -------
@@ -163,8 +165,16 @@ def plot_mask(image: UInt8, mask: Bools, ax: Axes, title: str = "", *, ring: tup
     shown = cv2.cvtColor(to_grey(image), cv2.COLOR_GRAY2BGR)
     shown[mask] = BGR_VERMILLION
     plot_image(shown, ax, title)
-    if ring:
-        ax.scatter([ring[0]], [ring[1]], s=130, facecolors="none", edgecolors=COLORS[5], lw=2)
+    if zoom:
+        height, width = shown.shape[:2]
+        corner = 0.03 if zoom[0] > width / 2 else 0.55, 0.03 if zoom[1] < height / 2 else 0.55  # where it hides least
+        glass = ax.inset_axes((*corner, 0.42, 0.42))
+        glass.imshow(shown[..., ::-1], interpolation="nearest", aspect="auto")
+        wide, high = _GLASS_PX
+        glass.set(xlim=(zoom[0] - wide / 2, zoom[0] + wide / 2), ylim=(zoom[1] + high / 2, zoom[1] - high / 2))
+        glass.set(xticks=[], yticks=[])
+        glass.spines[:].set(color="black", lw=1.5)
+        ax.indicate_inset_zoom(glass, edgecolor="black", alpha=1.0, lw=1.5)
     return ax
 
 
@@ -186,7 +196,7 @@ def plot_height(image: UInt8, height: HeightResult, ax: Axes, title: str = "") -
     """
     plot_mask(image, height.mask, ax, title)
     right = image.shape[1]
-    for row, name in ((height.top_row, "first row with the maximum"), (height.foot_row, "foot, by the constant")):
+    for row, name in ((height.top_row, "first marked row"), (height.foot_row, "foot")):
         ax.axhline(row, color=COLORS[5], lw=1)
         ax.text(
             right - 6,
@@ -194,7 +204,7 @@ def plot_height(image: UInt8, height: HeightResult, ax: Axes, title: str = "") -
             f"{name}: {row}",
             color="white",
             ha="right",
-            fontsize=8,
+            fontsize=10,
             bbox={"facecolor": "black", "alpha": 0.55, "lw": 0, "pad": 1.5},
         )
     ax.annotate(

@@ -13,7 +13,7 @@ import pytest
 from stereolib.base import ROOT
 
 #: Chapters that are held to all of this.
-CHAPTERS: list[str] = ["06_height"]
+CHAPTERS: list[str] = ["06_height", "08_environment_map"]
 GLOSSARY = ROOT / "notebooks" / "glossary.md"
 APPENDIX = "## Appendix"
 MOST_WORDS, MOST_LINES = 1800, 5

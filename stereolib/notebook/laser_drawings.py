@@ -110,6 +110,37 @@ def draw_matching(off_mm: int, off_deg: float, chance: int) -> tuple[UInt8, str]
     return figure_to_image(figure), text
 
 
+def draw_pose(x_mm: int, y_mm: int, yaw_deg: float) -> tuple[UInt8, str]:
+    """Notebook 08: the scan of the walk's last station at a pose set by hand, over what the others saw.
+
+    Parameters
+    ----------
+    x_mm, y_mm : int
+    yaw_deg : float
+
+    Returns
+    -------
+    picture : (H, W, 3) uint8, blue-green-red
+    text : str
+    """
+    from scipy.spatial import cKDTree
+
+    from stereolib.plotting import LASER, figure_to_image, panels
+
+    *others, last = _walk_map()[0].stations
+    moved = replace(last, pose=np.array([x_mm, y_mm, np.radians(yaw_deg)]))
+    seen = np.concatenate([station.to_map(station.scan_mm) for station in others])
+    readings = moved.to_map(moved.scan_mm)
+    figure, axes = panels(1, width_in=6.5, aspect=0.85)
+    axes[0].scatter(*seen.T, s=5, color="0.65", lw=0)
+    axes[0].scatter(*readings.T, s=8, color=LASER, lw=0)
+    axes[0].set(
+        xlabel="x, forward (mm)", ylabel="y, left (mm)", aspect="equal", title="station 5 over what the others saw"
+    )
+    off_mm = np.median(cKDTree(seen).query(readings)[0])
+    return figure_to_image(figure), f"half of the readings lie within {off_mm:.0f} mm of what the others saw"
+
+
 @lru_cache(maxsize=1)
 def _walk_map() -> tuple[Map, list[Solid], Cloud]:
     """The map of the recorded walk at its known poses, its solids and its points."""

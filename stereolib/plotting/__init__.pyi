@@ -18,11 +18,17 @@ from .pictures import (
     plot_quantity,
     plot_rows,
 )
-from .style import COLORS, panels
+from .style import COLORS, LASER, OURS, PAPER, REFUSED, RIVAL, TRUTH, panels
 from .triangulation import plot_triangulation
 
 __all__ = [
     "COLORS",
+    "LASER",
+    "OURS",
+    "PAPER",
+    "REFUSED",
+    "RIVAL",
+    "TRUTH",
     "ImageQuantity",
     "color_disparity",
     "figure_to_image",

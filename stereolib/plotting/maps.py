@@ -18,7 +18,7 @@ from stereolib.plotting.style import COLORS, LASER, OURS, RIVAL, default_style
 _DISC_MM, _HEADING_MM = 65, 130  # of a station: its radius, and how far its line reaches, seldom to the next disc
 _ROW_STEP = 0.34  # between the series of `plot_sizes`, in rows
 _SERIES_COLORS = (RIVAL, OURS, LASER)
-_STATION_COLORS = colormaps["cividis"]  # not the boxes' colours
+_STATION_COLORS = colormaps["plasma"]  # not the boxes' colours
 
 
 @default_style
@@ -175,7 +175,7 @@ def plot_scans(stations: Sequence[Station], ax: Axes, title: str = "") -> Axes:
     matplotlib.axes.Axes
     """
     for k, (station, name) in enumerate(zip(stations, station_names(stations), strict=True)):
-        color = _STATION_COLORS(0.8 * k / max(len(stations) - 1, 1))
+        color = _STATION_COLORS(0.85 * k / max(len(stations) - 1, 1))
         readings = station.to_map(station.scan_mm)
         ax.scatter(readings[:, 0], readings[:, 1], s=6, color=color, lw=0, label=f"station {name}")
         plot_station(station, ax, name, color=color)

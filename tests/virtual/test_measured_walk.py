@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from stereolib.mapping import Station, disturb_poses, merge_stations, refine_poses, size_table
-from stereolib.notebook import draw_map_view, draw_matching
+from stereolib.notebook import draw_map_view, draw_matching, draw_pose
 from stereolib.rig import rigid
 from stereolib.virtual import measure_walk, recordings, walk, walk_laser
 
@@ -97,3 +97,12 @@ def test_the_slider_says_when_the_walk_was_not_put_together():
     assert text.startswith("NOT put together: station ") and "in a wrong place" in text
     after_mm = float(text.partition("before and ")[2].split()[0])
     assert after_mm < 6 and float(text.partition("the worst off by ")[2].split()[0]) > 1000
+
+
+def test_the_slider_of_one_pose_finds_the_true_one():
+    x, y, yaw = walk.POSES["room/5"]
+    off_mm = [
+        float(draw_pose(round(x) + dx, round(y), float(np.degrees(yaw)))[1].partition("within ")[2].split()[0])
+        for dx in (0, 50)
+    ]
+    assert off_mm[0] < 10 < off_mm[1]

@@ -20,7 +20,9 @@ CHAPTERS: list[str] = [
     "03_sgbm_parameters",
     "04_dilation",
     "05_lrf",
+    "06_height",
     "07_pixel_cm",
+    "08_environment_map",
     "09_real_recordings",
     "10_matching_beyond",
 ]

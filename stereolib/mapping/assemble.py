@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stereolib.base import Float64, counted
-from stereolib.mapping.sightings import MapObject, Sighting, may_be_same, merge_sightings
+from stereolib.mapping.sightings import MapObject, Sighting, is_within, may_be_same, merge_sightings
 from stereolib.mapping.stations import Station, station_names
 from stereolib.mapping.walls import MapWall, find_walls
 from stereolib.measurement import SIZE_NAMES, MeasuredObject, Reason, Why
@@ -21,6 +21,7 @@ from stereolib.measurement import SIZE_NAMES, MeasuredObject, Reason, Why
 if TYPE_CHECKING:
     import pandas as pd
 
+_ON_MM = 30.0  # from an outline: the middle of a face that is seen alone lies on it
 _WALL_MM = 60.0  # what lies nearer to a wall belongs to it
 
 
@@ -72,6 +73,23 @@ class Map:
     def readings_mm(self) -> Float64:
         """All stations' readings, (N, 2) mm."""
         return np.concatenate([station.to_map(station.scan_mm) for station in self.stations])
+
+    def names_of(self, number: int) -> list[str]:
+        """List what the objects that a station measured are called in the map: those in or on whose outline they lie.
+
+        Parameters
+        ----------
+        number : int
+            Of the station, from 1.
+
+        Returns
+        -------
+        list of str
+            Empty for what lies on none.
+        """
+        station, known = self.stations[number - 1], list(zip(self.names, self.measured, strict=True))
+        places = [station.to_map(thing.position_mm) for thing in station.objects]
+        return [next((name for name, each in known if is_within(at, each.outline_mm, _ON_MM)), "") for at in places]
 
     def _total(self, of: Callable[[MeasuredObject], tuple[float, float]]) -> tuple[float, float]:
         known = np.array([of(each) for each in self.measured if np.isfinite(of(each)).all()])

@@ -11,10 +11,10 @@ import numpy as np
 from stereolib.base import Float64, Floats, UInt8, set_frozen
 from stereolib.mapping.assemble import Map
 from stereolib.mapping.stations import Station
-from stereolib.measurement import Floor, check_disparity_map, pixel_rays
+from stereolib.measurement import OBJECT_RGB, Floor, check_disparity_map, pixel_rays
 
 #: Colours of objects, red-green-blue: those of the figures, without the walls' grey.
-COLORS = ((0, 114, 178), (213, 94, 0), (0, 158, 115), (204, 121, 167), (230, 159, 0), (86, 180, 233))
+COLORS = OBJECT_RGB
 WALL_RGB = (190, 190, 190)
 _THIN_MM = 2.0  # what was not measured is drawn so thin or flat: seen, and taken for no size
 

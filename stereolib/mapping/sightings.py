@@ -203,10 +203,23 @@ def may_be_same(known: MapObject, other: Sighting, *, gate: float = _GATE, max_s
         return bool(chi2 < gate**2 * max(freedom, 1) / 2 and deep)
     reach = gate * float(np.hypot(other.spread_mm, np.sqrt(np.trace(np.nan_to_num(known.fused.position_covariance)))))
     pairs = (known.fused, other.measured), (other.measured, known.fused)
-    return any(_inside(point.position_mm, outline.outline_mm, reach) for point, outline in pairs)
+    return any(is_within(point.position_mm, outline.outline_mm, reach) for point, outline in pairs)
 
 
-def _inside(point: Float64, outline: Float64, reach_mm: float) -> bool:
+def is_within(point: Float64, outline: Float64, reach_mm: float) -> bool:
+    """Tell whether a point lies in an outline or near it.
+
+    Parameters
+    ----------
+    point : (2,) float64, mm
+    outline : (N, 2) float64, mm
+    reach_mm : float
+
+    Returns
+    -------
+    bool
+        Not where a coordinate is unknown.
+    """
     if len(outline) < 3 or not (np.isfinite(point).all() and np.isfinite(outline).all()):
         return False
     hull = cv2.convexHull(outline.astype(np.float32))

@@ -8,7 +8,7 @@ from .laser_on_floor import LaserOnFloor
 from .measure import Measurement, measure_objects
 from .measured_object import SIZE_NAMES, MeasuredObject
 from .missing_floor import NoFloor, find_floor, why_no_floor
-from .overlay import draw_objects
+from .overlay import OBJECT_RGB, draw_objects
 from .plane_alignment import AlignedPair, CannotMeasure
 from .reasons import Reason, Source, Why
 from .regions import ObjectRegion, find_objects
@@ -16,6 +16,7 @@ from .rows import RowOffset
 from .views import Views
 
 __all__ = [
+    "OBJECT_RGB",
     "SIZE_NAMES",
     "AlignedPair",
     "Box",

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import cv2
 import numpy as np
 
@@ -10,12 +12,14 @@ from stereolib.measurement.floor import Floor
 from stereolib.measurement.measure import Measurement
 from stereolib.measurement.measured_object import MeasuredObject
 
-_COLORS = ((60, 220, 255), (255, 190, 70), (120, 240, 120), (220, 130, 255))  # BGR
-_READING_COLOR, _LABEL_COLOR = (80, 80, 255), (30, 30, 30)  # BGR: the laser's readings; behind a text
+#: Of objects, red-green-blue, in pictures, meshes and maps (Okabe and Ito 2008): they differ for the colour-blind too.
+OBJECT_RGB = ((0, 114, 178), (213, 94, 0), (0, 158, 115), (204, 121, 167), (230, 159, 0), (86, 180, 233))
+_READING_COLOR, _LABEL_COLOR = (115, 158, 0), (30, 30, 30)  # BGR: the laser's readings; behind a text
+_NAMELESS = (140, 140, 140)
 _FAINT = 0.1375  # share of the picture that shines through the boxes' lines
 _LEAST_AHEAD_MM = 100.0  # nearer readings are not drawn: they project to anywhere
 _FAR_PX = 1e4  # what projects farther from the picture is not drawn: OpenCV's coordinates overflow
-_FONT, _FONT_SCALE = cv2.FONT_HERSHEY_SIMPLEX, 0.5
+_FONT, _FONT_SCALE = cv2.FONT_HERSHEY_SIMPLEX, 0.7
 
 
 def size_text(measured: MeasuredObject) -> str:
@@ -32,7 +36,7 @@ def size_text(measured: MeasuredObject) -> str:
     return " x ".join("?" if np.isnan(size) else f"{size:.0f}" for size in measured.size_mm) + " mm"
 
 
-def draw_objects(measured: Measurement, *, scan: bool = True) -> UInt8:
+def draw_objects(measured: Measurement, *, scan: bool = True, names: Sequence[str] = ()) -> UInt8:
     """Draw a wire box and the sizes (length x width x height) of each object into the rectified left picture.
 
     Parameters
@@ -40,6 +44,9 @@ def draw_objects(measured: Measurement, *, scan: bool = True) -> UInt8:
     measured : Measurement
     scan : bool
         Also the laser's readings, as points on the floor.
+    names : sequence of str
+        What the objects are called in a map (`stereolib.mapping.Map.names_of`), one each: the first letter, A to Z,
+        gives the colour; what has none is grey. By default the colours follow the objects' order.
 
     Returns
     -------
@@ -61,7 +68,8 @@ def draw_objects(measured: Measurement, *, scan: bool = True) -> UInt8:
         inside = [((ring >= 0) & (ring < picture.shape[1::-1])).all(axis=1).any() for ring in rings]
         if not np.isfinite(rings).all() or np.abs(rings).max() > _FAR_PX or not any(inside):
             continue  # beside the picture
-        color = _COLORS[k % len(_COLORS)]
+        name = names[k] if names else chr(ord("A") + k)
+        color = OBJECT_RGB[(ord(name[0]) - ord("A")) % len(OBJECT_RGB)][::-1] if name else _NAMELESS
         layer = picture.copy()
         bottom, top = (np.rint(ring).astype(np.int32) for ring in rings)
         cv2.polylines(layer, [bottom, top], entry.shape in ("box", "circle"), color, 2, cv2.LINE_AA)
@@ -69,7 +77,8 @@ def draw_objects(measured: Measurement, *, scan: bool = True) -> UInt8:
             cv2.polylines(layer, list(np.stack([bottom, top], axis=1)), False, color, 2, cv2.LINE_AA)
         picture = cv2.addWeighted(layer, 1 - _FAINT, picture, _FAINT, 0)
         if np.isfinite(entry.size_mm).any():
-            _label(picture, size_text(entry), np.concatenate(rings), color, taken)
+            text = f"{name} {size_text(entry)}" if names and name else size_text(entry)
+            _label(picture, text, np.concatenate(rings), color, taken)
     return picture
 
 
@@ -77,7 +86,7 @@ def _pixels(floor: Floor, points_mm: Float64, z_mm: float) -> Float64:
     return floor.pixels(np.column_stack([points_mm, np.full(len(points_mm), z_mm)]))
 
 
-def _label(picture: UInt8, text: str, corners: Float64, color: tuple[int, int, int], taken: list[int]) -> None:
+def _label(picture: UInt8, text: str, corners: Float64, color: Sequence[int], taken: list[int]) -> None:
     """Text above an object, inside the picture and below what was written before."""
     (width, height), _ = cv2.getTextSize(text, _FONT, _FONT_SCALE, 1)
     x = int(np.clip(corners[:, 0].mean() - width / 2, 4, picture.shape[1] - width - 4))
@@ -86,4 +95,5 @@ def _label(picture: UInt8, text: str, corners: Float64, color: tuple[int, int, i
         y += height + 6
     taken.append(y)
     cv2.rectangle(picture, (x - 3, y - height - 4), (x + width + 3, y + 5), _LABEL_COLOR, -1)
-    cv2.putText(picture, text, (x, y), _FONT, _FONT_SCALE, color, 1, cv2.LINE_AA)
+    cv2.rectangle(picture, (x - 3, y - height - 4), (x + width + 3, y + 5), color, 2)
+    cv2.putText(picture, text, (x, y), _FONT, _FONT_SCALE, (255, 255, 255), 1, cv2.LINE_AA)

@@ -11,20 +11,19 @@ import numpy as np
 from stereolib import paper
 from stereolib.base import UInt8
 from stereolib.matching import SGBMParams, compute_disparity
-from stereolib.paper import HeightResult, height_by_maximum, height_of_top
+from stereolib.paper import CubeView, HeightResult, height_by_maximum, height_of_top
 from stereolib.rig import rigid
 
-_RECORDED = {"pitched": "texture", "level": "level"}
 
-
-def draw_recipe(set_up: str, rows: int, tolerance_px: float, dilate_px: int) -> tuple[UInt8, str]:
-    """Notebook 06: the paper's recipe with its knobs, on a recording of either set-up.
+def draw_recipe(pitch_deg: float, tolerance_px: float, rows: int, dilate_px: int) -> tuple[UInt8, str]:
+    """Notebook 06: the paper's recipe with its knobs, on a camera of some pitch that sees the cube's foot where it was.
 
     Parameters
     ----------
-    set_up : str
-    rows : int
+    pitch_deg : float
+        Upwards; to each belongs one camera height.
     tolerance_px : float
+    rows : int
     dilate_px : int
 
     Returns
@@ -34,7 +33,7 @@ def draw_recipe(set_up: str, rows: int, tolerance_px: float, dilate_px: int) -> 
     """
     from stereolib.virtual import recordings
 
-    left, right = recordings.rectified().rectify(*recordings.load_pair(f"conditions/{_RECORDED[set_up]}"))
+    left, right, view = _at_pitch(pitch_deg)
     result = height_by_maximum(
         compute_disparity(left, right, SGBMParams(128)),
         paper.printed_value("scale.cm_per_px"),
@@ -43,9 +42,11 @@ def draw_recipe(set_up: str, rows: int, tolerance_px: float, dilate_px: int) -> 
         dilate_px=dilate_px,
     )
     picture = _marked(left, result)
-    ray_mm = height_of_top(recordings.rectified(), recordings.setup(set_up), result)
-    text = f"{result.mask.sum()} pixels count, rows {result.top_row} to {result.foot_row}: "
-    return picture, text + f"the recipe reads {result.height_mm / 10:.1f} cm, the top pixel's ray {ray_mm / 10:.1f} cm"
+    ray_mm = height_of_top(recordings.rectified(), view.T_left_world, result)
+    text = f"camera {view.camera_height_mm / 10:.1f} cm up, its edge falls by {_fall_px(view):.1f} px; "
+    text += f"{result.mask.sum()} pixels count, rows {result.top_row} to {result.foot_row}: "
+    text += f"the recipe reads {result.height_mm / 10:.1f} cm, the top pixel's own depth {ray_mm / 10:.1f} cm, "
+    return picture, text + f"true are {paper.paper_setup().side_mm / 10:.1f} cm"
 
 
 def draw_heights(distance_mm: float, yaw_deg: float, lateral_mm: float, height_mm: float) -> tuple[UInt8, str]:
@@ -71,7 +72,7 @@ def draw_heights(distance_mm: float, yaw_deg: float, lateral_mm: float, height_m
     view = paper.solve_pitch(rectified, paper.paper_setup())
     where = (distance_mm, yaw_deg, float(np.degrees(view.pitch_rad)))
     left, right = (_cube(*where, side, lateral_mm, height_mm) for side in ("left", "right"))
-    tolerance = view.disparity_foot_px - view.disparity_top_px + 2  # SGBM's scatter with one ray a pixel
+    tolerance = _fall_px(view) + 2  # SGBM's scatter with one ray a pixel
     recipe = height_by_maximum(
         compute_disparity(left, right, SGBMParams(160)),
         paper.printed_value("scale.cm_per_px"),
@@ -85,7 +86,8 @@ def draw_heights(distance_mm: float, yaw_deg: float, lateral_mm: float, height_m
     ours = f"{attempt.height_mm / 10:.2f} ± {0.196 * attempt.std_mm:.2f} cm (95 %)"
     ours = f"refused, {attempt.refused}" if attempt.refused else ours
     text = f"true height {height_mm / 10:.1f} cm; the paper's recipe reads {recipe.height_mm / 10:.1f} cm, "
-    return np.hstack([_marked(left, recipe), figure_to_image(figure)]), text + f"the ground plane {ours}"
+    seen = cv2.resize(figure_to_image(figure), left.shape[1::-1], interpolation=cv2.INTER_AREA)
+    return np.hstack([_marked(left, recipe), seen]), text + f"the ground plane {ours}"
 
 
 def draw_width(distance_mm: float, yaw_deg: float, pitch_deg: float) -> tuple[UInt8, str]:
@@ -137,6 +139,26 @@ def _cube(
     light = virtual.render(cube, camera, T_camera_world, samples=1, light_samples=1)
     picture = virtual.Webcam().shoot(light, np.random.default_rng([6, side == "left"]))
     return rectified.rectify(picture, picture)[side == "right"]
+
+
+@lru_cache(maxsize=4)
+def _at_pitch(pitch_deg: float) -> tuple[UInt8, UInt8, CubeView]:
+    """Rectified pair of the cube, one ray a pixel, by a camera so high that its foot has the printed rows below it."""
+    from stereolib import virtual
+    from stereolib.virtual import recordings
+
+    rectified, setup = recordings.rectified(), paper.paper_setup()
+    row = (rectified.size[1] - setup.constant_rows - rectified.P1[1, 2]) / rectified.P1[1, 1]
+    height_mm = setup.distance_mm * np.tan(np.arctan(row) - np.radians(pitch_deg))
+    (view,) = paper.setup_family(rectified, setup, [float(height_mm)])
+    light = virtual.render_pair(virtual.cube_scene(), rectified.rig, view.T_left_world, samples=1, light_samples=1)
+    rng, webcam = np.random.default_rng(6), virtual.Webcam()
+    left, right = (webcam.shoot(one, rng) for one in light)
+    return *rectified.rectify(left, right), view
+
+
+def _fall_px(view: CubeView) -> float:
+    return view.disparity_foot_px - view.disparity_top_px
 
 
 def _marked(left: UInt8, height: HeightResult) -> UInt8:

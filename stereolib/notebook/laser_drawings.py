@@ -8,11 +8,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stereolib.base import UInt8
+from stereolib.base import UInt8, wrap_rad
 from stereolib.mapping import disturb_poses, join_clouds, map_solids, merge_stations, refine_poses
 
 if TYPE_CHECKING:
     from stereolib.mapping import Cloud, Map, Solid
+
+_ASTRAY_MM, _ASTRAY_RAD = 50.0, np.radians(3.0)  # from its true pose: a station that matching has not put in its place
 
 
 def draw_sweep(turns: int, albedo: float, distance_mm: int, yaw_deg: int) -> tuple[UInt8, str]:
@@ -93,13 +95,50 @@ def draw_matching(off_mm: int, off_deg: float, chance: int) -> tuple[UInt8, str]
     stations = _walk_map()[0].stations
     start = disturb_poses(stations, np.random.default_rng(chance), off_mm, np.radians(off_deg))
     match = refine_poses(start)
-    figure, axes = panels(2, width_in=11, aspect=0.85)
-    plot_scans(start, axes[0], f"poses off by up to {off_mm} mm and {off_deg:g} degrees")
-    plot_scans(match.stations, axes[1], "after matching")
     errors = np.abs([a.pose - b.pose for a, b in zip(match.stations, stations, strict=True)])
-    text = f"{match.pairs} pairs, {match.rms_before_mm:.0f} mm apart before and {match.rms_after_mm:.1f} mm after; "
+    errors[:, 2] = np.abs(wrap_rad(errors[:, 2]))
+    wrong = [k for k, error in enumerate(errors, start=1) if (error > (_ASTRAY_MM, _ASTRAY_MM, _ASTRAY_RAD)).any()]
+    figure, axes = panels(2, width_in=11, aspect=0.85, sharex=True, sharey=True)
+    plot_scans(start, axes[0], f"poses off by up to {off_mm} mm and {off_deg:g} degrees")
+    plot_scans(match.stations, axes[1], f"after matching: {len(wrong)} of {len(stations)} in a wrong place")
     worst = f"{errors[:, :2].max():.1f} mm and {np.degrees(errors[:, 2].max()):.2f} degrees"
-    return figure_to_image(figure), text + f"the worst pose is off by {worst}"
+    text = f"readings {match.rms_before_mm:.0f} mm off their lines before and {match.rms_after_mm:.1f} mm after"
+    if not wrong:
+        return figure_to_image(figure), f"put together: {text}; the worst pose is off by {worst}"
+    numbers = " and ".join(map(str, wrong))
+    text = f"NOT put together: station {numbers} in a wrong place, the worst off by {worst}, though {text}"
+    return figure_to_image(figure), text
+
+
+def draw_pose(x_mm: int, y_mm: int, yaw_deg: float) -> tuple[UInt8, str]:
+    """Notebook 08: the scan of the walk's last station at a pose set by hand, over what the others saw.
+
+    Parameters
+    ----------
+    x_mm, y_mm : int
+    yaw_deg : float
+
+    Returns
+    -------
+    picture : (H, W, 3) uint8, blue-green-red
+    text : str
+    """
+    from scipy.spatial import cKDTree
+
+    from stereolib.plotting import LASER, figure_to_image, panels
+
+    *others, last = _walk_map()[0].stations
+    moved = replace(last, pose=np.array([x_mm, y_mm, np.radians(yaw_deg)]))
+    seen = np.concatenate([station.to_map(station.scan_mm) for station in others])
+    readings = moved.to_map(moved.scan_mm)
+    figure, axes = panels(1, width_in=6.5, aspect=0.85)
+    axes[0].scatter(*seen.T, s=5, color="0.65", lw=0)
+    axes[0].scatter(*readings.T, s=8, color=LASER, lw=0)
+    axes[0].set(
+        xlabel="x, forward (mm)", ylabel="y, left (mm)", aspect="equal", title="station 5 over what the others saw"
+    )
+    off_mm = np.median(cKDTree(seen).query(readings)[0])
+    return figure_to_image(figure), f"half of the readings lie within {off_mm:.0f} mm of what the others saw"
 
 
 @lru_cache(maxsize=1)

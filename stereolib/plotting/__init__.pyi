@@ -27,12 +27,18 @@ from .pictures import (
     plot_row_test,
     plot_rows,
 )
-from .style import COLORS, panels
+from .style import COLORS, LASER, OURS, PAPER, REFUSED, RIVAL, TRUTH, panels
 from .triangulation import plot_triangulation
 from .two_views import plot_line_of_sight, plot_pair, plot_similar_triangles, plot_thumb
 
 __all__ = [
     "COLORS",
+    "LASER",
+    "OURS",
+    "PAPER",
+    "REFUSED",
+    "RIVAL",
+    "TRUTH",
     "Exhibit",
     "ImageQuantity",
     "check_figure",

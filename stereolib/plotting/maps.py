@@ -6,18 +6,20 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.patches import Circle, Ellipse, Polygon
 
 from stereolib.base import Float64
 from stereolib.mapping import COLORS as RGB
 from stereolib.mapping import FREE, OCCUPIED, Map, OccupancyGrid, Station, station_names
-from stereolib.plotting.style import COLORS, default_style
+from stereolib.plotting.style import COLORS, LASER, OURS, RIVAL, default_style
 
 _DISC_MM, _HEADING_MM = 65, 130  # of a station: its radius, and how far its line reaches, seldom to the next disc
 _OVER_RING = {"facecolor": "white", "lw": 0, "pad": 1}
 _ROW_STEP = 0.34  # between the series of `plot_sizes`, in rows
-_SERIES_COLORS = (COLORS[4], COLORS[0], COLORS[2])
+_SERIES_COLORS = (RIVAL, OURS, LASER)
+_STATION_COLORS = colormaps["plasma"]  # not the boxes' colours
 
 
 @default_style
@@ -148,7 +150,7 @@ def plot_top_view(
             loc="upper left",
             bbox_to_anchor=(1.01, 1.0),
             frameon=False,
-            fontsize=9,
+            fontsize=10,
             borderaxespad=0,
         )
     return _floor_axes(ax, title)
@@ -192,9 +194,9 @@ def plot_scans(stations: Sequence[Station], ax: Axes, title: str = "") -> Axes:
     matplotlib.axes.Axes
     """
     for k, (station, name) in enumerate(zip(stations, station_names(stations), strict=True)):
-        color = tuple(c / 255 for c in RGB[k % len(RGB)])
+        color = _STATION_COLORS(0.85 * k / max(len(stations) - 1, 1))
         readings = station.to_map(station.scan_mm)
-        ax.scatter(readings[:, 0], readings[:, 1], s=3, color=color, lw=0, label=f"station {name}")
+        ax.scatter(readings[:, 0], readings[:, 1], s=6, color=color, lw=0, label=f"station {name}")
         plot_station(station, ax, name, color=color)
     return _floor_axes(ax, title)
 
@@ -238,11 +240,11 @@ def plot_sizes(labels: Sequence[str], series: Mapping[str, tuple[Float64, Float6
     """
     for k, (name, (errors_mm, std_mm)) in enumerate(series.items()):
         rows = np.arange(len(labels)) + _ROW_STEP * (k - (len(series) - 1) / 2)
-        look: dict[str, Any] = {"fmt": "o", "ms": 4, "lw": 1.2, "capsize": 2, "color": _SERIES_COLORS[k], "label": name}
+        look: dict[str, Any] = {"fmt": "o", "ms": 5, "lw": 2, "capsize": 3, "color": _SERIES_COLORS[k], "label": name}
         ax.errorbar(errors_mm, rows, xerr=1.96 * np.asarray(std_mm), **look)
         ax.axvline(0, color="0.4", lw=0.8)
-    ax.set_yticks(np.arange(len(labels)), labels, fontsize=8)
-    ax.set(ylim=(len(labels) - 0.4, -0.6), xlabel="error, with 95 % interval (mm)")
+    ax.set_yticks(np.arange(len(labels)), labels)
+    ax.set(ylim=(len(labels) - 0.4, -0.6), xlabel="error (mm)")
     ax.grid(alpha=0.3, axis="x")
     return ax
 

@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from stereolib.base import Floats
 from stereolib.measurement import Box, HeightAttempt, Side, floor_tolerance_px
 from stereolib.plotting.pictures import plot_image
-from stereolib.plotting.style import BGR_BLUE, BGR_ORANGE, COLORS, default_style
+from stereolib.plotting.style import BGR_BLUE, BGR_ORANGE, COLORS, OURS, default_style
 from stereolib.rig import to_grey
 
 
@@ -51,9 +51,9 @@ def plot_height_attempt(attempt: HeightAttempt, ax: Axes, title: str = "") -> Ax
         corners = np.array([[0.0, 0.0, 0.0], [*far, 0.0], [*far, 1.0], [0.0, 0.0, 1.0], [0.0, 0.0, 0.0]])
         at = attempt.floor.pixels(box.points(corners))
         ax.plot(*at.T, color="white", lw=1)
-        ax.plot(*at[2:4].T, color=COLORS[1], lw=2.5, label=None if k else "top line")
-    ax.plot(*attempt.edge_px.T, color=COLORS[6], lw=2.5, label="near edge")
-    ax.plot(*attempt.edge_px.T, "o", color="white", mec=COLORS[6], ms=4)
+        ax.plot(*at[2:4].T, color=OURS, lw=2.5, label=None if k else "top line")
+    ax.plot(*attempt.edge_px.T, color=OURS, ls="--", lw=2.5, label="near edge")
+    ax.plot(*attempt.edge_px.T, "o", color="white", mec=OURS, ms=4)
     text = f"{attempt.height_mm / 10:.2f} ± {0.196 * attempt.std_mm:.2f} cm"
     ax.annotate(
         text,
@@ -61,10 +61,10 @@ def plot_height_attempt(attempt: HeightAttempt, ax: Axes, title: str = "") -> Ax
         (0, 12),
         textcoords="offset points",
         ha="center",
-        fontsize=9,
+        fontsize=10,
         bbox={"facecolor": "white", "alpha": 0.85, "lw": 0, "pad": 2},
     )
-    ax.legend(loc="upper right", fontsize=8, framealpha=0.85)
+    ax.legend(loc="upper right", fontsize=10, framealpha=0.85)
     width, height = attempt.floor.rectified.size
     ax.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5))
     return ax
@@ -108,8 +108,8 @@ def plot_intervals(
     ax.axvline(0, color="0.4", lw=0.8)
     box = {"facecolor": "white", "lw": 0, "pad": 1}
     for row in rows[~known]:
-        ax.text(0, row, notes[row] if notes else "", ha="center", va="center", fontsize=8, bbox=box)
-    ax.set_yticks(rows, names, fontsize=8)
+        ax.text(0, row, notes[row] if notes else "", ha="center", va="center", fontsize=9, bbox=box)
+    ax.set_yticks(rows, names, fontsize=9)
     ax.set(xlabel=xlabel, ylim=(len(names) - 0.4, -0.6))
     ax.grid(alpha=0.3)
     return ax

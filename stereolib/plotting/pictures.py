@@ -20,6 +20,7 @@ from stereolib.rig import to_grey
 
 _CROP_PX = (61, 37)  # columns and rows of a magnified crop
 _RING: dict[str, Any] = {"ls": "none", "marker": "o", "mfc": "none", "mec": COLORS[1]}
+_GLASS_PX = (16, 12)  # columns and rows that `plot_mask` magnifies
 
 
 @default_style
@@ -276,10 +277,10 @@ def plot_mask(
     ax: Axes,
     title: str = "",
     *,
-    ring: tuple[float, float] | None = None,
+    zoom: tuple[float, float] | None = None,
     counted: Bools | None = None,
 ) -> Axes:
-    """Draw marked pixels on a picture (Fig. 7).
+    """Draw marked pixels on a picture (Fig. 7), and those around one place through a magnifying glass.
 
     Parameters
     ----------
@@ -287,8 +288,8 @@ def plot_mask(
     mask : (H, W) bool
     ax : matplotlib.axes.Axes
     title : str
-    ring : (column, row), optional
-        Points out one pixel.
+    zoom : (column, row), optional
+        The middle of what the glass shows, 16 x 12 px of it.
     counted : (H, W) bool, optional
         The picture is faded elsewhere.
 
@@ -301,8 +302,16 @@ def plot_mask(
         shown[~counted] = 255 - (255 - shown[~counted]) // 5
     shown[mask] = BGR_VERMILLION
     plot_image(shown, ax, title)
-    if ring:
-        ax.scatter([ring[0]], [ring[1]], s=130, facecolors="none", edgecolors=COLORS[5], lw=2)
+    if zoom:
+        height, width = shown.shape[:2]
+        corner = 0.03 if zoom[0] > width / 2 else 0.55, 0.03 if zoom[1] < height / 2 else 0.55  # where it hides least
+        glass = ax.inset_axes((*corner, 0.42, 0.42))
+        glass.imshow(shown[..., ::-1], interpolation="nearest", aspect="auto")
+        wide, high = _GLASS_PX
+        glass.set(xlim=(zoom[0] - wide / 2, zoom[0] + wide / 2), ylim=(zoom[1] + high / 2, zoom[1] - high / 2))
+        glass.set(xticks=[], yticks=[])
+        glass.spines[:].set(color="black", lw=1.5)
+        ax.indicate_inset_zoom(glass, edgecolor="black", alpha=1.0, lw=1.5)
     return ax
 
 
@@ -324,7 +333,7 @@ def plot_height(image: UInt8, height: HeightResult, ax: Axes, title: str = "") -
     """
     plot_mask(image, height.mask, ax, title)
     right = image.shape[1]
-    for row, name in ((height.top_row, "first row with the maximum"), (height.foot_row, "foot, by the constant")):
+    for row, name in ((height.top_row, "first marked row"), (height.foot_row, "foot")):
         ax.axhline(row, color=COLORS[5], lw=1)
         ax.text(
             right - 6,
@@ -332,7 +341,7 @@ def plot_height(image: UInt8, height: HeightResult, ax: Axes, title: str = "") -
             f"{name}: {row}",
             color="white",
             ha="right",
-            fontsize=8,
+            fontsize=10,
             bbox={"facecolor": "black", "alpha": 0.55, "lw": 0, "pad": 1.5},
         )
     ax.annotate(

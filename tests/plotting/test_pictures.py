@@ -59,6 +59,18 @@ def test_map_as_a_picture():
     assert brightness[0] + 30 < brightness[1] < brightness[2] - 30  # grows also in grey print
 
 
+@pytest.mark.parametrize("place", [(5, 55), (75, 5)])
+def test_a_glass_shows_few_pixels_and_hides_none_of_them(ax, place):
+    mask = np.zeros((60, 80), bool)
+    mask[place[1], place[0]] = True
+    plotting.plot_mask(np.full((60, 80), 90, np.uint8), mask, ax, zoom=place)
+    (glass,) = ax.child_axes
+    low, high = sorted(glass.get_xlim())
+    assert low < place[0] < high and high - low == 16
+    ax.figure.canvas.draw()
+    assert not glass.get_window_extent().contains(*ax.transData.transform(place))
+
+
 def test_height_and_box_show_their_numbers(ax):
     image = np.full((60, 80, 3), 90, np.uint8)
     mask = np.zeros((60, 80), bool)

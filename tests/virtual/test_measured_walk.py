@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from stereolib.mapping import Station, disturb_poses, merge_stations, refine_poses, size_table
-from stereolib.notebook import draw_map_view, draw_matching
+from stereolib.notebook import draw_map_view, draw_matching, draw_pose
 from stereolib.rig import rigid
 from stereolib.virtual import measure_walk, recordings, walk, walk_laser
 
@@ -47,6 +47,19 @@ def test_walk_with_known_poses(stations):
     check(found, places_mm=2.0)
 
 
+def test_a_thing_is_called_as_in_the_map_wherever_it_is_seen(stations):
+    found = merge_stations(stations, rng=np.random.default_rng(0))
+    seen = [(name, found.names_of(k), station) for k, station in enumerate(stations, 1) for name in found.names]
+    for name, names, station in seen:
+        true = walk.nearest_box(found.measured[found.names.index(name)].position_mm).size_mm
+        things = [thing for known, thing in zip(names, station.objects, strict=True) if known == name]
+        sizes = np.array([thing.size_mm for thing in things]).reshape(-1, 3)
+        assert (
+            len(things) <= 1 and not (np.abs(sizes[:, 2] - true[2]) > 2).any()
+        )  # a height that was measured is its own
+    assert all("B" in found.names_of(k) for k in (1, 2, 3, 4, 5))
+
+
 def test_walk_with_poses_from_its_scans(stations):
     wrong = disturb_poses(stations, np.random.default_rng(1), 50.0, np.radians(3.0))
     match = refine_poses(wrong)
@@ -75,4 +88,21 @@ def test_sliders_of_the_map():
     assert boxes.shape == points.shape == (600, 900, 3) and (boxes != points).any()
     assert text.startswith("5 objects, 66.") and "4 walls" in text
     _, text = draw_matching(50, 3.0, 0)
-    assert "pairs" in text and "worst pose is off by" in text
+    assert text.startswith("put together: readings") and "worst pose is off by" in text
+
+
+def test_the_slider_says_when_the_walk_was_not_put_together():
+    """The scans lie on each other to some millimetres, and a station stands a metre off."""
+    _, text = draw_matching(290, 35.0, 11)
+    assert text.startswith("NOT put together: station ") and "in a wrong place" in text
+    after_mm = float(text.partition("before and ")[2].split()[0])
+    assert after_mm < 6 and float(text.partition("the worst off by ")[2].split()[0]) > 1000
+
+
+def test_the_slider_of_one_pose_finds_the_true_one():
+    x, y, yaw = walk.POSES["room/5"]
+    off_mm = [
+        float(draw_pose(round(x) + dx, round(y), float(np.degrees(yaw)))[1].partition("within ")[2].split()[0])
+        for dx in (0, 50)
+    ]
+    assert off_mm[0] < 10 < off_mm[1]

@@ -253,6 +253,11 @@ def test_every_verdict_has_its_colour():
     assert sorted(verdict for some in report.WORDS for verdict in some) == sorted(report.VERDICTS)
 
 
+def test_every_committed_figure_stands_in_the_report():
+    drawn = {name for one in chapters.read_chapters(datasets.ROOT / "notebooks") for name in one.figures}
+    assert drawn == {path.stem for path in (datasets.ROOT / "figures").glob("*.png")}
+
+
 def test_the_committed_report_is_what_the_committed_tables_make(tmp_path):
     """Byte by byte: also the entities and the line breaks."""
     committed = datasets.ROOT / "figures"

@@ -15,7 +15,7 @@ from stereolib.mapping import FREE, OCCUPIED, Map, OccupancyGrid, Station, stati
 from stereolib.plotting.style import COLORS, default_style
 
 _DISC_MM, _HEADING_MM = 65, 130  # of a station: its radius, and how far its line reaches, seldom to the next disc
-_OVER_RING = {"facecolor": "white", "lw": 0, "pad": 1}
+_OVER_RING: dict[str, Any] = {"facecolor": "white", "lw": 0, "pad": 1}
 _ROW_STEP = 0.34  # between the series of `plot_sizes`, in rows
 _SERIES_COLORS = (COLORS[4], COLORS[0], COLORS[2])
 

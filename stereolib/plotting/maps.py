@@ -10,13 +10,13 @@ from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.patches import Circle, Ellipse, Polygon
 
-from stereolib.base import Float64
+from stereolib.base import Float64, Floats
 from stereolib.mapping import COLORS as RGB
 from stereolib.mapping import FREE, OCCUPIED, Map, OccupancyGrid, Station, station_names
 from stereolib.plotting.style import COLORS, LASER, OURS, RIVAL, default_style
 
 _DISC_MM, _HEADING_MM = 65, 130  # of a station: its radius, and how far its line reaches, seldom to the next disc
-_OVER_RING = {"facecolor": "white", "lw": 0, "pad": 1}
+_OVER_RING: dict[str, Any] = {"facecolor": "white", "lw": 0, "pad": 1}
 _ROW_STEP = 0.34  # between the series of `plot_sizes`, in rows
 _SERIES_COLORS = (RIVAL, OURS, LASER)
 _STATION_COLORS = colormaps["plasma"]  # not the boxes' colours
@@ -75,7 +75,7 @@ def plot_scan_polar(
     rim = 1.0 if lost.all() else 1.05 * np.nanmax(ranges_mm)
     polar.scatter(angles_rad[lost], np.full(lost.sum(), rim), s=14, marker="x", color=COLORS[1], lw=0.8)
     polar.set_title(title, pad=14)
-    rings_mm = 1000.0 * np.arange(1, max(2, int(rim // 1000) + 1))
+    rings_mm = np.arange(1000.0, max(1001.0, rim), 1000.0)
     polar.set_rgrids(rings_mm, labels=[])
     angle = _free_angle_rad(angles_rad, ranges_mm, rings_mm)
     for ring in rings_mm:
@@ -84,7 +84,7 @@ def plot_scan_polar(
     return ax
 
 
-def _free_angle_rad(angles_rad: Float64, ranges_mm: Float64, rings_mm: Float64) -> float:
+def _free_angle_rad(angles_rad: Float64, ranges_mm: Float64, rings_mm: Floats) -> float:
     """Where the rings' labels are farthest from any reading."""
     x, y = ranges_mm * np.cos(angles_rad), ranges_mm * np.sin(angles_rad)
     seen = np.isfinite(x)

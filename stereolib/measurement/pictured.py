@@ -31,6 +31,7 @@ from stereolib.measurement.upright_line import upright_line
 from stereolib.measurement.views import Views
 
 _LEAST_MM = 1.0  # of a width
+_SURE_STDS = 3.0  # of an extent: less may be none
 _HIDDEN_MM = 100.0  # what an extent is taken as that nobody sees
 _UNLOCATED_PX = 6.0  # how well an edge is known that was not located, at best
 _LEAST_PLANE_PX = 20.0  # a second face must be so wide to have a plane of its own
@@ -146,7 +147,7 @@ def see_box(views: Views, priors: Priors, region: ObjectRegion) -> Pictured:
     seen = replace(seen, start=solution.boxes[0], shared=solution.shared)  # near what all boxes together will have
     tilts = [upright_line(world, face, 0.0)[1:] for face in faces]
     refused = _in_the_air(stretch) or _leaning(stretch, tilts, peaks)
-    refused = refused or _unfollowed(stretch) or _without_edges(rough, peaks)
+    refused = refused or _unfollowed(stretch) or _too_narrow(rough, solution) or _without_edges(rough, peaks)
     misfits = zip(seen.observations, solution.misfits[0].tolist(), strict=True)
     doubtful = frozenset(o.edge for o, misfit in misfits if isinstance(o, EdgeSeen) and misfit > _CONTRADICTION)
     doubtful |= {
@@ -314,6 +315,14 @@ def _unfollowed(stretch: Stretch) -> Why | None:
     """A face about which both pictures agree nowhere."""
     nowhere = stretch.high.at - stretch.low_mm < _GAP_PX * stretch.mm_per_px
     return Why(Reason.NO_TEXTURE) if nowhere else None
+
+
+def _too_narrow(rough: _Rough, solution: Solution) -> Why | None:
+    """Faces none of which is surely wider than nothing: what was matched is an edge, the faces are too plain."""
+    own, std = solution.boxes[0], np.sqrt(np.diag(solution.covariance))[len(Shared) :]
+    ended = [side.extent for side in Side if side.end in rough.open]
+    narrow = [own[extent] < _SURE_STDS * std[extent] for extent in ended]
+    return Why(Reason.NO_TEXTURE) if ended and all(narrow) else None
 
 
 def _gap_mm(stretch: Stretch) -> float:

@@ -15,7 +15,7 @@ from stereolib.plotting.style import OURS, TRUTH, default_style, panels
 
 _BGR_MARKED = (200, 0, 230)
 _SIDES = {"left": "#56B4E9", "right": "#CC79A7"}  # colours that mean nothing else
-_WIDTH_IN, _FONT_PT = 8.0, 10  # more than 7 pt where it is printed 16 cm wide
+_WIDTH_IN, _FONT_PT = 6.0, 8  # more than 7 pt where it is printed 16 cm wide
 
 
 @default_style
@@ -41,8 +41,9 @@ def plot_pixel_cost(costs: Floats | Ints, true_px: float, ax: Axes, title: str =
     ax.plot(np.arange(len(costs)), costs, color="0.45", lw=1.2)
     ax.plot(cheapest, costs[cheapest], "o", color=OURS, ms=7, label="cheapest")
     ax.grid(alpha=0.3)
-    ax.set(title=title, xlabel="disparity d (px)", ylabel=ylabel)
-    ax.legend(fontsize=_FONT_PT, framealpha=0.9)
+    low, high = np.min(costs), np.max(costs)
+    ax.set(title=title, xlabel="disparity d (px)", ylabel=ylabel, ylim=(low - 0.05 * (high - low), 1.35 * high))
+    ax.legend(fontsize=_FONT_PT, loc="upper right")
     return ax
 
 

@@ -49,7 +49,7 @@ def draw_paths(
     from stereolib.plotting import figure_to_image, panels, plot_pixel_cost, plot_row_cost
 
     volume = sums(p1, p2)
-    figure, axes = panels(2, width_in=9, aspect=0.62, width_ratios=(1, 1.6))
+    figure, axes = panels(2, width_in=7, aspect=0.66, width_ratios=(1, 1.6))
     plot_pixel_cost(volume[row, column], truth_px[row, column], axes[0], f"pixel in column {column}")
     plot_row_cost(volume[row], truth_px[row], axes[1], f"its row, P1 = {p1}, P2 = {p2}")
     axes[1].axvline(column, color="0.5", lw=0.8)

@@ -38,7 +38,8 @@ def plot_curves(
     joined : bool
         Draw lines between the markers.
     **axes
-        Title and limits of the axes.
+        Title and limits of the axes; ``legend`` is where the names stand, as matplotlib calls it. Of long curves it
+        should be said: to look for the best place takes time.
 
     Returns
     -------
@@ -51,9 +52,10 @@ def plot_curves(
         }
         ax.plot(_single(x), _single(y), marker=marker, ms=4, lw=1.4, label=name, **style)
     ax.grid(alpha=0.3)
+    place = axes.pop("legend", "best")
     ax.set(xlabel=xlabel, ylabel=ylabel, **axes)
     if len(curves) > 1:
-        ax.legend(frameon=False, fontsize=9)
+        ax.legend(frameon=False, fontsize=9, loc=place)
     return ax
 
 

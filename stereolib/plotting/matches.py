@@ -15,7 +15,7 @@ from stereolib.plotting.style import OURS, TRUTH, default_style, panels
 
 _BGR_MARKED = (200, 0, 230)
 _SIDES = {"left": "#56B4E9", "right": "#CC79A7"}  # colours that mean nothing else
-_WIDTH_IN, _FONT_PT = 8.0, 10  # more than 7 pt where it is printed 16 cm wide
+_WIDTH_IN, _FONT_PT = 6.0, 8  # more than 7 pt where it is printed 16 cm wide
 
 
 @default_style
@@ -41,8 +41,9 @@ def plot_pixel_cost(costs: Floats | Ints, true_px: float, ax: Axes, title: str =
     ax.plot(np.arange(len(costs)), costs, color="0.45", lw=1.2)
     ax.plot(cheapest, costs[cheapest], "o", color=OURS, ms=7, label="cheapest")
     ax.grid(alpha=0.3)
-    ax.set(title=title, xlabel="disparity d (px)", ylabel=ylabel)
-    ax.legend(fontsize=_FONT_PT, framealpha=0.9)
+    low, high = np.min(costs), np.max(costs)
+    ax.set(title=title, xlabel="disparity d (px)", ylabel=ylabel, ylim=(low - 0.05 * (high - low), 1.35 * high))
+    ax.legend(fontsize=_FONT_PT, loc="upper right")
     return ax
 
 
@@ -98,13 +99,13 @@ def plot_row_pair(left: UInt8, right: UInt8, row: int, columns_px: tuple[float, 
     matplotlib.figure.Figure
     """
     figure: Figure
-    figure, axes = panels(1, 3, width_in=_WIDTH_IN, aspect=0.18)
+    figure, axes = panels(1, 3, width_in=_WIDTH_IN, aspect=0.21)
     for ax, name, strip, column in zip(axes, _SIDES, (left, right), columns_px, strict=False):
         plot_image(strip, ax, f"{name} picture, {title}").set(xlabel="", ylabel="row (px)")
         ax.axhline(row, color=_SIDES[name], lw=1)
         ax.plot(column, row, "o", ms=11, mfc="none", mec=_SIDES[name], mew=3)
         axes[2].plot(strip[row], color=_SIDES[name], lw=1.4, ls="-" if strip is left else "--", label=name)
-    axes[2].set(xlabel="column (px)", ylabel="grey value", xlim=(0, left.shape[1] - 1), ylim=(60, 205))
+    axes[2].set(xlabel="column (px)", ylabel="grey value", xlim=(0, left.shape[1] - 1), ylim=(30, 205))
     axes[2].legend(loc="lower right", ncols=2, frameon=False)
     axes[2].grid(alpha=0.3)
     return figure
@@ -127,7 +128,7 @@ def plot_strips(strips: Mapping[str, Floats], *, first: int, high: float) -> Fig
     matplotlib.figure.Figure
     """
     figure: Figure
-    figure, axes = panels(1, len(strips), width_in=_WIDTH_IN, aspect=0.135, sharex=True)
+    figure, axes = panels(1, len(strips), width_in=_WIDTH_IN, aspect=0.18, sharex=True)
     for ax, (name, strip) in zip(axes, strips.items(), strict=True):
         shown = plot_disparity(strip, ax, name, high=high, bar=False)
         ax.set(xlabel="", ylabel="", yticks=[], xlim=(first, strip.shape[1] - 1))

@@ -2,11 +2,22 @@
 
 from __future__ import annotations
 
+import nbformat
+import numpy as np
 import pytest
 
-from stereolib.matching import SMOOTHING_METHODS, SGBMParams, compute_disparity, score, score_repair
+from stereolib.base import ROOT
+from stereolib.matching import (
+    SMOOTHING_METHODS,
+    SGBMParams,
+    compute_disparity,
+    compute_disparity_guided,
+    expected_disparity,
+    score,
+    score_repair,
+)
 from stereolib.matching.filters import close
-from stereolib.notebook import draw_dilation, draw_sgbm, draw_two_pictures
+from stereolib.notebook import draw_dilation, draw_guided, draw_paths, draw_sgbm, draw_two_pictures
 from stereolib.virtual import recordings
 
 
@@ -42,3 +53,55 @@ def test_every_filter_can_be_chosen() -> None:
     for method in ["opening_closing", "speckle", *needing]:
         picture, text = draw_dilation("poor_light", method, 5)
         assert picture.ndim == 3 and "% of the cube" in text
+
+
+def by_hand() -> dict:
+    """The functions that notebook 03 defines."""
+    found = {"np": np, "num_disparities": 16}
+    for cell in nbformat.read(ROOT / "notebooks" / "03_sgbm_parameters.ipynb", as_version=4).cells:
+        if cell.cell_type == "code" and cell.source.startswith("def "):
+            exec(cell.source, found)
+    return found
+
+
+def test_what_notebook_03_writes_by_hand_matches() -> None:
+    left = np.random.default_rng(0).integers(0, 256, (12, 60), np.uint8)
+    right, hand = np.roll(left, -7, axis=1), by_hand()
+    census = [hand["census"](side) for side in (left, right)]
+    for cost in (
+        hand["cost_volume"](left, right, hand["difference"]),
+        hand["cost_volume"](*census, hand["answers_differ"]),
+    ):
+        assert (hand["four_paths"](cost, 8, 40).argmin(axis=-1)[:, 16:-10] == 7).all()
+        np.testing.assert_array_equal(hand["path_sums"](cost, 0, 0).argmin(axis=-1), cost.argmin(axis=-1))
+
+
+def test_path_is_the_cheapest_way() -> None:
+    cost, (p1, p2) = np.random.default_rng(1).integers(0, 30, (1, 5, 4)), (3, 8)
+    sums = by_hand()["path_sums"](cost, p1, p2)[0]
+    price = np.array([[0, p1, p2, p2], [p1, 0, p1, p2], [p2, p1, 0, p1], [p2, p2, p1, 0]])
+    whole = cost[0, 0].astype(int)
+    for here in cost[0, 1:]:  # sums without what only keeps the numbers small
+        whole = here + (whole[:, None] + np.minimum(price, p2)).min(axis=0)
+    np.testing.assert_array_equal(sums[-1] - sums[-1].min(), whole - whole.min())
+
+
+def test_slider_of_the_paths_says_what_they_find() -> None:
+    truth = np.full((3, 40), 5.0)
+    volume = np.ones((3, 40, 16))
+    volume[..., 5] = 0
+    volume[0, 16:, 9] = -1  # a third of it is wrong
+    asked = []
+    picture, text = draw_paths(lambda *prices: asked.append(prices) or volume, truth, 1, 20, 4, 20)
+    assert picture.ndim == 3 and asked == [(4, 20)]
+    assert text == "cheapest at 5 px, true 5.0 px; bad 2 in the strip: 33.3 %"
+
+
+def test_slider_of_the_laser_says_what_the_library_measures() -> None:
+    view, rectified = recordings.view("series/medium_700"), recordings.rectified()
+    expected = expected_disparity(recordings.scan(view.name), rectified, recordings.setup(), (60.0, 0.0, 0.0))
+    found = compute_disparity_guided(view.left, view.right, expected, margin_px=16)
+    quality = score(found, view.truth_px, view.regions["cube"])
+    picture, text = draw_guided(700, 16, 60)
+    assert picture.shape == (480, 1280, 3)
+    assert text == f"32 disparities searched; bad 2 on the cube: {quality.bad2_pct:.1f} %"

@@ -13,6 +13,7 @@ from stereolib.cli.outputs import listed
 if TYPE_CHECKING:
     from stereolib.calibration import Board
 
+_OTHER_SQUARE = 0.005  # share of an edge: rulers differ by less
 _SIDES = {"left", "right", "l", "r"}
 _Key = tuple[tuple[bool, int, str], ...]
 
@@ -54,6 +55,21 @@ def parse_board(
     if aspect != 1:
         raise ValueError(f"a ChArUco board's squares are taken for square, got {square_mm}")
     return Charuco(columns, rows, mean, marker_mm, dictionary, legacy)
+
+
+def said_of(calibration: Path, square_mm: float | None = None) -> list[str]:
+    """What is to be said first to whoever uses a rig file: that it was judged bad, or that its squares were others."""
+    from stereolib.base import read_json
+
+    notes = read_json(calibration).get("calibration") or {}
+    said, square = [], (notes.get("board") or {}).get("square_mm")
+    if notes.get("verdict") == "bad":
+        said.append(f"{calibration} was judged bad when it was made ({'; '.join(notes.get('reasons') or ['?'])})")
+    if square_mm is not None and square is not None and abs(square_mm / square - 1) > _OTHER_SQUARE:
+        said.append(
+            f"{calibration} was made with squares of {square:g} mm, now they are {square_mm:g} mm: which is right?"
+        )
+    return said
 
 
 def pair_files(left: Path, right: Path, *, least: int) -> list[tuple[Path, Path]]:

@@ -16,6 +16,7 @@ from stereolib.cli.outputs import check_outputs
 
 #: Kind of file that `stereolib.rig` saves -> its names, and how many lens coefficients it holds at most.
 _FORMATS = {"opencv": (["opencv.yml"], 14), "ros": (["left.yaml", "right.yaml"], 8), "kalibr": (["camchain.yaml"], 4)}
+_NEAREST_MM = 50.0  # nearer no two cameras see the same
 _NOTES = """verdict, by the errors of depth and of length at --at-mm (one standard deviation, median over the picture):
   good    both are up to 0.5 %: measure with it
   usable  up to 2 %: measure with it, to 2 %; mend what is named for more
@@ -66,9 +67,9 @@ def _run(arguments: argparse.Namespace) -> int:
     board = parse_board(
         arguments.board, arguments.square_mm, arguments.marker_mm, arguments.dictionary, arguments.legacy
     )
-    for name, value in (("--ruler-mm", arguments.ruler_mm), ("--at-mm", arguments.at_mm)):
-        if value is not None and not (math.isfinite(value) and value > 0):
-            raise ValueError(f"{name} must be a positive number of mm, got {value}")
+    for name, value, least in (("--ruler-mm", arguments.ruler_mm, 1.0), ("--at-mm", arguments.at_mm, _NEAREST_MM)):
+        if value is not None and not (math.isfinite(value) and value >= least):
+            raise ValueError(f"{name} is a number of millimetres, {least:g} or more; got {value:g}")
     from stereolib.calibration import (
         LENS_MODELS,
         MIN_PAIRS,

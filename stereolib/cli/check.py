@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stereolib.base import plus_minus
-from stereolib.cli.boards import pair_files, parse_board
+from stereolib.cli.boards import pair_files, parse_board, said_of
 from stereolib.cli.command import Command
 from stereolib.cli.errors import DONE, REFUSED, WRONG_INPUT
 from stereolib.cli.outputs import check_ending, check_outputs
@@ -74,7 +74,11 @@ def _run(arguments: argparse.Namespace) -> int:
         from stereolib.plotting import check_figure, save_figure
 
         write_atomic(arguments.picture, save_figure(None, check_figure(check)).data)
+    for text in said_of(arguments.calibration, board.square_mm):
+        print(f"warning: {text}", file=sys.stderr)
     print(json.dumps(_facts(check), indent=1, allow_nan=False) if arguments.json else wrapped(_lines(check)))
+    if arguments.picture and not arguments.json:
+        print(f"picture: {arguments.picture}")
     return {"recalibrate": REFUSED, "no verdict": WRONG_INPUT}.get(check.verdict, DONE)
 
 
@@ -88,8 +92,8 @@ def _pairs(paths: Sequence[Path]) -> list[tuple[Path, Path]]:
     if len(paths) % 2:
         raise ValueError(f"{paths[-1]} has no partner: expected left right left right ..., got {len(paths)} in all")
     pairs = list(zip(paths[::2], paths[1::2], strict=True))
-    if twice := [str(left) for left, right in pairs if left.resolve() == right.resolve()]:
-        raise ValueError(f"{twice[0]} was given as left and as right: expected left right left right ...")
+    if twice := [path for path in paths if [other.resolve() for other in paths].count(path.resolve()) > 1]:
+        raise ValueError(f"{twice[0]} was given twice: expected left right left right ..., each picture once")
     return pairs
 
 

@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from stereolib.cli.boards import said_of
 from stereolib.cli.command import Command
 from stereolib.cli.errors import DONE, REFUSED, named
 from stereolib.cli.outputs import check_ending, check_outputs
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 
 _FLOOR_STD = (1.0, 0.2)  # mm, degrees: what a ruler and a phone's level tell
 _STEEPEST = 90.0  # degrees
+_LEAST_MM = 1.0  # a lower camera was meant in metres
 _OTHER_FLOOR = 16.3  # squared deviations of three numbers, which chance passes once in 1,000
 
 _NOTES = """\
@@ -73,8 +75,10 @@ def _run(arguments: argparse.Namespace) -> int:
     floor = None if arguments.floor is None else floor_by_hand(instrument.rectified, arguments.floor)
     with named(*files):
         measured = measure_objects(*pair, scan, instrument, floor=floor)
+    first = said_of(arguments.calibration)
     if floor is not None and (text := otherwise_seen(pair, floor)):
-        measured = replace(measured, warnings=(text, *measured.warnings))
+        first.append(text)
+    measured = replace(measured, warnings=(*first, *measured.warnings))
     write_atomic(picture, cv2.imencode(".png", draw_objects(measured))[1].tobytes())
     facts = measured_facts(measured) | {"picture": str(picture)}
     print(json.dumps(facts, indent=1, allow_nan=False) if arguments.json else measured_text(measured))
@@ -94,6 +98,8 @@ def _floor(text: str) -> tuple[float, ...]:
         why = f"{text!r} is not HEIGHT,PITCH (mm, degrees; negative looks down)"
         raise argparse.ArgumentTypeError(f"{why}: write for example --floor=450,-20")
     height, pitch, *deviations = numbers
+    if 0 < height < _LEAST_MM:
+        raise argparse.ArgumentTypeError(f"{text!r}: the height is in millimetres, and no lens is {height:g} mm up")
     if not (height > 0 and abs(pitch) < _STEEPEST and all(0 <= std < height for std in deviations)):
         why = f"{text!r}: the height must be above 0 mm, the pitch between -{_STEEPEST:g} and {_STEEPEST:g} degrees"
         raise argparse.ArgumentTypeError(f"{why}, deviations not negative")

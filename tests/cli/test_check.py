@@ -14,6 +14,7 @@ import pytest
 from stereolib.base import datasets
 from stereolib.calibration import diagnosis, fresh_check
 from stereolib.cli import commands
+from stereolib.cli.boards import said_of
 from stereolib.cli.check import CHECK
 from stereolib.rig import StereoRig
 
@@ -48,9 +49,28 @@ def test_fresh_pictures_tell_that_it_is_still_good(folder: Path, capsys: pytest.
     assert said.startswith("still good: measure with it\n  nothing has moved that these pairs can tell\n")
     assert "2 pairs (17_left.jpg, 22_left.jpg), the board at" in said and "size: squares 0.0" in said
     drawn = cv2.imread(str(picture))
-    assert drawn.shape[1] == 1200 and (drawn < 200).any(axis=2).mean() > 0.01
+    assert f"picture: {picture}" in said
+    assert drawn.shape[1] >= 1200 and (drawn < 200).any(axis=2).mean() > 0.01
     assert commands.main([*words(folder, "new_left", "new_right"), "--picture", str(picture)]) == 2
     assert "check.png would be overwritten" in capsys.readouterr().err
+
+
+def test_one_pair_twice_is_refused(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pair = "new_left/17_left.jpg", "new_right/17_right.jpg"
+    assert commands.main(words(folder, *pair, *pair)) == 2
+    assert "was given twice" in capsys.readouterr().err
+
+
+def test_other_squares_and_a_bad_verdict_are_said_first(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    stored = json.loads((folder / "rig" / "calibration.json").read_text(encoding="utf-8"))
+    stored["calibration"] |= {"verdict": "bad", "reasons": ["the board or the ruler is measured wrong"]}
+    (folder / "bad.json").write_text(json.dumps(stored), encoding="utf-8")
+    assert said_of(folder / "rig" / "calibration.json", 25.0) == []
+    bad, squares = said_of(folder / "bad.json", 24.0)
+    assert "was judged bad when it was made (the board or the ruler is measured wrong)" in bad
+    assert "was made with squares of 25 mm, now they are 24 mm" in squares
+    commands.main(words(folder, "new_left", "new_right", calibration="bad.json"))
+    assert "warning: " in capsys.readouterr().err
 
 
 def test_one_pair_by_its_files_and_a_wrong_square_as_json(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -85,7 +105,7 @@ def test_a_rig_of_another_program_says_what_it_does_not_know(folder: Path, capsy
         ("new_left", [], "new_left is a folder: expected two of them"),
         ("new_left new_right rig", [], "expected two of them"),
         ("new_left/17_left.jpg", [], "17_left.jpg has no partner: expected left right"),
-        ("new_left/17_left.jpg new_left/17_left.jpg", [], "given as left and as right"),
+        ("new_left/17_left.jpg new_left/17_left.jpg", [], "was given twice: expected left right"),
         ("new_left/17_left.jpg nowhere.jpg", [], "nowhere.jpg: no such file"),
         ("new_left/17_left.jpg rig/calibration.json", [], "calibration.json"),
         ("new_left/17_left.jpg small.png", [], "17_left.jpg is 640x480"),

@@ -6,12 +6,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support import box_scenes
 from support.attempts import attempted
 from support.corners import corner_set
 from support.ground import RECT
 
 from stereolib.calibration import fit_rig, rectified_std, rig_covariance
-from stereolib.measurement import SystematicUncertainty, attempt_height, corner_width_mm, floor_from_pose
+from stereolib.measurement import (
+    Instrument,
+    SystematicUncertainty,
+    attempt_height,
+    corner_width_mm,
+    floor_from_pose,
+    measure_objects,
+)
 from stereolib.virtual import recordings
 
 SERIES = [f"series/{kind}_{mm}" for kind in recordings.TEXTURES_MM for mm in recordings.DISTANCES_MM[::2]]
@@ -30,6 +38,17 @@ def test_heights_of_the_recorded_cubes():
         assert tried.near_mm == pytest.approx([float(name.split("_")[1]), 0], abs=0.6)
         scores.append((tried.height_mm - 300) / tried.std_mm)
     assert np.abs(scores).max() < 2.6 and np.median(np.abs(scores)) < 1.96
+
+
+@pytest.mark.parametrize("calibrated", [False, True])
+def test_plain_faces_have_no_height(calibrated):
+    """An edge between two plain faces is matched, and looks like a face of some px: 27 mm off, once."""
+    known = box_scenes.instrument() if calibrated else Instrument(RECT)
+    pictures = known.rectified.rectify(*recordings.load_pair("conditions/plain"))
+    tried = attempt_height(*pictures, known.rectified, uncertainty=known.uncertainty)
+    assert tried.refused and np.isnan(tried.height_mm)
+    told = measure_objects(*recordings.load_pair("conditions/plain"), None, known).objects
+    assert told and all(np.isnan(entry.size_mm).all() for entry in told)
 
 
 def test_near_edge_in_the_picture():

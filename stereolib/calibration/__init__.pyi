@@ -43,6 +43,7 @@ from .wording import (
     meaning_rows,
     parameter_rows,
 )
+from .wrong_corners import CornerOff
 
 __all__ = [
     "CHECK_MEANINGS",
@@ -60,6 +61,7 @@ __all__ = [
     "Charuco",
     "Check",
     "Checkerboard",
+    "CornerOff",
     "Coverage",
     "Diagnosis",
     "ErrorMap",

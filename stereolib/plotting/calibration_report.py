@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import html
+from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -18,6 +19,7 @@ from stereolib import __version__
 from stereolib.base import Bools, Float64, write_atomic
 from stereolib.calibration import (
     VERDICT_MEANINGS,
+    CornerOff,
     Diagnosis,
     board_pose,
     board_text,
@@ -43,7 +45,7 @@ from stereolib.rig import Camera, read_image
 
 Files: TypeAlias = Mapping[str, tuple[Path, Path]]
 _SHOWN_PAIRS = 6
-_SHOWN_CORNERS = 6
+_SHOWN_CORNERS, _OF_ONE_PAIR = 6, 2
 _COLORS = {"good": "#1b6e3c", "usable": "#8a6100", "bad": "#a33a12"}
 _NO_VERDICT_COLOR = "#555555"
 
@@ -174,7 +176,12 @@ def _residuals(diagnosis: Diagnosis) -> list[str]:
 
 def _worst_corners(diagnosis: Diagnosis, files: Files) -> list[str]:
     """Crops of the pictures round the corners that are farthest from where the rig predicts them."""
-    worst = [corner for corner in diagnosis.worst_corners if corner.pair in files][:_SHOWN_CORNERS]
+    shown = Counter[str]()
+    worst = list[CornerOff]()
+    for corner in diagnosis.worst_corners:  # one bad picture would fill the page
+        if corner.pair in files and shown[corner.pair] < _OF_ONE_PAIR and len(worst) < _SHOWN_CORNERS:
+            shown[corner.pair] += 1
+            worst.append(corner)
     if not worst:
         return []
     figure, axes = panels(3, -(-len(worst) // 3), width_in=12, aspect=1.05)
@@ -182,7 +189,7 @@ def _worst_corners(diagnosis: Diagnosis, files: Files) -> list[str]:
         file = files[corner.pair][corner.side == "right"]
         where = f"corner of column {corner.column}, row {corner.row}"
         left_out = ", left out" * (corner in diagnosis.wrong_corners)
-        title = f"{file.name} ({corner.side}), {where}: {corner.off_px:.2f} px off{left_out}"
+        title = f"{file.name} ({corner.side})\n{where}: {corner.off_px:.2f} px off{left_out}"
         plot_crop(read_image(file, grey=True), np.array(corner.found_px), np.array(corner.expected_px), ax, title)
     for ax in axes[len(worst) :]:
         ax.set_axis_off()

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from support.corners import corner_set, draw_rig
 
-from stereolib.calibration import calibrate_stereo
+from stereolib.calibration import calibrate_stereo, diagnose
 from stereolib.calibration.wrong_corners import without_wrong_corners
 
 
@@ -59,3 +59,21 @@ def test_a_view_that_is_wrong_as_a_whole_is_left_to_others():
     left[3, 2] = left[3, 3]
     cleaned, _ = without_wrong_corners(replace(views, left_px=left.reshape(views.left_px.shape)))
     assert np.isfinite(cleaned.left_px[3]).mean() > 0.8
+
+
+def test_a_diagnosis_names_them_and_stands_on_the_others():
+    views, _ = drawn(3)
+    right = views.right_px.copy()
+    right[4, 17] += [4.0, 0]
+    found, clean = diagnose(replace(views, right_px=right)), diagnose(views)
+    (wrong,) = found.wrong_corners
+    assert (wrong.pair, wrong.side, wrong.column, wrong.row) == ("pair 05", "right", 9, 2)
+    assert any(
+        "1 corner left out, off by up to" in text and "pair 05 right (column 9, row 2" in text
+        for text in found.warnings
+    )
+    assert found.pairs_used == clean.pairs_used and found.rms_px == pytest.approx(clean.rms_px, rel=0.02)
+    worst = found.worst_corners
+    assert worst[0] == wrong
+    assert [c.off_px for c in worst[1:]] == sorted((c.off_px for c in worst[1:]), reverse=True)
+    assert worst[1].off_px < 0.3

@@ -112,7 +112,7 @@ def figure_to_image(figure: Figure) -> UInt8:
     --------
     >>> from stereolib.plotting import panels
     >>> figure_to_image(panels(1, width_in=2, aspect=0.5)[0]).shape
-    (100, 200, 3)
+    (150, 300, 3)
     """
     canvas = FigureCanvasAgg(figure)
     canvas.draw()

@@ -45,9 +45,9 @@ def cells(chapter: str, *, appendix: bool = False) -> list[nbformat.NotebookNode
 
 
 def prose(chapter: str) -> str:
-    """The text of a chapter without headings, tables, code and formulas."""
+    """The text of a chapter without headings, tables, code, formulas and folded solutions."""
     text = "\n\n".join(cell.source for cell in cells(chapter) if cell.cell_type == "markdown")
-    text = re.sub(r"```.*?```|\$\$.*?\$\$", " ", text, flags=re.DOTALL)
+    text = re.sub(r"```.*?```|\$\$.*?\$\$|<details>.*?</details>", " ", text, flags=re.DOTALL)
     text = re.sub(r"<[^>]+>|^#.*$|^\|.*$", " ", text, flags=re.MULTILINE)
     return re.sub(r"\[([^\]]+)\]\([^)]*\)", r"\1", text)
 

@@ -41,12 +41,15 @@ def test_heights_of_the_recorded_cubes():
 
 
 @pytest.mark.parametrize("calibrated", [False, True])
-def test_plain_faces_have_no_height(calibrated):
-    """An edge between two plain faces is matched, and looks like a face of some px: 27 mm off, once."""
+def test_plain_faces_tell_no_wrong_height(calibrated):
+    """An edge between two plain faces is matched, and looks like a face of some px: 27 mm off, once, with 2 mm stated.
+
+    With OpenCV 4 its ends are found, and the height is told and right.
+    """
     known = box_scenes.instrument() if calibrated else Instrument(RECT)
     pictures = known.rectified.rectify(*recordings.load_pair("conditions/plain"))
     tried = attempt_height(*pictures, known.rectified, uncertainty=known.uncertainty)
-    assert tried.refused and np.isnan(tried.height_mm)
+    assert tried.refused or abs(tried.height_mm - 300) < 3 * tried.std_mm
     told = measure_objects(*recordings.load_pair("conditions/plain"), None, known).objects
     assert told and all(np.isnan(entry.size_mm).all() for entry in told)
 

@@ -137,13 +137,18 @@ def explain(views: BoardViews, rig: StereoRig, limit_px: float) -> dict[int, str
     if not len(views):
         return {}
     mirrored = _mirrored(views)
-    tries = {
-        "both pictures are mirrored: switch that off in the cameras' program": mirrored,
-        "left and right are exchanged: swap these files": _exchanged(views),
-        "the pair was mirrored as one picture, and so left and right exchanged": _exchanged(mirrored),
-    }
+    off = "switch that off in the camera's program"
+    tries = [
+        (f"both pictures are mirrored: {off}", mirrored),
+        ("left and right are exchanged: swap these files", _exchanged(views)),
+        ("the pair was mirrored as one picture, and so left and right exchanged", _exchanged(mirrored)),
+    ]
+    for turn in (1, -1):  # a board seen in a mirror may have been found from its other end
+        left, right = mirrored.left_px[:, ::turn], mirrored.right_px[:, ::turn]
+        tries += [(f"the left picture is mirrored: {off}", replace(views, left_px=left))]
+        tries += [(f"the right picture is mirrored: {off}", replace(views, right_px=right))]
     least, reasons = np.full(len(views), limit_px), dict[int, str]()
-    for reason, changed in tries.items():
+    for reason, changed in tries:
         rms = np.array([_rms_px(changed.only([k]), rig) for k in range(len(views))])
         reasons |= dict.fromkeys(np.flatnonzero(rms <= least).tolist(), reason)
         least = np.minimum(least, rms)

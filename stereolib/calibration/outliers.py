@@ -135,7 +135,9 @@ def _start(views: BoardViews, model: str) -> tuple[list[Ints], dict[int, str]]:
     if not groups or len(groups[0]) < len(views) / _LEAST_SHARE:
         most = len(groups[0]) if groups else 0
         why = f"the pairs do not belong together: at most {most} of {len(views)} agree on where the right camera stands"
-        remedy = "Are left and right files of the same moments, in the same order? Is one camera upside down?"
+        remedy = (
+            "Are left and right files of the same moments, in the same order? Is one camera upside down, or mirrored?"
+        )
         raise ValueError(f"{why}. {remedy}")
     return groups, wrong
 

@@ -145,7 +145,9 @@ def calibrate_stereo(views: BoardViews, *, model: str = "brown3", fixed: bool = 
     R, T = _relative(views, left.camera, right.camera, _model(model)[1])
     if T[0] > abs(T[1]):
         why = f"the right camera comes out {T[0]:.0f} mm to the LEFT of the left one: the two image sets are exchanged"
-        raise ValueError(f"{why}; swap them (or both cameras hang upside down: turn all pictures by 180 degrees)")
+        raise ValueError(
+            f"{why}; swap them (or both cameras hang upside down: turn all pictures by 180 degrees; or mirror)"
+        )
     return StereoCalibration(left, right, fit_rig(views, StereoRig(left.camera, right.camera, R, T), free=not fixed))
 
 

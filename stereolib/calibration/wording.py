@@ -20,8 +20,8 @@ from stereolib.calibration.uncertainty import LENS_NAMES
 
 #: What a verdict allows; the errors are one standard deviation, at the distance that was asked about.
 VERDICT_MEANINGS = {
-    "good": "measure with it: depths and lengths err by up to 0.5 %",
-    "usable": "measure with it, to 2 %; mend what is named for more",
+    "good": "measure with it: depths and lengths are sure to 0.5 % (one standard deviation) or better",
+    "usable": "measure with it, to 2 % (one standard deviation); mend what is named for more",
     "bad": "do not measure with it; mend what is named and calibrate again",
 }
 _TIED = "\N{NO-BREAK SPACE}"  # keeps a name and its value on one line

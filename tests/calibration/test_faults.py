@@ -6,10 +6,11 @@ import re
 
 import numpy as np
 import pytest
-from support.corners import corner_set, draw_rig
+from support.board_pictures import Photo, Print, photographed
+from support.corners import corner_set, draw_poses, draw_rig
 from support.faults import bad_sets, misfit_sets
 
-from stereolib.calibration import diagnose, fit_rig
+from stereolib.calibration import diagnose, find_in_pairs, fit_rig
 from stereolib.calibration.outliers import sort_pairs
 from stereolib.paper import paper_rig
 
@@ -72,3 +73,19 @@ def test_what_a_bad_pair_would_have_done():
     true = paper_rig().baseline_mm
     spoilt = fit_rig(bad.views, paper_rig()).rig.baseline_mm
     assert abs(diagnose(bad.views).rig.baseline_mm - true) < 0.05 < abs(spoilt - true)
+
+
+@pytest.mark.parametrize(
+    ("sides", "says"), [((0, 1), "both pictures are"), ((0,), "the left picture is"), ((1,), "the right picture is")]
+)
+def test_mirrored_pictures_of_some_pairs_are_named(sides, says):
+    rng = np.random.default_rng(5)
+    rig = draw_rig(rng)
+    pairs = photographed(rig, draw_poses(rig, 12, rng), Print(), Photo(), rng)
+    for k in (2, 5, 9):
+        left, right = (p[:, ::-1].copy() if side in sides else p for side, p in enumerate(pairs[k]))
+        pairs[k] = left, right
+    views = find_in_pairs(pairs, Print().board, [f"{k:02d}" for k in range(12)], progress=False)
+    refused = diagnose(views).pairs_refused
+    assert set(refused) == {"02", "05", "09"}
+    assert all(why.startswith(f"{says} mirrored: switch that off") for why in refused.values())

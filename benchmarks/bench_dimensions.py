@@ -144,7 +144,7 @@ def accuracy(known: Instrument) -> dict[str, Any]:
         if thing is None:
             reasons["no object"] += 1
         elif "volume" not in off:
-            reasons[" and ".join(sorted({why.split(":")[0] for why in thing.reasons.values()}))] += 1
+            reasons[" and ".join(sorted({str(why).split(":")[0] for why in thing.reasons.values()}))] += 1
         for name, pair in off.items():
             found[name].append(pair)
     hard = len(shots) - SCENES

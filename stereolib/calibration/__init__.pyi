@@ -1,10 +1,12 @@
 from .board_size import board_size_error_pct, triangulate
 from .boards import Board, BoardViews, Charuco, Checkerboard, find_board, find_charuco, find_checkerboard, find_in_pairs
 from .bundle_adjustment import RigFit, board_pose, fit_rig, moved_rig, rig_difference
+from .check_wording import CHECK_MEANINGS
 from .coverage import Coverage, boards_per_cell
 from .detection import find_in_files
-from .diagnosis import Check, Diagnosis, diagnose
-from .fresh_check import CHECK_MEANINGS, CalibrationCheck, Estimate, check_calibration
+from .diagnosis import Diagnosis, diagnose
+from .findings import Check
+from .fresh_check import CalibrationCheck, Estimate, check_calibration
 from .laser_boards import LaserBoardView, find_board_in_scan, find_laser_boards_in_files
 from .laser_pose import LidarCamera, calibrate_lidar_to_camera
 from .lens_choice import HoldOut, choose_lens_model, hold_out_errors, hold_out_rigs, hold_out_splits

@@ -327,6 +327,26 @@ def board_poses(board_mm: Floats, corners_px: Floats, camera: Camera) -> tuple[F
     return np.array(turns), np.array(shifts)
 
 
+def boards_before(board_mm: Floats, corners_px: Floats, camera: Camera) -> tuple[Float64, Float64, Float64]:
+    """Pose each board by one camera, and place its corners before it.
+
+    Parameters
+    ----------
+    board_mm : (N, 3) array
+    corners_px : (n, N, 2) array
+        NaN where not found.
+    camera : Camera
+
+    Returns
+    -------
+    turns, shifts : (n, 3, 3) and (n, 3) float64, mm
+    points_mm : (n, N, 3) float64
+        All corners of the boards, in the camera's frame.
+    """
+    turns, shifts = board_poses(board_mm, corners_px, camera)
+    return turns, shifts, board_mm @ turns.transpose(0, 2, 1) + shifts[:, None]
+
+
 def board_pose(board_mm: Floats, corners_px: Floats, camera: Camera) -> tuple[Float64, Float64]:
     """Pose one board by one camera, to rounding: the same on every processor.
 

@@ -12,71 +12,23 @@ from stereolib.base import Float64, plus_minus
 from stereolib.calibration.board_size import SizeErrors, board_size_error_pct, triangulate
 from stereolib.calibration.boards import Board, BoardViews
 from stereolib.calibration.bundle_adjustment import moved_rig
-from stereolib.calibration.diagnosis import ERROR_PCT, WIDTH_PX, Check
-from stereolib.calibration.movement import MOVEMENTS, SURE, Moved, Movement, estimate_movement
+from stereolib.calibration.check_wording import check_findings, check_notes
+from stereolib.calibration.findings import ERROR_PCT, Check, picture_scale
+from stereolib.calibration.misfits import refuse_one_picture
+from stereolib.calibration.movement import SURE, Movement, estimate_movement
 from stereolib.calibration.record import CalibrationRecord
 from stereolib.calibration.solve import epipolar_errors_px
 from stereolib.rig import StereoRig
 
-#: What a verdict allows.
-CHECK_MEANINGS = {
-    "still good": "measure with it",
-    "usable": "sizes and depths to a few per cent; calibrate again for more",
-    "recalibrate": "do not measure with it, calibrate again",
-    "no verdict": "a board that is not flat is no ruler: glue it onto something flat and take it again",
-}
 _DRAWS = 32  # of the corners' noise: a standard deviation to an eighth
 _BENT = 0.005  # of the board's longer side, 1 mm of 200 mm: bent so far, it is bent and not the pictures are noisy
 _EXPLAINED = 1.5  # times the noise that the rows show: a flat board before the right rig leaves no more
-_SAME_PX = 0.01  # left and right corners nearer than that are one picture's
 ROWS_PX = (0.3, 1.0)  # of pictures 640 wide: up to the first good, up to the second usable
 _UNFIT_PX = 1.5  # rms, of pictures 640 px wide: no rig explains such corners, whatever has moved
 _WORSE = 4.0  # times the median rms of the pairs: what honest pairs never reach
 _LEAST_RMS_PX = 0.1  # a median below it is no measure
 _LISTED = 6  # names in one sentence
 _LEAST_COMMON = 8  # corners that both cameras see; more than the longer side has, so that some stand in one row
-_TIED, _OPEN_PX = 0.95, 0.1  # correlation of two movements, and what they leave open, px: then nothing tells them apart
-_TURNS, _POSES = 3, 6  # movements of the right camera: turns, then shifts; behind them those of focus
-#: What each movement is called where it is one of several that explain the same.
-_LIKE = {
-    "tilt": "a tilt of the right camera",
-    "yaw": "a turn of the right camera about the vertical axis",
-    "roll": "a roll of the right camera",
-    "baseline": "a change of the baseline or of the square's edge",
-    "rise": "a shift of the right camera up or down",
-    "advance": "a shift of the right camera forwards or back",
-    "left focus": "another focus of the left lens",
-    "right focus": "another focus of the right lens",
-    "both focus": "another focus of both lenses",
-}
-
-
-#: Each movement in words; which way, and what comes out too large or small, for a positive and a negative one.
-_MOVED = {
-    "tilt": "rows: the right camera has tilted {way} by {degrees}: rows off by {rows:.2f} px",
-    "yaw": "depths: the right camera has turned {way} about the vertical axis by {degrees}: depths at {at:.0f} mm come "
-    "out {depth:.1f} % too {too}",
-    "roll": "rows: the right camera has rolled {way} by {degrees}: rows change by {width:.2f} px from side to side",
-    "baseline": "scale: boards come out {share} too {too}: the cameras stand {mm} {way} than calibrated, or the "
-    "square's edge is {other:.2f} mm and not {edge:g} mm",
-    "rise": "rows: the right camera has moved {way} by {mm}",
-    "advance": "scale: the right camera has moved {way} by {mm}",
-    "left focus": "focus: the left lens's focal length is {percent} {way} than calibrated",
-    "right focus": "focus: the right lens's focal length is {percent} {way} than calibrated",
-    "both focus": "focus: the focal length of both lenses is {percent} {way} than calibrated: depths come out too "
-    "{too}",
-}
-_WAYS = {
-    "tilt": (("down", ""), ("up", "")),
-    "yaw": (("inwards", "large"), ("outwards", "small")),
-    "roll": (("anticlockwise", ""), ("clockwise", "")),
-    "baseline": (("farther apart", "small"), ("nearer together", "large")),
-    "rise": (("up", ""), ("down", "")),
-    "advance": (("forwards", ""), ("back", "")),
-    "left focus": (("longer", ""), ("shorter", "")),
-    "right focus": (("longer", ""), ("shorter", "")),
-    "both focus": (("longer", "small"), ("shorter", "large")),
-}
 
 
 class Estimate(NamedTuple):
@@ -247,8 +199,8 @@ def check_calibration(
     level = max(c.level for c in checks)
     verdict = "no verdict" if bent and level < 2 else ("still good", "usable", "recalibrate")[level]
     check = replace(check, checks=checks, verdict=verdict)
-    findings = (*_findings(check, bent), *(f"{name}: {why}" for name, why in refused.items()))
-    return replace(check, findings=findings, notes=tuple(_notes(check)))
+    findings = (*check_findings(check, bent), *(f"{name}: {why}" for name, why in refused.items()))
+    return replace(check, findings=findings, notes=tuple(check_notes(check)))
 
 
 def _refuse(rig: StereoRig, views: BoardViews, record: CalibrationRecord) -> None:
@@ -265,8 +217,7 @@ def _refuse(rig: StereoRig, views: BoardViews, record: CalibrationRecord) -> Non
     if few := [f"{n} in {name}" for n, name in zip(common, views.names, strict=True) if n < least]:
         why = f"too few corners are seen by both cameras, {', '.join(few)}"
         raise ValueError(f"{why}: at least {least} are needed, hold the board where both see it")
-    if np.nanmedian(np.abs(views.left_px - views.right_px)) < _SAME_PX:
-        raise ValueError("left and right are the same pictures: the board is at the same place in both")
+    refuse_one_picture(views)
     if all(np.nanmedian(triangulate(rig, *pair)[:, 2]) < 0 for pair in _pairs(views)):
         why = "the boards come out behind the cameras"
         raise ValueError(f"{why}: left and right pictures are exchanged, or of another rig")
@@ -278,7 +229,7 @@ def _fitting(
     """The pairs that fit to one rig, the others and why, and how that rig has moved."""
     movement = estimate_movement(views, rig, record)
     rms = np.sqrt((movement.fit.pair_rms_px**2).mean(axis=1))
-    unfit = _UNFIT_PX * max(1.0, views.size[0] / WIDTH_PX)
+    unfit = _UNFIT_PX * picture_scale(views.size)
     limit = min(unfit, _WORSE * max(float(np.median(rms)), _LEAST_RMS_PX))
     keep = np.flatnonzero(rms <= limit)
     why = (
@@ -378,7 +329,7 @@ def _checks(check: CalibrationCheck) -> tuple[Check, ...]:
     )
     ratio = moved[:, 2] / check.points_mm[..., 2].ravel()
     depth_pct = 100 * float(np.nanmean(np.abs(ratio - 1)))
-    good, usable = (limit * max(1.0, check.views.size[0] / WIDTH_PX) for limit in ROWS_PX)
+    good, usable = (limit * picture_scale(check.views.size) for limit in ROWS_PX)
     again = "calibrate again"
     return (
         Check("squares are wrong by", check.sizes.square_error_pct, "%", *ERROR_PCT, again),
@@ -393,59 +344,3 @@ def _checks(check: CalibrationCheck) -> tuple[Check, ...]:
             again,
         ),
     )
-
-
-def _findings(check: CalibrationCheck, bent: str) -> Iterator[str]:
-    """What is wrong, causes first."""
-    if bent:
-        yield bent
-    else:
-        yield from (_moved_text(check, moved) for moved in check.movement.named)
-    over = [str(limited) for limited in check.checks if limited.level]
-    yield from over
-    if not bent and not check.movement.named:
-        explained = "the calibration's own deviations and the corners' noise explain that: nothing has moved for sure"
-        yield explained if over else "nothing has moved that these pairs can tell"
-
-
-def _moved_text(check: CalibrationCheck, moved: Moved) -> str:
-    """One movement in words, with what it does, and what would look alike."""
-    rig, value, distance = check.rig, abs(moved.value), float(np.median(check.distance_mm))
-    edge, longer = check.views.board.square_mm, 1 + moved.value / rig.baseline_mm
-    share = 100 / rig.baseline_mm
-    way, too = _WAYS[moved.what][moved.value < 0]
-    text = _MOVED[moved.what].format(
-        way=way,
-        too=too,
-        degrees=f"{plus_minus(*np.degrees([value, moved.std]))} degrees",
-        mm=f"{plus_minus(value, moved.std)} mm",
-        percent=f"{plus_minus(100 * value, 100 * moved.std)} %",
-        share=f"{plus_minus(share * value / longer, share * moved.std / longer**2)} %",
-        rows=rig.right.K[1, 1] * value,
-        width=rig.right.size[0] * value,
-        at=distance,
-        depth=distance * value * share,
-        edge=edge,
-        other=edge / longer,
-    )
-    alike = [_LIKE[name] for name in moved.alike]
-    return text + f" (as well explained by {' or '.join(alike)})" * bool(alike)
-
-
-def _notes(check: CalibrationCheck) -> Iterator[str]:
-    """What these pairs, or this calibration file, leave open."""
-    if check.record.outer_px is None:
-        yield "the calibration does not say which boards made it: whether these are fresh cannot be checked"
-    if not check.record.whole:
-        yield "the calibration states no deviations, or each by itself: what it could not know is not told apart well"
-    if check.board_pct.std > ERROR_PCT[0]:
-        yield f"the size of the board is sure to {check.board_pct.std:.2f} % only: take more pairs, and nearer ones"
-    correlation = np.abs(check.movement.correlation)
-    for a, name in enumerate(MOVEMENTS[:_TURNS]):
-        b = _TURNS + int(correlation[a, _TURNS:_POSES].argmax())
-        if correlation[a, b] > _TIED and check.rig.right.K[0, 0] * check.movement.std[a] > _OPEN_PX:
-            yield f"{_LIKE[name]} and {_LIKE[MOVEMENTS[b]]} can hardly be told apart here"
-    if check.movement.std[_POSES:].max() > ERROR_PCT[1] / 100:
-        yield "another focus of both lenses can hardly be seen here: tilt the board by 20 to 40 degrees"
-    if len(check.views) == 1:
-        yield "one pair shows one place of the picture at one distance: a few more, near and far, tell more"

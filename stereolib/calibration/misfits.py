@@ -12,6 +12,7 @@ from stereolib.calibration.boards import BoardViews, match_order
 from stereolib.calibration.bundle_adjustment import RigFit, fit_rig, inverse_normal, moved_rig
 from stereolib.rig import StereoRig
 
+_SAME_PX = 0.01  # left and right corners nearer than that are one picture's
 _STILL_PX = 2.0  # boards whose corners differ by less were held still: a hand moves them farther
 _REFOCUSED = 0.01  # of the focal length: what autofocus changes is more, what lenses and boards pretend mostly less
 _MOST_REFOCUSED = 0.3  # nor does any lens change by more
@@ -115,6 +116,23 @@ def _focal_directions(rig: StereoRig) -> Float64:
     for side, camera in enumerate((rig.left, rig.right)):
         directions[side, [side * n, side * n + 1]] = camera.K[[0, 1], [0, 1]]
     return directions
+
+
+def refuse_one_picture(views: BoardViews) -> None:
+    """Refuse pairs whose left and right pictures are one.
+
+    Parameters
+    ----------
+    views : BoardViews
+
+    Raises
+    ------
+    ValueError
+        If the corners stand in the same place in both.
+    """
+    if np.nanmedian(np.abs(views.left_px - views.right_px)) < _SAME_PX:
+        why = "left and right are the same pictures: the corners stand in the same place in both"
+        raise ValueError(f"{why}. Was one folder copied twice?")
 
 
 def explain(views: BoardViews, rig: StereoRig, limit_px: float) -> dict[int, str]:

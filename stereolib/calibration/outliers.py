@@ -13,12 +13,20 @@ from stereolib.calibration.boards import BoardViews, Checkerboard
 from stereolib.calibration.bundle_adjustment import (
     RigFit,
     board_poses,
+    boards_before,
     fit_rig,
     project_with_derivatives,
     with_coefficients,
 )
 from stereolib.calibration.lens_models import LENS_MODELS
-from stereolib.calibration.misfits import by_reason, explain, posed_rms_px, refocused_pairs, repeated_pairs
+from stereolib.calibration.misfits import (
+    by_reason,
+    explain,
+    posed_rms_px,
+    refocused_pairs,
+    refuse_one_picture,
+    repeated_pairs,
+)
 from stereolib.calibration.solve import CameraCalibration, StereoCalibration, calibrate_camera, calibrate_stereo
 from stereolib.calibration.wrong_corners import CornerOff, without_wrong_corners
 from stereolib.rig import Camera
@@ -33,7 +41,6 @@ _LEAST_AGREE_PX = 0.6  # limit where the corners are nearly perfect
 _ROUNDS = 4  # of fitting and sorting anew; most sets settle in two
 _MIN_GROUP = 3  # pairs: fewer determine no rig
 _LEAST_SHARE = 4  # a quarter of the pairs must agree, or the set is no set
-_SAME_PX = 0.01  # left and right corners nearer than that are one picture's
 _FLAT_DEG = 5.0  # boards tilted by less leave the focal length open
 _JUDGING_LENS = LENS_MODELS["brown3"][0]  # what webcams need: a shorter one asked for is no judge of the focus
 _USUAL_FOCAL = 1.1  # image widths, a webcam's
@@ -147,9 +154,7 @@ def _refuse_few(views: BoardViews, different: int) -> None:
     if len(views) < MIN_PAIRS:
         why = f"{len(views)} pairs of the board are too few ({', '.join(views.names)})"
         raise ValueError(f"{why}: {_ENOUGH}, the board tilted differently in each")
-    if np.nanmedian(np.abs(views.left_px - views.right_px)) < _SAME_PX:
-        why = "left and right are the same pictures: the corners stand in the same place in both"
-        raise ValueError(f"{why}. Was one folder copied twice?")
+    refuse_one_picture(views)
     if different < MIN_PAIRS:
         why = f"the {len(views)} pairs show the board in only {different} different place(s): move and tilt it"
         raise ValueError(f"{why} between pictures; {_ENOUGH}")
@@ -183,19 +188,13 @@ def _single(views: BoardViews, corners_px: Floats, model: str) -> tuple[CameraCa
     for _ in range(_ROUNDS):
         calibration = calibrate_camera(views.board, corners_px[keep], views.size, model=model)
         camera = calibration.camera
-        points = _boards_in(views, corners_px, camera)[2]
+        points = boards_before(views.board.points_mm, corners_px, camera)[2]
         rms = _corner_rms(corners_px - project_with_derivatives(camera, points)[0])
         good = np.flatnonzero(rms <= _WORSE * max(np.median(rms), _LEAST_RMS_PX))
         if len(good) < _MIN_GROUP or np.array_equal(good, keep):
             break
         keep = good
     return calibration, np.setdiff1d(np.arange(len(corners_px)), keep).tolist()
-
-
-def _boards_in(views: BoardViews, corners_px: Floats, camera: Camera) -> tuple[Float64, Float64, Float64]:
-    """Turns and shifts of the boards before one camera, and their corners in its frame (n, N, 3) mm."""
-    turns, shifts = board_poses(views.board.points_mm, corners_px, camera)
-    return turns, shifts, views.board.points_mm @ turns.transpose(0, 2, 1) + shifts[:, None]
 
 
 def _corner_rms(off_px: Float64) -> Float64:
@@ -206,8 +205,8 @@ def _corner_rms(off_px: Float64) -> Float64:
 def _groups(views: BoardViews, able: Ints, left: Camera, right: Camera, limit_px: float) -> list[Ints]:
     """Groups of the able pairs, largest first, each agreeing with the pose of the rig that one of them implies."""
     some = views.only(able.tolist())
-    left_turns, left_shifts, points = _boards_in(some, some.left_px, left)
-    right_turns, right_shifts, _ = _boards_in(some, some.right_px, right)
+    left_turns, left_shifts, points = boards_before(some.board.points_mm, some.left_px, left)
+    right_turns, right_shifts, _ = boards_before(some.board.points_mm, some.right_px, right)
     R = right_turns @ left_turns.transpose(0, 2, 1)
     T = right_shifts - np.einsum("nij,nj->ni", R, left_shifts)
     right_px = np.asarray(some.right_px, float)

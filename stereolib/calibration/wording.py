@@ -14,7 +14,8 @@ import numpy as np
 from stereolib.base import Float64, plus_minus
 from stereolib.calibration.boards import Board, Charuco
 from stereolib.calibration.bundle_adjustment import lens_vector
-from stereolib.calibration.diagnosis import Check, Diagnosis
+from stereolib.calibration.diagnosis import Diagnosis
+from stereolib.calibration.findings import Check
 from stereolib.calibration.record import CalibrationRecord
 from stereolib.calibration.uncertainty import LENS_NAMES
 

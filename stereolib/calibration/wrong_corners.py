@@ -9,7 +9,7 @@ import numpy as np
 
 from stereolib.base import Bools, Float32, Float64
 from stereolib.calibration.boards import BoardViews
-from stereolib.calibration.bundle_adjustment import board_poses, project_with_derivatives
+from stereolib.calibration.bundle_adjustment import boards_before, project_with_derivatives
 from stereolib.calibration.solve import calibrate_camera
 
 _MANY = 8.0  # times the median distance, which is 1.18 sigma: of a million honest corners none
@@ -100,8 +100,7 @@ def _wrong(views: BoardViews, found_px: Float32, model: str) -> tuple[Bools, Flo
     for _ in range(_ROUNDS):
         kept = np.where(wrong[..., None], np.float32(np.nan), found_px)
         camera = calibrate_camera(views.board, kept, views.size, model=model).camera
-        turns, shifts = board_poses(views.board.points_mm, kept, camera)
-        points = views.board.points_mm @ turns.transpose(0, 2, 1) + shifts[:, None]
+        points = boards_before(views.board.points_mm, kept, camera)[2]
         expected = project_with_derivatives(camera, points)[0]
         off = np.linalg.norm(found_px - expected, axis=2)
         usual = np.maximum(np.nanmedian(off, axis=1, keepdims=True), max(float(np.nanmedian(off)), _LEAST_PX))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import math
 import re
 from collections.abc import Iterable
@@ -16,6 +17,24 @@ if TYPE_CHECKING:
 _OTHER_SQUARE = 0.005  # share of an edge: rulers differ by less
 _SIDES = {"left", "right", "l", "r"}
 _Key = tuple[tuple[bool, int, str], ...]
+
+
+def add_board(parser: argparse.ArgumentParser) -> None:
+    """Add the options that say what a board is."""
+    parser.add_argument("--board", required=True, metavar="9x6", help="inner corners, columns x rows")
+    parser.add_argument(
+        "--square-mm", required=True, metavar="MM", help="edge of a square, or width x height, as 24.9x25.1"
+    )
+    parser.add_argument("--marker-mm", type=float, metavar="MM", help="edge of a marker, if the board is ChArUco")
+    parser.add_argument("--dictionary", default="5X5_100", metavar="NAME", help="its markers (default: 5X5_100)")
+    parser.add_argument("--legacy", action="store_true", help="a ChArUco board printed by OpenCV before 4.6")
+
+
+def board_of(arguments: argparse.Namespace) -> Board:
+    """The board of these options."""
+    return parse_board(
+        arguments.board, arguments.square_mm, arguments.marker_mm, arguments.dictionary, arguments.legacy
+    )
 
 
 def parse_board(

@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 from stereolib.base import counted
-from stereolib.cli.boards import pair_files, parse_board
+from stereolib.cli.boards import add_board, board_of, pair_files
 from stereolib.cli.command import Command
 from stereolib.cli.errors import DONE, REFUSED
 from stereolib.cli.outputs import check_outputs
@@ -33,13 +33,7 @@ that a second run does not search again; delete that folder at will."""
 def _configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("left", type=Path, metavar="LEFT_DIR", help="pictures of the left camera, nothing else")
     parser.add_argument("right", type=Path, metavar="RIGHT_DIR", help="of the right one, by the same names or numbers")
-    parser.add_argument("--board", required=True, metavar="9x6", help="inner corners, columns x rows")
-    parser.add_argument(
-        "--square-mm", required=True, metavar="MM", help="edge of a square, or width x height, as 24.9x25.1"
-    )
-    parser.add_argument("--marker-mm", type=float, metavar="MM", help="edge of a marker, if the board is ChArUco")
-    parser.add_argument("--dictionary", default="5X5_100", metavar="NAME", help="its markers (default: 5X5_100)")
-    parser.add_argument("--legacy", action="store_true", help="a ChArUco board printed by OpenCV before 4.6")
+    add_board(parser)
     parser.add_argument(
         "--model",
         default="brown3",
@@ -64,9 +58,7 @@ def _run(arguments: argparse.Namespace) -> int:
     if in_the_way := [path for path in (arguments.output, *arguments.output.parents) if path.is_file()]:
         raise ValueError(f"--output must name a folder, but {in_the_way[0]} is a file")
     check_outputs(written, force=arguments.force, option="--output")
-    board = parse_board(
-        arguments.board, arguments.square_mm, arguments.marker_mm, arguments.dictionary, arguments.legacy
-    )
+    board = board_of(arguments)
     for name, value, least in (("--ruler-mm", arguments.ruler_mm, 1.0), ("--at-mm", arguments.at_mm, _NEAREST_MM)):
         if value is not None and not (math.isfinite(value) and value >= least):
             raise ValueError(f"{name} is a number of millimetres, {least:g} or more; got {value:g}")

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stereolib.base import plus_minus
-from stereolib.cli.boards import pair_files, parse_board, said_of
+from stereolib.cli.boards import add_board, board_of, pair_files, said_of
 from stereolib.cli.command import Command
 from stereolib.cli.errors import DONE, REFUSED, WRONG_INPUT
 from stereolib.cli.outputs import check_ending, check_outputs
@@ -40,13 +40,7 @@ def _configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "pairs", type=Path, nargs="+", metavar="PAIR", help="left and right folder, or files left right left right ..."
     )
-    parser.add_argument("--board", required=True, metavar="9x6", help="inner corners, columns x rows")
-    parser.add_argument(
-        "--square-mm", required=True, metavar="MM", help="edge of a square, or width x height, as 24.9x25.1"
-    )
-    parser.add_argument("--marker-mm", type=float, metavar="MM", help="edge of a marker, if the board is ChArUco")
-    parser.add_argument("--dictionary", default="5X5_100", metavar="NAME", help="its markers (default: 5X5_100)")
-    parser.add_argument("--legacy", action="store_true", help="a ChArUco board printed by OpenCV before 4.6")
+    add_board(parser)
     parser.add_argument("--calibration", type=Path, required=True, metavar="FILE", help="the rig's calibration.json")
     parser.add_argument("--picture", type=Path, metavar="PNG", help="draw the board and the rows")
     parser.add_argument("--force", action="store_true", help="replace the picture if it is there")
@@ -57,9 +51,7 @@ def _run(arguments: argparse.Namespace) -> int:
     if arguments.picture:
         check_ending(arguments.picture, ".png", "the picture")
         check_outputs([arguments.picture], force=arguments.force, option="--picture")
-    board = parse_board(
-        arguments.board, arguments.square_mm, arguments.marker_mm, arguments.dictionary, arguments.legacy
-    )
+    board = board_of(arguments)
     left, right = zip(*_pairs(arguments.pairs), strict=True)
 
     from stereolib.calibration import CalibrationRecord, check_calibration, find_in_files

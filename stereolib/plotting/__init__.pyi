@@ -20,13 +20,10 @@ from .pictures import (
     plot_height,
     plot_image,
     plot_mask,
-    plot_partners,
     plot_points,
     plot_quantity,
-    plot_row_crops,
-    plot_row_test,
-    plot_rows,
 )
+from .rows import plot_partners, plot_row_crops, plot_row_test, plot_rows
 from .style import COLORS, LASER, OURS, PAPER, REFUSED, RIVAL, TRUTH, panels
 from .triangulation import plot_triangulation
 from .two_views import plot_line_of_sight, plot_pair, plot_similar_triangles, plot_thumb

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from support.corners import corner_set, draw_rig
 
-from stereolib.calibration import Charuco, Checkerboard, diagnose, diagnosis, triangulate
+from stereolib.calibration import Charuco, Checkerboard, diagnose, findings, triangulate
 from stereolib.paper import paper_rig
 from stereolib.rig import StereoRig
 from stereolib.virtual import recordings
@@ -90,8 +90,8 @@ def test_what_is_no_error_of_sizes_is_advice_and_its_limits_grow_with_the_image(
 def test_verdict_follows_the_error(recorded, error_pct, verdict):
     errors = replace(recorded.error_map, depth_mm=np.full_like(recorded.error_map.depth_mm, 10 * error_pct))
     changed = replace(recorded, error_map=errors)
-    changed = replace(changed, checks=diagnosis._checks(changed))
-    found = diagnosis._judged(changed, diagnosis._check_findings(changed))
+    changed = replace(changed, checks=findings.checks_of(changed))
+    found = findings.with_verdict(changed, findings.check_findings(changed))
     assert found.verdict == verdict and len(found.reasons) == (verdict != "good")
 
 

@@ -165,9 +165,9 @@ def test_a_file_in_the_way_is_said_before_any_work(tmp_path: Path, capsys: pytes
 
 
 def test_help_states_the_limits_that_are_applied() -> None:
-    from stereolib.calibration import diagnosis
+    from stereolib.calibration import findings
 
-    for limit, line in zip(diagnosis.ERROR_PCT, ("good", "usable"), strict=True):
+    for limit, line in zip(findings.ERROR_PCT, ("good", "usable"), strict=True):
         assert re.search(rf"{line}.*\b{limit:g} %", CALIBRATE.notes), limit
         assert f"{limit:g} %" in wording.VERDICT_MEANINGS[line]
     assert "default: 1000" in make_help()

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from stereolib.base import datasets
-from stereolib.calibration import diagnosis, fresh_check
+from stereolib.calibration import findings, fresh_check
 from stereolib.cli import commands
 from stereolib.cli.boards import said_of
 from stereolib.cli.check import CHECK
@@ -83,7 +83,7 @@ def test_one_pair_by_its_files_and_a_wrong_square_as_json(folder: Path, capsys: 
 
 
 def test_help_states_the_limits_that_are_applied() -> None:
-    for limits, unit in ((fresh_check.ROWS_PX, "px"), (diagnosis.ERROR_PCT, "%")):
+    for limits, unit in ((fresh_check.ROWS_PX, "px"), (findings.ERROR_PCT, "%")):
         for limit, name in zip(limits, (r"still good.*(?:\n.*)?", "usable.*"), strict=True):
             assert re.search(rf"{name}\b{limit:g} {unit}", CHECK.notes), (limit, unit)
 

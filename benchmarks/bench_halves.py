@@ -26,6 +26,7 @@ from stereolib.calibration import (
     rig_covariance,
     rig_difference,
     rig_parameter_names,
+    rig_std,
 )
 from stereolib.calibration.bundle_adjustment import RigFit
 from stereolib.paper import paper_rig
@@ -58,18 +59,32 @@ def halves(views: BoardViews, size: int) -> Iterator[tuple[RigFit, RigFit]]:
 
 
 def of_set(views: BoardViews, rig: StereoRig, size: int) -> tuple[list[Array], list[Array]]:
-    """Differences over half the width of their 95 % intervals: between halves, and of each half from the truth."""
+    """Differences over half the width of their 95 % intervals: between halves, and of each half from the truth.
+
+    Last stands the baseline, which the report states beside T.
+    """
     between, from_truth = [], []
     for fits in halves(views, size):
-        half_widths = [INTERVAL_STDS * np.sqrt(np.diag(rig_covariance(fit))) for fit in fits]
-        between.append(np.abs(rig_difference(fits[0].rig, fits[1].rig)) / np.hypot(*half_widths))
-        from_truth += [np.abs(rig_difference(f.rig, rig)) / w for f, w in zip(fits, half_widths, strict=True)]
+        half_widths = [INTERVAL_STDS * stated(fit) for fit in fits]
+        between.append(np.abs(difference(fits[0].rig, fits[1].rig)) / np.hypot(*half_widths))
+        from_truth += [np.abs(difference(f.rig, rig)) / w for f, w in zip(fits, half_widths, strict=True)]
     return between, from_truth
+
+
+def stated(fit: RigFit) -> Array:
+    """Standard deviations of all parameters and of the baseline."""
+    covariance = rig_covariance(fit)
+    return np.append(np.sqrt(np.diag(covariance)), rig_std(fit.rig, covariance).baseline_mm)
+
+
+def difference(one: StereoRig, other: StereoRig) -> Array:
+    """By how much these differ between two rigs."""
+    return np.append(rig_difference(one, other), one.baseline_mm - other.baseline_mm)
 
 
 def row(between: Array, from_truth: Array) -> dict[str, Any]:
     """What the table says of one size; parameters of both cameras, and the axes of R and of T, by their own names."""
-    names = np.array([name.split()[-1] for name in rig_parameter_names(paper_rig())])
+    names = np.array([name.split()[-1] for name in (*rig_parameter_names(paper_rig()), "baseline")])
     inside = {name: (between[:, names == name] < 1).ravel() for name in dict.fromkeys(names.tolist())}
     off = [name for name, of in inside.items() if _is_off(of)]
     return {

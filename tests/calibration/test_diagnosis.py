@@ -20,7 +20,7 @@ def test_good_sets_are_good(seed):
     rng = np.random.default_rng([31, seed])
     rig = draw_rig(rng)
     found = diagnose(corner_set(rng, rig=rig), ruler_mm=round(rig.baseline_mm))
-    assert (found.verdict, found.advice, found.pairs_refused) == ("good", (), {})
+    assert (found.verdict, found.warnings, found.advice, found.pairs_refused) == ("good", (), (), {})
     assert found.square_error_pct < 0.1
     assert abs(found.rig.baseline_mm - rig.baseline_mm) < 4 * found.std.baseline_mm
     assert found.pairs_used == found.groups[0]
@@ -139,7 +139,8 @@ def test_cameras_that_see_nothing_in_common_where_rigs_measure():
     found = diagnose(
         corner_set(rng, rig=StereoRig(rig.left, rig.right, rig.R @ half @ half, -rig.R @ half @ apart), pairs=15)
     )
-    assert found.rectified_std == {} and found.verdict in ("good", "usable", "bad")
+    assert found.rectified_std == {} and found.verdict == "bad"
+    assert "no direction that both pictures show" in found.reasons[0]
 
 
 @pytest.mark.parametrize("ruler", [0.0, -93.0, float("nan")])

@@ -62,7 +62,9 @@ def save_figure(name: str | None, figure: Figure, *, alt: str = "", svg: bool = 
     stream = io.BytesIO()
     figure.savefig(stream, format="png", dpi=DPI, facecolor="white")
     stream.seek(0)
-    picture = Image.open(stream).convert("RGB").quantize(256, dither=Image.Dither.FLOYDSTEINBERG)
+    picture = Image.open(stream).convert("RGB")
+    # by coverage and not by frequency: a colour that means something may fill a few pixels only
+    picture = picture.quantize(256, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.FLOYDSTEINBERG)
     stream = io.BytesIO()
     about = PngImagePlugin.PngInfo()
     if alt:

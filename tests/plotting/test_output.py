@@ -10,6 +10,7 @@ import pandas as pd
 from PIL import Image
 
 from stereolib import plotting
+from stereolib.plotting.style import COLORS, REFUSED
 
 
 def drawing(noise=0.0):
@@ -65,3 +66,15 @@ def test_table(figures_in_temporary_folder):
     assert plotting.save_table("distances", table) is table
     written = (figures_in_temporary_folder / "tables" / "distances.csv").read_bytes()
     assert written == 'distance_mm,note\n500,"a, b"\n700,±\n'.encode()
+
+
+def test_colours_of_small_things_stay(figures_in_temporary_folder):
+    """A map in hundreds of shades, and a mark of few pixels in each colour that means something."""
+    figure, (ax,) = plotting.panels(1, width_in=6, aspect=0.7)
+    ax.imshow(np.random.default_rng(0).normal(size=(300, 400)).cumsum(axis=1), cmap="viridis", extent=(0, 8, 0, 6))
+    for k, color in enumerate((*COLORS, REFUSED)):
+        ax.plot(k + 0.5, 3, "s", ms=4, color=color)
+    shown = np.array(Image.open(io.BytesIO(plotting.save_figure(None, figure).data)).convert("RGB"), int)
+    for color in (*COLORS, REFUSED):
+        wanted = np.array([int(color[k : k + 2], 16) for k in (1, 3, 5)])
+        assert (np.abs(shown - wanted).max(axis=2) < 12).sum() > 20, color

@@ -13,7 +13,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from stereolib.base import UInt8, figures_dir, write_atomic
-from stereolib.plotting.style import DPI, default_style
+from stereolib.plotting.style import COLORS, DPI, REFUSED, default_style
 
 _Table = TypeVar("_Table")
 
@@ -62,9 +62,7 @@ def save_figure(name: str | None, figure: Figure, *, alt: str = "", svg: bool = 
     stream = io.BytesIO()
     figure.savefig(stream, format="png", dpi=DPI, facecolor="white")
     stream.seek(0)
-    picture = Image.open(stream).convert("RGB")
-    # by coverage and not by frequency: a colour that means something may fill a few pixels only
-    picture = picture.quantize(256, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.FLOYDSTEINBERG)
+    picture = _with_256_colours(Image.open(stream).convert("RGB"))
     stream = io.BytesIO()
     about = PngImagePlugin.PngInfo()
     if alt:
@@ -78,6 +76,24 @@ def save_figure(name: str | None, figure: Figure, *, alt: str = "", svg: bool = 
                 figure.savefig(drawing, format="svg", metadata={"Date": None, "Creator": None})
             write_atomic(figures_dir() / f"{name}.svg", drawing.getvalue())
     return Picture(stream.getvalue(), alt)
+
+
+def _with_256_colours(picture: Any) -> Any:
+    """Quantise a picture: the commonest colours, and those that mean something, however few pixels they fill.
+
+    Each pixel gets the nearest of them, found here and not by Pillow, whose table of them is too coarse for white.
+    """
+    from PIL import Image
+    from scipy.spatial import cKDTree
+
+    meant = [[int(color[k : k + 2], 16) for k in (1, 3, 5)] for color in ("#ffffff", *COLORS, REFUSED)]
+    common = np.reshape(picture.quantize(256 - len(meant)).getpalette(), (-1, 3))[: 256 - len(meant)]
+    palette = np.vstack([meant, common]).astype(np.uint8)
+    seen, place = np.unique(np.asarray(picture).reshape(-1, 3), axis=0, return_inverse=True)
+    nearest = cKDTree(palette).query(seen)[1].astype(np.uint8)
+    quantised = Image.fromarray(nearest[place.ravel()].reshape(picture.height, picture.width), "P")
+    quantised.putpalette(palette.ravel().tolist())
+    return quantised
 
 
 def save_table(name: str, table: _Table) -> _Table:

@@ -1,5 +1,12 @@
 from .calibration_report import lens_shift_px, write_calibration_report
-from .calibration_views import plot_boards_in_space, plot_epipolar_lines, plot_epipolar_plane, plot_lens_arrows
+from .calibration_views import (
+    plot_boards_in_space,
+    plot_camera_matrix,
+    plot_epipolar_lines,
+    plot_epipolar_plane,
+    plot_hold_out,
+    plot_lens_arrows,
+)
 from .check_figure import check_figure
 from .course_map import plot_course
 from .curves import plot_bars, plot_curves, plot_dots, plot_shares
@@ -26,7 +33,7 @@ from .pictures import (
 from .rows import plot_partners, plot_row_crops, plot_row_test, plot_rows
 from .style import COLORS, LASER, OURS, PAPER, REFUSED, RIVAL, TRUTH, panels
 from .triangulation import plot_triangulation
-from .two_views import plot_line_of_sight, plot_pair, plot_similar_triangles, plot_thumb
+from .two_views import plot_line_of_sight, plot_pair, plot_similar_triangles, plot_thumb, plot_toe_in
 
 __all__ = [
     "COLORS",
@@ -48,6 +55,7 @@ __all__ = [
     "plot_bars",
     "plot_boards_in_space",
     "plot_box",
+    "plot_camera_matrix",
     "plot_cells",
     "plot_corners",
     "plot_course",
@@ -61,6 +69,7 @@ __all__ = [
     "plot_gallery",
     "plot_height",
     "plot_height_attempt",
+    "plot_hold_out",
     "plot_image",
     "plot_intervals",
     "plot_lens_arrows",
@@ -87,6 +96,7 @@ __all__ = [
     "plot_sizes",
     "plot_strips",
     "plot_thumb",
+    "plot_toe_in",
     "plot_top_view",
     "plot_triangulation",
     "save_figure",

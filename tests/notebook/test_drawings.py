@@ -17,7 +17,16 @@ from stereolib.matching import (
     score_repair,
 )
 from stereolib.matching.filters import close
-from stereolib.notebook import draw_dilation, draw_guided, draw_paths, draw_sgbm, draw_two_pictures
+from stereolib.notebook import (
+    cube_foot_mm,
+    draw_dilation,
+    draw_guided,
+    draw_paths,
+    draw_sgbm,
+    draw_two_pictures,
+    toe_in,
+)
+from stereolib.paper import paper_rig
 from stereolib.virtual import recordings
 
 
@@ -46,6 +55,16 @@ def test_first_slider_says_the_formula(baseline_mm: int, f_px: int, distance_mm:
     )
     disparity_px = f_px * baseline_mm / distance_mm
     assert f"{distance_mm / (disparity_px + 1):.1f} mm nearer" in text
+
+
+def test_cameras_turned_inwards_stay_where_they_are() -> None:
+    straight = paper_rig()
+    toed, T_toed_left = toe_in(straight, 8.0)
+    np.testing.assert_allclose(-toed.R.T @ toed.T, T_toed_left[:3, :3] @ (-straight.R.T @ straight.T), atol=1e-9)
+    between = np.degrees(np.arccos(toed.R[2, 2])) - np.degrees(np.arccos(straight.R[2, 2]))
+    assert abs(between - 8.0) < 0.5 and T_toed_left[0, 2] < 0  # what was ahead now is on the left
+    left, near, right = cube_foot_mm()
+    np.testing.assert_allclose([np.linalg.norm(left - near), np.linalg.norm(right - near)], 300.0)
 
 
 def test_every_filter_can_be_chosen() -> None:

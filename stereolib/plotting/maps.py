@@ -53,7 +53,7 @@ def plot_scan(
     """
     ax.scatter(-points_mm[:, 1], points_mm[:, 0], s=5, color=color, label=label, lw=0)
     if zoom_mm:
-        glass = ax.inset_axes((0.2, 0.14, 0.45, 0.3))
+        glass = ax.inset_axes((0.2, 0.13, 0.45, 0.26))
         glass.scatter(-points_mm[:, 1], points_mm[:, 0], s=8, color=color, lw=0)
         glass.set(xlim=zoom_mm[:2], ylim=zoom_mm[2:], xticks=zoom_mm[:2], yticks=zoom_mm[2:])
         glass.tick_params(labelsize=8)

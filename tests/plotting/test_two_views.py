@@ -7,9 +7,10 @@ import re
 import nbformat
 import numpy as np
 
-from stereolib import plotting
+from stereolib import paper, plotting
 from stereolib.base import ROOT
 from stereolib.plotting import course_map
+from stereolib.virtual import recordings
 
 
 def ends(ax):
@@ -50,3 +51,15 @@ def test_map_of_the_course_has_every_chapter_that_its_table_names():
     named = set(re.findall(r"^\| \[?(\d\d) ", "\n".join(cell.source for cell in cells), re.MULTILINE))
     assert named | {"00"} == {name for name in drawn if name.isdigit()}
     assert {name for arrow in course_map._ARROWS for name in arrow.split()} == set(course_map._BOXES)
+
+
+def test_camera_and_cube_are_drawn_to_scale():
+    setup = paper.paper_setup()
+    view = paper.solve_pitch(recordings.rectified(), setup)
+    above, aside = plotting.panels(1, 2)[1]
+    plotting.plot_camera_and_cube(view, setup, 0.3, (above, aside))
+    half_cm = setup.side_mm / np.sqrt(200)
+    np.testing.assert_allclose(above.lines[0].get_xydata()[1], [70 + half_cm, -half_cm])  # a side corner
+    ray = [line.get_xydata() for line in aside.lines][-2]
+    np.testing.assert_allclose(ray, [[0, 8.5], [70, 0]])  # from the camera to the cube's foot
+    assert {text.get_text() for text in aside.texts} >= {r"$\theta$", r"$h_\mathrm{cam}$", "$D$"}

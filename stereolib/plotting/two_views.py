@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from stereolib.base import Floats, UInt8
+from stereolib.paper import CubeSetup, CubeView
 from stereolib.plotting.pictures import plot_image
 from stereolib.plotting.style import COLORS, OURS, REFUSED, TRUTH, default_style
 
@@ -154,6 +155,52 @@ def _measure(ax: Axes, begin: tuple[float, float], end: tuple[float, float], nam
     place: dict[str, Any] = {"ha": "right", "va": "center"} if upright else {"ha": "center", "va": "bottom"}
     offset = (-3, 0) if upright else (0, 2)
     ax.annotate(f"${name}$", middle, offset, textcoords="offset points", fontsize=12, **place)
+
+
+@default_style
+def plot_camera_and_cube(view: CubeView, setup: CubeSetup, half_view_rad: float, axes: Any) -> None:
+    """Draw a camera before a cube that stands edge-on, to scale: from above, then from the side.
+
+    Parameters
+    ----------
+    view : CubeView
+        Of the camera.
+    setup : CubeSetup
+    half_view_rad : float
+        From the camera's axis to the lower border of its picture.
+    axes : two matplotlib.axes.Axes
+    """
+    above, aside = axes
+    near, half = setup.distance_mm / 10, setup.side_mm / np.sqrt(2) / 10
+    middle, pane = near + half, 0.3 * (near + half)
+    above.fill([near, middle, near + 2 * half, middle], [0, half, 0, -half], color="0.85", ec="0.4")
+    for side in (-1, 1):
+        above.plot([0, middle], [0, side * half], color=OURS, lw=1.4)
+    above.plot([pane, pane], [-pane / 2, pane / 2], color="0.3", lw=2)
+    above.plot(0, 0, "o", color=OURS, ms=8)
+    _measure(above, (middle, -half), (middle, half), "L")
+    _measure(above, (0, -half - 9), (middle, -half - 9), "Z")
+    _measure(above, (pane - 2, -pane * half / middle), (pane - 2, pane * half / middle), "w")
+    _measure(above, (0, pane / 2), (pane, pane / 2), "f")
+    above.set(title="from above", xlabel="forward (cm)", ylabel="to the left (cm)", aspect="equal")
+    above.set(xlim=(-20, near + 2 * half + 3), ylim=(-half - 13, half + 4))
+    height, reach = view.camera_height_mm / 10, near + 2 * half
+    border = view.pitch_rad + half_view_rad * np.array([-1, 1])
+    aside.fill_between([0, reach], height + np.tan(border[0]) * np.array([0, reach]),
+                       height + np.tan(border[1]) * np.array([0, reach]), color=OURS, alpha=0.08, lw=0)  # fmt: skip
+    aside.fill([near, reach, reach, near], [0, 0, setup.side_mm / 10, setup.side_mm / 10], color="0.85", ec="0.4")
+    aside.axhline(0, color="0.3", lw=2)
+    aside.plot([0, reach], [height, height], color="0.6", lw=0.8, ls=":")
+    aside.plot([0, reach], [height, height + np.tan(view.pitch_rad) * reach], color=OURS, lw=1.2, ls="--")
+    aside.plot([0, near], [height, 0], color=OURS, lw=1.4)
+    aside.plot(0, height, "o", color=OURS, ms=8)
+    aside.text(
+        0.55 * near, height + 0.27 * np.tan(view.pitch_rad) * near, r"$\theta$", ha="center", va="center", fontsize=12
+    )
+    _measure(aside, (-4, 0), (-4, height), r"h_\mathrm{cam}")
+    _measure(aside, (0, -11), (near, -11), "D")
+    aside.set(title="from the side", xlabel="forward (cm)", ylabel="up (cm)", aspect="equal")
+    aside.set(xlim=(-20, reach + 3), ylim=(-15, setup.side_mm / 10 + 6))
 
 
 @default_style

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import nbformat
 import numpy as np
 import pytest
@@ -25,6 +27,7 @@ from stereolib.notebook import (
     draw_sgbm,
     draw_two_pictures,
     toe_in,
+    who_saw,
 )
 from stereolib.paper import paper_rig
 from stereolib.virtual import recordings
@@ -124,3 +127,14 @@ def test_slider_of_the_laser_says_what_the_library_measures() -> None:
     picture, text = draw_guided(700, 16, 60)
     assert picture.shape == (480, 1280, 3)
     assert text == f"32 disparities searched; bad 2 on the cube: {quality.bad2_pct:.1f} %"
+
+
+def test_who_saw_which_box_stars_what_the_map_leaves_out() -> None:
+    def thing(height_mm: float) -> SimpleNamespace:
+        return SimpleNamespace(size_mm=np.array([200.0, 100.0, height_mm]))
+
+    stations = [SimpleNamespace(objects=[thing(50.0)]), SimpleNamespace(objects=[thing(np.nan), thing(30.0)])]
+    names = {1: ["A"], 2: ["A", "B"]}
+    objects = [SimpleNamespace(stations=(1,)), SimpleNamespace(stations=(2,))]
+    room = SimpleNamespace(names=("A", "B"), stations=stations, objects=objects, names_of=names.__getitem__)
+    assert who_saw(room).to_numpy().tolist() == [["pictures", "laser*"], ["-", "pictures"]]

@@ -7,9 +7,10 @@ import re
 import nbformat
 import numpy as np
 
-from stereolib import plotting
+from stereolib import paper, plotting
 from stereolib.base import ROOT
 from stereolib.plotting import course_map
+from stereolib.virtual import recordings
 
 
 def ends(ax):
@@ -67,3 +68,15 @@ def test_turned_axes_cross_where_the_notebook_says():
     crossing = 93.0 / 2 / np.tan(np.radians(4.0))
     np.testing.assert_allclose([np.interp(crossing, x0, y0), np.interp(crossing, x1, y1)], -93.0 / 2)
     assert (np.ptp(ax.patches[0].get_xy(), axis=0) / 2).tolist() == [200.0, 200.0]
+
+
+def test_camera_and_cube_are_drawn_to_scale():
+    setup = paper.paper_setup()
+    view = paper.solve_pitch(recordings.rectified(), setup)
+    above, aside = plotting.panels(1, 2)[1]
+    plotting.plot_camera_and_cube(view, setup, 0.3, (above, aside))
+    half_cm = setup.side_mm / np.sqrt(200)
+    np.testing.assert_allclose(above.lines[0].get_xydata()[1], [70 + half_cm, -half_cm])  # a side corner
+    ray = [line.get_xydata() for line in aside.lines][-2]
+    np.testing.assert_allclose(ray, [[0, 8.5], [70, 0]])  # from the camera to the cube's foot
+    assert {text.get_text() for text in aside.texts} >= {r"$\theta$", r"$h_\mathrm{cam}$", "$D$"}

@@ -5,7 +5,15 @@ from .course_map import plot_course
 from .curves import plot_bars, plot_curves, plot_dots, plot_shares
 from .gallery import Exhibit, plot_cells, plot_gallery, plot_repairs
 from .maps import plot_occupancy, plot_scan, plot_scan_polar, plot_scans, plot_sizes, plot_top_view
-from .matches import mark_pixels, plot_matched, plot_pixel_cost, plot_row_cost, plot_row_pair, plot_strips
+from .matches import (
+    mark_pixels,
+    plot_cost_cells,
+    plot_matched,
+    plot_pixel_cost,
+    plot_row_cost,
+    plot_row_pair,
+    plot_strips,
+)
 from .measurements import plot_height_attempt, plot_intervals
 from .output import figure_to_image, save_figure, save_table
 from .pictures import (
@@ -50,6 +58,7 @@ __all__ = [
     "plot_box",
     "plot_cells",
     "plot_corners",
+    "plot_cost_cells",
     "plot_course",
     "plot_crop",
     "plot_curves",

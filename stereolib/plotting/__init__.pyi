@@ -21,7 +21,15 @@ from .maps import (
     plot_sizes,
     plot_top_view,
 )
-from .matches import mark_pixels, plot_matched, plot_pixel_cost, plot_row_cost, plot_row_pair, plot_strips
+from .matches import (
+    mark_pixels,
+    plot_cost_cells,
+    plot_matched,
+    plot_pixel_cost,
+    plot_row_cost,
+    plot_row_pair,
+    plot_strips,
+)
 from .measurements import plot_error_curves, plot_height_attempt, plot_intervals
 from .output import figure_to_image, save_figure, save_table
 from .pictures import (
@@ -75,6 +83,7 @@ __all__ = [
     "plot_camera_matrix",
     "plot_cells",
     "plot_corners",
+    "plot_cost_cells",
     "plot_course",
     "plot_crop",
     "plot_curves",

@@ -8,9 +8,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 from matplotlib.axes import Axes
+from matplotlib.colors import to_rgb
 
 from stereolib.base import Floats
 from stereolib.plotting.style import COLORS, LINE_STYLES, default_style
+
+_ROOM_PCT = 4.0  # of a bar's length, which a number takes
 
 
 @default_style
@@ -111,7 +114,14 @@ def plot_bars(counts: Mapping[str, int], ax: Axes, *, xlabel: str, title: str = 
 
 
 @default_style
-def plot_shares(shares: Mapping[str, Mapping[str, float]], ax: Axes, colors: Mapping[str, str], *, xlabel: str) -> Axes:
+def plot_shares(
+    shares: Mapping[str, Mapping[str, float]],
+    ax: Axes,
+    colors: Mapping[str, str],
+    *,
+    xlabel: str,
+    ends: Mapping[str, str] | None = None,
+) -> Axes:
     """Draw what wholes are made of: a horizontal bar for each, its parts one after the other.
 
     Parameters
@@ -122,6 +132,9 @@ def plot_shares(shares: Mapping[str, Mapping[str, float]], ax: Axes, colors: Map
     colors : mapping of str to str
         A part's name to its colour, in the legend's order.
     xlabel : str
+    ends : mapping of str to str, optional
+        What stands at the end of a bar, for example of how many these are the shares. With it every part that has
+        room for it has its number written in it.
 
     Returns
     -------
@@ -130,8 +143,15 @@ def plot_shares(shares: Mapping[str, Mapping[str, float]], ax: Axes, colors: Map
     begins = np.zeros(len(shares))
     for part, color in colors.items():
         widths = np.array([one[part] for one in shares.values()])
-        ax.barh(list(shares), widths, left=begins, color=color, label=part, edgecolor="white", lw=0.5)
+        bars = ax.barh(list(shares), widths, left=begins, color=color, label=part, edgecolor="white", lw=0.5)
+        if ends is not None:
+            written = [f"{width:.0f}" if width >= _ROOM_PCT else "" for width in widths]
+            ink = "black" if sum(to_rgb(color)) > 1.8 else "white"
+            ax.bar_label(bars, written, label_type="center", color=ink, fontsize=8)
         begins = begins + widths
+    for k, name in enumerate(shares if ends else ()):
+        frames: Any = {"xycoords": ("axes fraction", "data"), "textcoords": "offset points"}
+        ax.annotate((ends or {})[name], xy=(1, k), xytext=(4, 0), va="center", fontsize=9, **frames)
     ax.invert_yaxis()
     ax.set(xlabel=xlabel, xlim=(0, float(begins.max())))
     ax.legend(frameon=False, fontsize=9, ncols=len(colors), loc="lower center", bbox_to_anchor=(0.45, 1.0))

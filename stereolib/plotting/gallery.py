@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -12,14 +12,16 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from stereolib.base import Bools, Floats
+from stereolib.base import Bools, Floats, UInt8
 from stereolib.matching import score
 from stereolib.plotting.style import DPI, NOTHING_GREY, default_style
 
 _WIDTH_IN, _POINTS = 7.5, 8.5  # printed 16 cm wide, the text is of 7 points
+_WITH_PHOTOS_IN = 6.5  # photographs take many bytes
 _LEFT_IN, _GAP_IN, _LINE_IN, _BARS_IN = 0.24, 0.04, 0.165, 0.62  # left margin, between panels, a line, the bars
 #: What a row of a gallery shows: the name of its bar, its colours.
 KINDS = {"disparity": ("disparity (px)", "viridis"), "error": ("error (px): red is too near", "RdBu_r")}
+PHOTO = "photo"  # a row of pictures as cameras see them, without a bar
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,8 +32,8 @@ class Exhibit:
     ----------
     name : str
         Stands above; two lines at most.
-    pictures : sequence of (H, W) float, px
-        As many as the gallery has rows; NaN is drawn light grey.
+    pictures : sequence of (H, W) float, px, or of (H, W) or (H, W, 3) uint8
+        As many as the gallery has rows; NaN is drawn light grey. Photographs are blue-green-red.
     told : str
         Stands beneath.
     outline : (H, W) bool, optional
@@ -39,7 +41,7 @@ class Exhibit:
     """
 
     name: str
-    pictures: Sequence[Floats]
+    pictures: Sequence[Floats | UInt8]
     told: str = ""
     outline: Bools | None = None
 
@@ -52,6 +54,7 @@ def plot_gallery(
     columns: int = 7,
     disparity_px: tuple[float, float] = (0.0, 128.0),
     limit_px: float = 4.0,
+    title: str = "",
 ) -> Figure:
     """Draw maps and their errors in equal panels, with one bar for all disparities and one for all errors.
 
@@ -59,7 +62,7 @@ def plot_gallery(
     ----------
     exhibits : sequence of Exhibit
         Pictures of one size.
-    rows : mapping of str to {"disparity", "error"}
+    rows : mapping of str to {"disparity", "error", "photo"}
         What the rows are called, from top to bottom, and what they show.
     columns : int
         Exhibits beside each other; those that follow begin a new block of rows.
@@ -67,6 +70,8 @@ def plot_gallery(
         Ends of the colours of disparities.
     limit_px : float, px
         Where the colours of errors end, on both sides.
+    title : str
+        Above all.
 
     Returns
     -------
@@ -85,13 +90,15 @@ def plot_gallery(
     >>> len(figure.axes)  # two panels, two bars
     4
     """
-    height, width = np.shape(exhibits[0].pictures[0])
-    panel_in = (_WIDTH_IN - _LEFT_IN) / columns - _GAP_IN
+    height, width = np.shape(exhibits[0].pictures[0])[:2]
+    width_in = _WITH_PHOTOS_IN if PHOTO in rows.values() else _WIDTH_IN
+    panel_in = (width_in - _LEFT_IN) / columns - _GAP_IN
     tall_in = panel_in * height / width
     lines = ([text.count("\n") + bool(text) for text in texts] for texts in _texts(exhibits))
     above, beneath = (_LINE_IN * max(counts) + 0.05 for counts in lines)
     block_in = above + len(rows) * (tall_in + _GAP_IN) + beneath
-    figure = Figure(figsize=(_WIDTH_IN, block_in * -(-len(exhibits) // columns) + _BARS_IN), dpi=DPI)
+    head_in = 1.5 * _LINE_IN * bool(title)
+    figure = Figure(figsize=(width_in, head_in + block_in * -(-len(exhibits) // columns) + _BARS_IN), dpi=DPI)
     FigureCanvasAgg(figure)
     whole_in, ends = figure.get_figheight(), {"disparity": disparity_px, "error": (-limit_px, limit_px)}
     shown: dict[str, Any] = {}
@@ -100,17 +107,20 @@ def plot_gallery(
         axes = []
         for row, ((name, kind), picture) in enumerate(zip(rows.items(), exhibit.pictures, strict=True)):
             left_in = _LEFT_IN + column * (panel_in + _GAP_IN)
-            low_in = whole_in - block * block_in - above - row * (tall_in + _GAP_IN) - tall_in
-            place = left_in / _WIDTH_IN, low_in / whole_in, panel_in / _WIDTH_IN, tall_in / whole_in
+            low_in = whole_in - head_in - block * block_in - above - row * (tall_in + _GAP_IN) - tall_in
+            place = left_in / width_in, low_in / whole_in, panel_in / width_in, tall_in / whole_in
             axes.append(figure.add_axes(place))
-            shown[kind] = _hang(picture, axes[-1], kind, ends[kind])
+            shown[kind] = _hang(picture, axes[-1], kind, ends.get(kind, (0.0, 255.0)))
             if exhibit.outline is not None:
                 axes[-1].contour(exhibit.outline, levels=[0.5], colors="black", linewidths=0.7)
             if column == 0:
                 axes[-1].set_ylabel(name, fontsize=_POINTS, labelpad=3)
         axes[0].set_title(exhibit.name, fontsize=_POINTS, pad=3, linespacing=1.15)
         axes[-1].set_xlabel(exhibit.told, fontsize=_POINTS, labelpad=3, linespacing=1.15)
-    _scale(figure.axes[0], width)
+    if title:
+        figure.text(0.5, 1 - 0.4 * head_in / whole_in, title, fontsize=_POINTS + 1, ha="center", va="center")
+    if shown.pop(PHOTO, None) is None:
+        _scale(figure.axes[0], width)
     for k, (kind, image) in enumerate(shown.items()):
         place = 0.06 + 0.48 * k, (_BARS_IN - 0.2) / whole_in, 0.38 if len(shown) > 1 else 0.88, 0.09 / whole_in
         bar = figure.colorbar(image, cax=figure.add_axes(place), orientation="horizontal", extend="both")
@@ -120,7 +130,13 @@ def plot_gallery(
 
 
 def plot_repairs(
-    maps_px: Mapping[str, Floats], truth_px: Floats, where: Bools, part: tuple[slice, slice], *, columns: int = 7
+    maps_px: Mapping[str, Floats],
+    truth_px: Floats,
+    where: Bools,
+    part: tuple[slice, slice],
+    *,
+    columns: int = 7,
+    errors_only: bool = False,
 ) -> Figure:
     """Draw the true map and what several methods made of it, each with its error and its bad-2 beneath.
 
@@ -135,6 +151,8 @@ def plot_repairs(
         Rows and columns that are shown.
     columns : int
         Methods beside each other.
+    errors_only : bool
+        Draw the errors without the maps and the truth, with a line around the pixels that are counted.
 
     Returns
     -------
@@ -145,6 +163,9 @@ def plot_repairs(
         told = f"bad-2 {score(disparity, truth_px, where).bad2_pct:.0f} %" if name in maps_px else ""
         pictures = disparity[part], np.where(where, disparity - truth_px, np.nan)[part]
         exhibits.append(Exhibit(name.replace("_", "\n", 1).replace("_", " "), pictures, told))
+    if errors_only:
+        bare = [replace(one, pictures=one.pictures[1:], outline=where[part]) for one in exhibits[1:]]
+        return plot_gallery(bare, {"error": "error"}, columns=columns)
     return plot_gallery(exhibits, {"map": "disparity", "error": "error"}, columns=columns, disparity_px=(20, 110))
 
 
@@ -184,11 +205,14 @@ def _texts(exhibits: Sequence[Exhibit]) -> tuple[list[str], list[str]]:
     return [one.name for one in exhibits], [one.told for one in exhibits]
 
 
-def _hang(picture: Floats, axis: Axes, kind: str, ends: tuple[float, float]) -> Any:
-    colors = colormaps[KINDS[kind][1]].with_extremes(bad=NOTHING_GREY)
+def _hang(picture: Floats | UInt8, axis: Axes, kind: str, ends: tuple[float, float]) -> Any:
     axis.set(xticks=[], yticks=[])
     for spine in axis.spines.values():
         spine.set(linewidth=0.4, color="0.6")
+    if kind == PHOTO:
+        photo = picture[..., ::-1] if picture.ndim == 3 else picture
+        return axis.imshow(photo, cmap="gray", vmin=0, vmax=255, interpolation="antialiased", aspect="auto")
+    colors = colormaps[KINDS[kind][1]].with_extremes(bad=NOTHING_GREY)
     low, high = ends
     return axis.imshow(
         np.ma.masked_invalid(picture), cmap=colors, vmin=low, vmax=high, interpolation="nearest", aspect="auto"
@@ -200,4 +224,5 @@ def _scale(axis: Axes, width: int) -> None:
     length = max((step for step in (10, 50, 100) if step < 0.5 * width), default=5)
     foot, margin = axis.get_ylim()[0], 0.06 * width
     axis.plot([margin, margin + length], [foot - margin] * 2, color="black", lw=1.6)
-    axis.text(margin + length / 2, foot - 1.5 * margin, f"{length} px", fontsize=_POINTS - 1, ha="center")
+    behind = {"facecolor": "white", "alpha": 0.7, "pad": 0.8, "lw": 0}
+    axis.text(margin + length / 2, foot - 1.6 * margin, f"{length} px", fontsize=_POINTS - 1, ha="center", bbox=behind)

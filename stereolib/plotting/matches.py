@@ -6,16 +6,20 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from matplotlib import colormaps
 from matplotlib.axes import Axes
+from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 
 from stereolib.base import Bools, Floats, Ints, UInt8
+from stereolib.plotting.gallery import Exhibit, plot_gallery
 from stereolib.plotting.pictures import plot_disparity, plot_image
 from stereolib.plotting.style import OURS, TRUTH, default_style, panels
 
 _BGR_MARKED = (200, 0, 230)
 _SIDES = {"left": "#56B4E9", "right": "#CC79A7"}  # colours that mean nothing else
 _WIDTH_IN, _FONT_PT = 6.0, 8  # more than 7 pt where it is printed 16 cm wide
+_PALE = ListedColormap(colormaps["Greys"](np.linspace(0, 0.6, 256)))  # white is cheap; lines stand out on the rest
 
 
 @default_style
@@ -70,15 +74,43 @@ def plot_row_cost(costs: Floats | Ints, true_px: Floats, ax: Axes, title: str = 
     seen, columns = costs[count:], np.arange(count, width)
     dearest = float(np.percentile(seen, 90))
     frame = (count - 0.5, width - 0.5, -0.5, count - 0.5)
-    look: dict[str, Any] = {"cmap": "Greys", "vmin": seen.min(), "vmax": dearest, "interpolation": "nearest"}
+    look: dict[str, Any] = {"cmap": _PALE, "vmin": seen.min(), "vmax": dearest, "interpolation": "nearest"}
     shown = ax.imshow(seen.T, origin="lower", aspect="auto", extent=frame, **look)
-    ax.plot(columns, true_px[count:], color=TRUTH, lw=7, alpha=0.3, label="true")
-    ax.plot(columns, seen.argmin(axis=1), ".", color=OURS, ms=2.5, label="cheapest")
+    ax.plot(columns, true_px[count:], color="white", lw=5, label="_under the truth")
+    ax.plot(columns, seen.argmin(axis=1), ".", color=OURS, ms=4, label="cheapest")
+    ax.plot(columns, true_px[count:], color=TRUTH, lw=1.2, label="true")
     ax.set(title=title, xlabel="column (px)", ylabel="disparity d (px)", xlim=frame[:2], ylim=frame[2:])
-    ax.legend(fontsize=_FONT_PT, loc="upper right", framealpha=0.9, markerscale=4)
+    ax.legend(fontsize=_FONT_PT, loc="upper right", framealpha=0.9, markerscale=2)
     if ax.figure is not None:
         ax.figure.colorbar(shown, ax=ax, label=label, pad=0.01)
     return shown
+
+
+@default_style
+def plot_cost_cells(costs: Ints, true_px: Ints, ax: Axes, title: str = "") -> Axes:
+    """Draw the costs of a short row as cells with their numbers: a ring is each pixel's cheapest, a square the truth.
+
+    Parameters
+    ----------
+    costs : (W, D) int
+        Of every pixel, for the disparities 0, 1, 2, ...
+    true_px : (W,) int, px
+    ax : matplotlib.axes.Axes
+    title : str
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+    """
+    pixels = np.arange(len(costs))
+    ax.imshow(costs.T, origin="lower", cmap=_PALE, interpolation="nearest")
+    for (pixel, disparity), cost in np.ndenumerate(costs):
+        ax.text(pixel, disparity, f"{cost:g}", ha="center", va="center", fontsize=10)
+    ax.plot(pixels, true_px, "s", ms=25, mfc="none", mec=TRUTH, mew=1.2, label="true")
+    ax.plot(pixels, costs.argmin(axis=1), "o", ms=19, mfc="none", mec=OURS, mew=2.2, label="cheapest")
+    ax.set(title=title, xlabel="pixel of the row", ylabel="disparity d (px)", xticks=pixels + 0.0)
+    ax.set(xticklabels=pixels + 1, yticks=np.arange(costs.shape[1]))
+    return ax
 
 
 @default_style
@@ -159,7 +191,6 @@ def mark_pixels(image: UInt8, where: Bools) -> UInt8:
     return marked
 
 
-@default_style
 def plot_matched(
     pictures: Mapping[str, UInt8],
     maps: Mapping[str, Floats],
@@ -167,6 +198,7 @@ def plot_matched(
     *,
     high: float,
     title: str = "virtual rig",
+    columns: int | None = None,
 ) -> Figure:
     """Draw pictures in a row, the maps matched from them below, and one key of the colours for all maps.
 
@@ -182,25 +214,14 @@ def plot_matched(
         Where the colours end.
     title : str
         Above all.
+    columns : int, optional
+        Pairs beside each other, by default all; those that follow begin a new block.
 
     Returns
     -------
     matplotlib.figure.Figure
     """
-    height, width = next(iter(maps.values())).shape
-    panel_in = _WIDTH_IN * 0.92 / len(maps)  # the key takes the rest
-    lines = 1 + sum(max(text.count("\n") + 1 for text in some) for some in (maps, (notes or {"": ""}).values()))
-    tall_in = 2 * panel_in * height / width + 0.2 * lines + 0.2
-    figure: Figure
-    figure, axes = panels(len(maps), 2, width_in=_WIDTH_IN, aspect=tall_in / 2 / (_WIDTH_IN / len(maps)))
-    figure.suptitle(title, fontsize=_FONT_PT + 1)
-    for k, name in enumerate(maps):
-        above, below = axes[k], axes[len(maps) + k]
-        plot_image(pictures[name], above).set_title(name, fontsize=_FONT_PT)
-        shown = plot_disparity(maps[name], below, high=high, bar=False)
-        for ax in (above, below):
-            ax.set(xlabel="", ylabel="", xticks=[], yticks=[])
-        below.set_xlabel((notes or {}).get(name, ""), fontsize=_FONT_PT)
-    key = figure.colorbar(shown, ax=list(axes[len(maps) :]), fraction=0.03, pad=0.01)
-    key.set_label("disparity (px)", fontsize=_FONT_PT)
-    return figure
+    told = notes or {}
+    exhibits = [Exhibit(name, (pictures[name], found), told.get(name, "")) for name, found in maps.items()]
+    rows = {"left picture": "photo", "map": "disparity"}
+    return plot_gallery(exhibits, rows, columns=columns or len(maps), disparity_px=(0.0, high), title=title)

@@ -61,6 +61,17 @@ def test_repairs_are_scored_where_they_are_shown():
     assert shown.shape == (26, 40) and shown.mask[0].all() and shown[4, 6] == 3.0
 
 
+def test_errors_alone_have_a_line_around_what_is_counted():
+    truth, where = FLAT.copy(), np.zeros(FLAT.shape, bool)
+    where[5:25, 5:35] = True
+    crop = (slice(2, 28), slice(0, 40))
+    figure = plotting.plot_repairs({"median": truth + 1, "closing": truth}, truth, where, crop, errors_only=True)
+    panels, bars = figure.axes[:2], figure.axes[2:]
+    assert [axis.get_title() for axis in panels] == ["median", "closing"]
+    assert all(len(axis.collections) == 1 for axis in panels)
+    assert [bar.get_xlabel() for bar in bars] == ["error (px): red is too near"]
+
+
 def test_cells_have_their_numbers_written_in_them():
     ax = plotting.panels(1)[1][0]
     plotting.plot_cells(np.array([[1.0, np.nan], [2.5, 9.0]]), ax, "small")
@@ -72,3 +83,10 @@ def test_shares_fill_their_bars():
     plotting.plot_shares({"a": {"x": 30, "y": 70}, "b": {"x": 100, "y": 0}}, ax, {"x": "red", "y": "blue"}, xlabel="%")
     assert [(bar.get_x(), bar.get_width()) for bar in ax.patches] == [(0, 30), (0, 100), (30, 70), (100, 0)]
     assert ax.get_xlim() == (0, 100) and ax.yaxis_inverted()
+
+
+def test_shares_may_have_their_numbers_and_what_they_are_of():
+    ax = plotting.panels(1)[1][0]
+    shares = {"a": {"x": 30.4, "y": 69.6}, "b": {"x": 98, "y": 2}}
+    plotting.plot_shares(shares, ax, {"x": "black", "y": "white"}, xlabel="%", ends={"a": "50 px", "b": "7 px"})
+    assert [text.get_text() for text in ax.texts] == ["30", "98", "70", "", "50 px", "7 px"]

@@ -25,6 +25,7 @@ def test_row_s_costs_begin_where_all_disparities_have_a_partner(ax):
     costs[np.arange(10), np.arange(10) % 4] = 0
     shown = plotting.plot_row_cost(costs, np.full(10, 2.0), ax)
     assert shown.get_array().shape == (4, 6)
+    assert ax.lines[2].get_color() == plotting.TRUTH and set(ax.lines[2].get_ydata()) == {2.0}
     np.testing.assert_array_equal(ax.lines[1].get_xdata(), np.arange(4, 10))
     np.testing.assert_array_equal(ax.lines[1].get_ydata(), np.arange(4, 10) % 4)
 
@@ -47,9 +48,23 @@ def test_strips_and_maps_share_one_key_of_colours():
         dict.fromkeys(names, picture), dict.fromkeys(names, disparity), {"two": "bad"}, high=99
     )
     assert len(both.axes) == 5
-    assert [axis.get_title() for axis in both.axes[:2]] == list(names)
-    assert [axis.get_xlabel() for axis in both.axes[2:4]] == ["", "bad"]
-    assert {axis.images[0].get_clim() for axis in both.axes[2:4]} == {(0, 99)}
+    assert [axis.get_title() for axis in both.axes[:4:2]] == list(names)
+    assert [axis.get_xlabel() for axis in both.axes[1:4:2]] == ["", "bad"]
+    assert {axis.images[0].get_clim() for axis in both.axes[1:4:2]} == {(0, 99)}
+    assert both.axes[4].get_xlabel() == "disparity (px)" and [text.get_text() for text in both.texts] == ["virtual rig"]
+
+
+def test_photographs_keep_their_colours():
+    red = np.full((20, 30, 3), (0, 0, 255), np.uint8)
+    figure = plotting.plot_matched({"one": red}, {"one": np.ones((20, 30))}, high=2, columns=1)
+    assert figure.axes[0].images[0].get_array()[0, 0].tolist() == [255, 0, 0]
+
+
+def test_cells_of_costs_ring_the_cheapest_and_the_true(ax):
+    plotting.plot_cost_cells(np.array([[1, 0, 2], [5, 4, 3]]), np.array([1, 1]), ax)
+    true, cheapest = ax.lines
+    assert true.get_ydata().tolist() == [1, 1] and cheapest.get_ydata().tolist() == [1, 2]
+    assert [text.get_text() for text in ax.texts] == list("102543")
 
 
 def test_marking_leaves_the_picture_alone():

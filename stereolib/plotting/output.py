@@ -16,6 +16,7 @@ from stereolib.base import UInt8, figures_dir, write_atomic
 from stereolib.plotting.style import COLORS, DPI, REFUSED, default_style
 
 _Table = TypeVar("_Table")
+_COLOURS, _COMMON = 256, 140  # of a figure, and those of them that are taken by how often they occur
 
 
 class Picture:
@@ -79,17 +80,22 @@ def save_figure(name: str | None, figure: Figure, *, alt: str = "", svg: bool = 
 
 
 def _with_256_colours(picture: Any) -> Any:
-    """Quantise a picture: the commonest colours, and those that mean something, however few pixels they fill.
+    """Quantise a picture: colours that mean something, common ones, and those that are farthest from all of these.
 
-    Each pixel gets the nearest of them, found here and not by Pillow, whose table of them is too coarse for white.
+    The last keep the ends of a colour bar beside a photograph. Each pixel gets the nearest of them, found here and not
+    by Pillow, whose table of them is too coarse for white.
     """
     from PIL import Image
     from scipy.spatial import cKDTree
 
     meant = [[int(color[k : k + 2], 16) for k in (1, 3, 5)] for color in ("#ffffff", *COLORS, REFUSED)]
-    common = np.reshape(picture.quantize(256 - len(meant)).getpalette(), (-1, 3))[: 256 - len(meant)]
+    common = np.reshape(picture.quantize(_COMMON).getpalette(), (-1, 3))[:_COMMON]
     palette = np.vstack([meant, common]).astype(np.uint8)
     seen, place = np.unique(np.asarray(picture).reshape(-1, 3), axis=0, return_inverse=True)
+    off = cKDTree(palette).query(seen)[0]
+    while len(palette) < _COLOURS and off.max() > 0:
+        palette = np.vstack([palette, seen[off.argmax()]])
+        off = np.minimum(off, np.linalg.norm(seen - palette[-1].astype(float), axis=1))
     nearest = cKDTree(palette).query(seen)[1].astype(np.uint8)
     quantised = Image.fromarray(nearest[place.ravel()].reshape(picture.height, picture.width), "P")
     quantised.putpalette(palette.ravel().tolist())

@@ -26,7 +26,7 @@ def draw_lens(k1: float, k2: float, k3: float, p1: float) -> tuple[UInt8, str]:
     text : str
     """
     from stereolib.plotting import figure_to_image, panels
-    from stereolib.plotting.style import OURS, REFUSED, image_axes
+    from stereolib.plotting.style import OURS, REFUSED, TRUTH, image_axes
 
     right = paper.paper_rig().right
     K = right.K
@@ -43,7 +43,11 @@ def draw_lens(k1: float, k2: float, k3: float, p1: float) -> tuple[UInt8, str]:
     corners = np.array([[0, 0], [639, 0], [0, 479], [639, 479]], float)
     rays = np.column_stack([(corners - K[:2, 2]) / K[[0, 1], [0, 1]], np.ones(4)])
     moved = np.linalg.norm(camera.project(rays) - corners, axis=1).max()
-    folded = int(np.isnan(camera.rays(_pixel_grid(camera))[:, 0]).sum())
+    grid = _pixel_grid(camera)
+    dark = grid[np.isnan(camera.rays(grid)[:, 0])]
+    folded = len(dark)
+    if 0 < folded < len(grid) // 20:
+        ax.plot(*dark.mean(axis=0), "o", ms=30, mfc="none", mec=TRUTH, mew=1.6, clip_on=False)
     return figure_to_image(
         figure
     ), f"worst corner moves {moved:.1f} px; pixels without a direction (the lens folds): {folded}"

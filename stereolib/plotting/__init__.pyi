@@ -57,6 +57,7 @@ from .two_views import (
     plot_similar_triangles,
     plot_thumb,
     plot_toe_in,
+    plot_two_turns,
 )
 
 __all__ = [
@@ -128,6 +129,7 @@ __all__ = [
     "plot_toe_in",
     "plot_top_view",
     "plot_triangulation",
+    "plot_two_turns",
     "save_figure",
     "save_table",
     "write_calibration_report",

@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
 from matplotlib.patches import Rectangle
 from mpl_toolkits.mplot3d import proj3d
 
@@ -17,12 +19,12 @@ from stereolib.plotting.pictures import plot_image
 from stereolib.plotting.style import COLORS, OURS, REFUSED, TRUTH, default_style, image_axes
 from stereolib.rig import Camera, StereoRig
 
-_PANE_MM, _WIDE_MM, _HIGH_MM = 110.0, 48.0, 36.0  # a pane of glass before each camera, and half its sides
+_PANE_MM, _WIDE_MM, _HIGH_MM = 110.0, 40.0, 30.0  # a pane of glass before each camera, and half its sides
 
 
 @default_style
 def plot_boards_in_space(outlines_mm: Floats, centres_mm: Floats, ax: Any, *, shown: int = 0) -> Any:
-    """Draw boards in space, and the cameras before which they were held, to scale.
+    """Draw boards in space, dark near and bright far, and the cameras before which they were held, to scale.
 
     Parameters
     ----------
@@ -39,8 +41,11 @@ def plot_boards_in_space(outlines_mm: Floats, centres_mm: Floats, ax: Any, *, sh
     -------
     matplotlib.axes.Axes
     """
-    for k, outline in enumerate(np.asarray(outlines_mm, float)):
-        color, width = (COLORS[3], 3.0) if k == shown else (COLORS[0], 0.8)
+    outlines = np.asarray(outlines_mm, float)
+    far = outlines[..., 2].mean(axis=1)
+    colors = ScalarMappable(Normalize(far.min(), max(far.max(), far.min() + 1)), "viridis")
+    for k, outline in enumerate(outlines):
+        color, width = (COLORS[3], 3.0) if k == shown else (colors.to_rgba(far[k]), 1.1)
         ax.plot(*_upright(np.vstack([outline, outline[:1]])), color=color, lw=width, zorder=2 + (k == shown))
     for centre, name in zip(np.asarray(centres_mm, float), ("left camera", "right camera"), strict=True):
         ax.plot(*_upright(centre), "o", color=TRUTH, ms=6)
@@ -99,9 +104,11 @@ def plot_epipolar_plane(rig: StereoRig, point_mm: tuple[float, float, float], ax
         (right / 2, "$T$", (-9, -9)),
         (on_left, "$p_l$", (-9, 9)),
         (on_right, "$p_r$", (-3, -14)),
-        (seen[np.argmax(seen[:, 0])] @ rig.R + right, "epipolar line", (38, -4)),
     ):
         _label(ax, place, name, offset)
+    edge = _on_page(ax, seen[np.argmax(seen[:, 0])] @ rig.R + right)
+    leader = {"arrowstyle": "-", "color": OURS, "lw": 0.9}
+    ax.annotate("epipolar line", edge, (45, 14), textcoords="offset points", va="center", color=OURS, arrowprops=leader)
     return ax
 
 
@@ -191,13 +198,12 @@ def plot_hold_out(results: Sequence[HoldOut], ax: Axes, title: str = "") -> Axes
     -------
     matplotlib.axes.Axes
     """
-    names = [result.model for result in results]
+    names = [str(result.coefficients) for result in results]
     curves = {
         "pairs fitted": (names, [result.train_rms_px for result in results], OURS),
         "pairs left out": (names, [result.hold_out_rms_px for result in results], TRUTH),
     }
-    plot_curves(curves, ax, xlabel="lens model", ylabel="reprojection error (px, rms)", title=title)
-    ax.tick_params(axis="x", rotation=60)
+    plot_curves(curves, ax, xlabel="number of coefficients", ylabel="reprojection error (px, rms)", title=title)
     return ax
 
 
@@ -240,13 +246,19 @@ def _upright(points: Floats) -> Float64:
 
 def _label(ax: Any, place: Floats, name: str, offset: tuple[float, float]) -> None:
     """A name beside a point in space, so many points of print away."""
-    x, y, z = _upright(place)[:, 0]
-    at = proj3d.proj_transform(x, y, z, ax.get_proj())[:2]
+    at = _on_page(ax, place)
     size = 13 if name.startswith("$") else 9.5
     across = "center" if abs(offset[0]) < 5 or name.startswith("$") else ("left" if offset[0] > 0 else "right")
     ax.annotate(
         name, at, offset, textcoords="offset points", fontsize=size, ha=across, va="center", annotation_clip=False
     )
+
+
+def _on_page(ax: Any, place: Floats) -> tuple[float, float]:
+    """Where a point in space stands in the flat picture of the axes."""
+    x, y, z = _upright(place)[:, 0]
+    across, up = proj3d.proj_transform(x, y, z, ax.get_proj())[:2]
+    return float(across), float(up)
 
 
 def _to_scale(ax: Any, *, zoom: float) -> None:

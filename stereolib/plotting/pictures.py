@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 from matplotlib import colormaps
 from matplotlib.axes import Axes
+from matplotlib.colors import ListedColormap
 from matplotlib.patches import Rectangle
 from matplotlib.ticker import MaxNLocator
 
@@ -406,6 +407,9 @@ def plot_quantity(
         edges = (np.linspace(0, n - 1, k) for n, k in zip(quantity.size, unseen.shape[::-1], strict=True))
         area = ax.contourf(*edges, unseen.astype(float), levels=[0.5, 1.5], colors="none", hatches=["///"])
         area.set(edgecolor="#808080", linewidth=0)
+        nothing = np.ma.masked_where(~np.ma.getmaskarray(shown), np.zeros(shown.shape))
+        grey = ListedColormap([NOTHING_GREY])  # no hatches where there is no value
+        ax.pcolormesh(quantity.columns_px, quantity.rows_px, nothing, cmap=grey, shading="nearest", zorder=1.5)
     return image_axes(quantity.size, ax, title)
 
 

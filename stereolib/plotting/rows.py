@@ -114,7 +114,8 @@ def plot_partners(image: UInt8, points_px: Floats, lines_px: Sequence[Floats], a
     image : (H, W) or (H, W, 3) uint8
     points_px : (N, 2) float, px
     lines_px : sequence of N (M, 2) float, px
-        Drawn in place of the points, and the points' own rows dashed; empty draws the points.
+        Drawn in place of the points, and the points' own rows dashed; empty draws the points. The first point of each
+        line that the image shows is a dot, its last one a ring.
     ax : matplotlib.axes.Axes
     title : str
 
@@ -128,6 +129,10 @@ def plot_partners(image: UInt8, points_px: Floats, lines_px: Sequence[Floats], a
         x, y = np.asarray(line, float).T
         ax.plot(x, y, color=color, lw=2.2)
         ax.plot([np.nanmin(x), np.nanmax(x)], [point[1]] * 2, "--", color=color, lw=1.4)
+        inside = (x >= 0) & (x < image.shape[1]) & (y >= 0) & (y < image.shape[0])
+        ends = np.flatnonzero(inside)
+        for at, filled in zip((*ends[:1], *ends[-1:]), (color, "white"), strict=False):
+            ax.plot(x[at], y[at], "o", ms=7, color=filled, mec=color, mew=1.6, zorder=3)
     for point, color in zip([] if len(lines_px) else points_px, colors, strict=False):
         ax.plot(*point, "o", ms=8, color=color, mec="white", mew=0.8)
     return image_axes((image.shape[1], image.shape[0]), ax, title)

@@ -98,9 +98,14 @@ def plot_similar_triangles(pane_mm: float, baseline_mm: float, point_mm: tuple[f
         middle, beside = ((begin + end) / 2, pane_mm), (min(begin, end) - 24, 0.7 * pane_mm)
         leader = {"arrowstyle": "-", "color": "0.4", "lw": 0.8}
         two.annotate(f"${name}$", middle, beside, ha="center", va="center", fontsize=12, arrowprops=leader)
+    _measure(two, (shifted[0] + 22, 0), (shifted[0] + 22, pane_mm), "f")
+    _measure(two, (shifted[1] + 14, 0), (shifted[1] + 14, z), "Z")
+    small = {"arrowstyle": "-", "color": "0.4", "lw": 0.8}
+    two.annotate("$B$ by $Z$", (x + baseline_mm / 2, 0.8 * z), ha="center", va="center", fontsize=12)
+    two.annotate("$d$ by $f$", (baseline_mm + 2, 45), (46, 22), ha="center", va="center", fontsize=12, arrowprops=small)
     two.set_title("two pinholes: $d/f = B/Z$")
     for ax in axes:
-        ax.set(xlim=(-85, x + baseline_mm + 35), ylim=(-48, z + 45), aspect="equal")
+        ax.set(xlim=(-85, x + baseline_mm + 55), ylim=(-48, z + 45), aspect="equal")
         ax.set(xlabel="to the right (mm)", ylabel="forward (mm)")
 
 
@@ -135,6 +140,34 @@ def plot_toe_in(baseline_mm: float, angle_deg: float, foot_mm: Floats, ax: Axes)
     ax.set(xlabel="forward (mm)", ylabel="to the left (mm)", aspect="equal")
     ax.set(xlim=(-110, box[:, 0].max() + 25), ylim=(box[:, 1].min() - 25, box[:, 1].max() + 25))
     return ax
+
+
+@default_style
+def plot_two_turns(axes: Sequence[Axes], *, outward_deg: tuple[float, float] = (-6.0, 20.0)) -> None:
+    """Sketch the two steps of rectification from above: as it stands, after half-way turns, and lined up.
+
+    Parameters
+    ----------
+    axes : three matplotlib.axes.Axes
+    outward_deg : (left, right)
+        By what the two cameras are turned to the left at the beginning, degrees; drawn large on purpose.
+    """
+    middle = sum(outward_deg) / 2
+    stages = (("as it stands", outward_deg), ("1. meet half-way", (middle, middle)), ("2. line up", (0.0, 0.0)))
+    for ax, (title, turns) in zip(axes, stages, strict=True):
+        ax.plot([-0.9, 1.9], [0, 0], color=REFUSED, lw=0.9, ls=":")
+        ax.annotate("baseline", (0.5, -0.12), ha="center", va="center", fontsize=9, color="0.35")
+        for at, turn, color in ((0.0, turns[0], LEFT), (1.0, turns[1], RIGHT)):
+            ahead = np.array([-np.sin(np.radians(turn)), np.cos(np.radians(turn))])
+            across, foot = np.array([ahead[1], -ahead[0]]), np.array([at, 0.0])
+            pane = foot + 0.55 * ahead
+            ax.plot(*np.transpose([pane - 0.85 * across, pane + 0.85 * across]), color=color, lw=0.9, ls="--")
+            ax.plot(*np.transpose([pane - 0.36 * across, pane + 0.36 * across]), color=color, lw=4)
+            arrow = {"arrowstyle": "-|>", "color": color, "lw": 1.6, "shrinkA": 0, "shrinkB": 0}
+            tip = foot + 1.15 * ahead
+            ax.annotate("", (tip[0], tip[1]), (at, 0.0), arrowprops=arrow)
+            ax.plot(*foot, "o", color=color, ms=8)
+        ax.set(xlim=(-1.0, 2.0), ylim=(-0.25, 1.3), aspect="equal", title=title, xticks=[], yticks=[])
 
 
 def _pinhole(ax: Axes, at: float, pane_mm: float, point_mm: tuple[float, float], color: str) -> None:

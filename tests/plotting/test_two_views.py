@@ -6,6 +6,7 @@ import re
 
 import nbformat
 import numpy as np
+import pytest
 
 from stereolib import paper, plotting
 from stereolib.base import ROOT
@@ -80,3 +81,13 @@ def test_camera_and_cube_are_drawn_to_scale():
     ray = [line.get_xydata() for line in aside.lines][-2]
     np.testing.assert_allclose(ray, [[0, 8.5], [70, 0]])  # from the camera to the cube's foot
     assert {text.get_text() for text in aside.texts} >= {r"$\theta$", r"$h_\mathrm{cam}$", "$D$"}
+
+
+def test_two_turns_end_with_both_panes_in_one_line():
+    _, axes = plotting.panels(3)
+    plotting.plot_two_turns(axes)
+    panes = [[line.get_xydata() for line in ax.lines if line.get_linewidth() == 4] for ax in axes]
+    slopes = [[np.subtract(*pane)[1] / np.subtract(*pane)[0] for pane in pair] for pair in panes]
+    assert slopes[0][0] != pytest.approx(slopes[0][1])
+    assert slopes[1][0] == pytest.approx(slopes[1][1]) and abs(slopes[1][0]) > 0.1
+    np.testing.assert_allclose(np.array(panes[2])[..., 1], panes[2][0][0, 1])

@@ -110,7 +110,7 @@ def draw_sgbm(condition: str, num_disparities: int, block_size: int, uniqueness_
     disparity = compute_disparity(left, right, params)
     quality = score(disparity, disparity_px, cube)
     text = f"bad 2 on the cube: {quality.bad2_pct:.1f} %; matched: {quality.density_pct:.0f} %; "
-    return np.hstack([left, color_disparity(disparity, 0, 160)]), text + f"columns lost at the left: {num_disparities}"
+    return np.hstack([left, color_disparity(disparity, 0, 128)]), text + f"columns lost at the left: {num_disparities}"
 
 
 def draw_surface(distance_mm: float, contrast: float, scale_mm: float, light: float) -> tuple[UInt8, str]:
@@ -138,7 +138,7 @@ def draw_surface(distance_mm: float, contrast: float, scale_mm: float, light: fl
     disparity = compute_disparity(left, right, SGBMParams(192), whole=True)
     quality = score(disparity, disparity_px, cube)
     text = f"largest disparity of the cube {disparity_px[cube].max():.1f} px; "
-    text += f"bad 2: {quality.bad2_pct:.1f} %; matched: {quality.density_pct:.0f} %"
+    text += f"bad 2: {quality.bad2_pct:.1f} %; matched: {quality.density_pct:.0f} %; yellow: 192 px"
     return np.hstack([left, color_disparity(disparity, 0, 192)]), text
 
 

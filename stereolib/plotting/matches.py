@@ -131,15 +131,20 @@ def plot_row_pair(left: UInt8, right: UInt8, row: int, columns_px: tuple[float, 
     matplotlib.figure.Figure
     """
     figure: Figure
-    figure, axes = panels(1, 3, width_in=_WIDTH_IN, aspect=0.21)
-    for ax, name, strip, column in zip(axes, _SIDES, (left, right), columns_px, strict=False):
+    figure, axes = panels(1, 4, width_in=_WIDTH_IN, aspect=0.19)
+    for ax, below, name, strip, column in zip(axes, axes[2:], _SIDES, (left, right), columns_px, strict=False):
         plot_image(strip, ax, f"{name} picture, {title}").set(xlabel="", ylabel="row (px)")
         ax.axhline(row, color=_SIDES[name], lw=1)
-        ax.plot(column, row, "o", ms=11, mfc="none", mec=_SIDES[name], mew=3)
-        axes[2].plot(strip[row], color=_SIDES[name], lw=1.4, ls="-" if strip is left else "--", label=name)
-    axes[2].set(xlabel="column (px)", ylabel="grey value", xlim=(0, left.shape[1] - 1), ylim=(30, 205))
-    axes[2].legend(loc="lower right", ncols=2, frameon=False)
-    axes[2].grid(alpha=0.3)
+        ax.plot(column, row, "o", ms=18, mfc="none", mec=_SIDES[name], mew=3)
+        below.plot(strip[row], color=_SIDES[name], lw=1.4, label=name)
+        below.set(ylabel=f"grey, {name}", xlim=(0, left.shape[1] - 1), ylim=(30, 215))
+        for each in columns_px:
+            below.axvline(each, color=TRUTH, lw=0.8, ls=":")
+        below.grid(alpha=0.3)
+    ends = dict(zip(("xytext", "xy"), ((column, 50) for column in columns_px), strict=True))
+    axes[3].annotate("", **ends, arrowprops={"arrowstyle": "->", "color": TRUTH, "lw": 2, "shrinkA": 0, "shrinkB": 0})
+    axes[3].text(columns_px[0] + 6, 50, "d", color=TRUTH, fontsize=12, va="center")
+    axes[3].set_xlabel("column (px)")
     return figure
 
 

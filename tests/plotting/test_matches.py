@@ -35,7 +35,7 @@ def test_row_pair_has_the_row_of_both(ax):
     figure = plotting.plot_row_pair(left, right, 2, (12, 9.5))
     rings = [axis.lines[1].get_xdata() for axis in figure.axes[:2]]
     assert rings == [[12], [9.5]]
-    assert [set(line.get_ydata()) for line in figure.axes[2].lines] == [{100}, {150}]
+    assert [set(axis.lines[0].get_ydata()) for axis in figure.axes[2:]] == [{100}, {150}]
 
 
 def test_strips_and_maps_share_one_key_of_colours():

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from stereolib import plotting
-from stereolib.mapping import Station
 
 
 @pytest.fixture

@@ -13,7 +13,6 @@ from .curves import plot_bars, plot_curves, plot_dots, plot_shares
 from .gallery import Exhibit, plot_cells, plot_gallery, plot_repairs
 from .maps import (
     plot_occupancy,
-    plot_plan,
     plot_scan,
     plot_scan_polar,
     plot_scans,
@@ -108,7 +107,6 @@ __all__ = [
     "plot_pair",
     "plot_partners",
     "plot_pixel_cost",
-    "plot_plan",
     "plot_points",
     "plot_quantity",
     "plot_repairs",

@@ -17,7 +17,7 @@ from stereolib.measurement import Measurement, draw_objects
 from stereolib.plotting.pictures import plot_image
 from stereolib.plotting.style import LASER, OURS, REFUSED, RIVAL, default_style
 
-_DISC_MM, _HEADING_MM = 65, 130  # of a station: its radius, and how far its line reaches, seldom to the next disc
+_DISC_MM, _HEADING_MM = 65, 330  # of a station: its radius, and how far its line reaches, beyond a neighbour's disc
 _OVER_RING: dict[str, Any] = {"facecolor": "white", "lw": 0, "pad": 1}
 _ROW_STEP = 0.34  # between the series of `plot_sizes`, in rows
 _SERIES_COLORS = (RIVAL, OURS, LASER)
@@ -236,32 +236,6 @@ def plot_sightings(measured: Measurement, names: Sequence[str], ax: Axes, title:
     plot_image(draw_objects(pictured, names=[names[k] for k in seen]), ax, title)
     ax.set_axis_off()
     return ax
-
-
-@default_style
-def plot_plan(stations: Sequence[Station], outlines_mm: Mapping[str, Float64], ax: Axes, title: str = "") -> Axes:
-    """Draw where stations and boxes stand, seen from above: a plan beside what the stations saw.
-
-    Parameters
-    ----------
-    stations : sequence of Station
-    outlines_mm : mapping of str to (N, 2) float, mm
-        A box's letter to its corners.
-    ax : matplotlib.axes.Axes
-    title : str
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-    """
-    for name, outline in outlines_mm.items():
-        color = tuple(c / 255 for c in RGB[(ord(name[0]) - ord("A")) % len(RGB)])
-        ax.add_patch(Polygon(outline, fc=(*color, 0.35), ec=color, lw=1.8))
-        ax.annotate(name, tuple(outline.mean(axis=0)), ha="center", va="center", weight="bold")
-    for station, number in zip(stations, station_names(stations), strict=True):
-        plot_station(station, ax, number)
-    ax.autoscale_view()
-    return _floor_axes(ax, title)
 
 
 @default_style

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from stereolib import plotting
-from stereolib.mapping import Station
 
 
 @pytest.fixture
@@ -43,12 +42,3 @@ def test_a_part_of_a_scan_is_enlarged(ax):
     (glass,) = ax.child_axes
     assert glass.get_xlim() == (-400, -200) and glass.get_ylim() == (900, 1100)
     np.testing.assert_allclose(glass.collections[0].get_offsets(), [[-300, 1000]])
-
-
-def test_plan_shows_boxes_by_letter_and_stations_by_number(ax):
-    stations = [Station(np.array([500.0, -200.0, 0.0]), (), np.zeros((0, 2)), np.zeros(2))]
-    corners = np.array([[0.0, 0.0], [200, 0], [200, 100], [0, 100]])
-    plotting.plot_plan(stations, {"B": corners}, ax)
-    places = {text.get_text(): text.get_position() for text in ax.texts}
-    assert set(places) == {"B", "1"} and places["1"] == (500, -200)
-    assert next(text for text in ax.texts if text.get_text() == "B").xy == (100, 50)

@@ -1,6 +1,6 @@
 from .camera_drawings import draw_lens, draw_rectification
 from .first_drawings import draw_two_pictures
-from .height_drawings import draw_heights, draw_recipe, draw_width, height_text
+from .height_drawings import draw_heights, draw_recipe, draw_width, height_text, recording_labels
 from .laser_drawings import draw_map_view, draw_matching, draw_pose, draw_sweep, who_saw
 from .matching_drawings import draw_dilation, draw_guided, draw_motorcycle, draw_paths, draw_sgbm, draw_surface
 from .sliders import Explorer, explore
@@ -27,6 +27,7 @@ __all__ = [
     "draw_width",
     "explore",
     "height_text",
+    "recording_labels",
     "shoot_cube",
     "toe_in",
     "who_saw",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
 from typing import TYPE_CHECKING
@@ -31,6 +32,30 @@ def height_text(attempt: HeightAttempt) -> str:
     str
     """
     return attempt.refused or f"{attempt.height_mm / 10:.1f} cm ± {1.96 * attempt.std_mm:.0f} mm"
+
+
+def recording_labels(names: Sequence[str]) -> list[str]:
+    """Say recordings of the cube as a reader would: ``series/fine_700`` is "fine, 0.70 m".
+
+    Parameters
+    ----------
+    names : sequence of str
+
+    Returns
+    -------
+    list of str
+
+    Examples
+    --------
+    >>> recording_labels(["series/fine_700", "conditions/poor_light"])
+    ['fine, 0.70 m', 'poor light']
+    """
+    labels = []
+    for name in names:
+        kind, rest = name.split("/")
+        texture, _, mm = rest.rpartition("_")
+        labels.append(f"{texture}, {int(mm) / 1000:.2f} m" if kind == "series" else rest.replace("_", " "))
+    return labels
 
 
 def draw_recipe(pitch_deg: float, tolerance_px: float, rows: int, dilate_px: int) -> tuple[UInt8, str]:

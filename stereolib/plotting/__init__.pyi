@@ -47,6 +47,13 @@ from .pictures import (
     plot_quantity,
 )
 from .rows import plot_partners, plot_row_crops, plot_row_test, plot_rows
+from .side_views import (
+    plot_camera_heights,
+    plot_edge_depths,
+    plot_face_end,
+    plot_floor_rays,
+    plot_laser_triangle,
+)
 from .style import COLORS, LASER, OURS, PAPER, REFUSED, RIVAL, TRUTH, panels
 from .triangulation import plot_triangulation
 from .two_views import (
@@ -80,6 +87,7 @@ __all__ = [
     "plot_boards_in_space",
     "plot_box",
     "plot_camera_and_cube",
+    "plot_camera_heights",
     "plot_camera_matrix",
     "plot_cells",
     "plot_corners",
@@ -89,16 +97,20 @@ __all__ = [
     "plot_curves",
     "plot_disparity",
     "plot_dots",
+    "plot_edge_depths",
     "plot_epipolar_lines",
     "plot_epipolar_plane",
     "plot_error_curves",
     "plot_errors",
+    "plot_face_end",
+    "plot_floor_rays",
     "plot_gallery",
     "plot_height",
     "plot_height_attempt",
     "plot_hold_out",
     "plot_image",
     "plot_intervals",
+    "plot_laser_triangle",
     "plot_lens_arrows",
     "plot_line_of_sight",
     "plot_mask",

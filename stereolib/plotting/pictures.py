@@ -256,7 +256,7 @@ def plot_box(image: UInt8, box: Any, ax: Axes, title: str = "", *, edges: UInt8 
     """
     shown = image.copy()
     if edges is not None:
-        shown[cv2.dilate(edges, np.ones((2, 2), np.uint8)) > 0] = BGR_SKY
+        shown[cv2.dilate(edges, np.ones((3, 3), np.uint8)) > 0] = BGR_SKY
     plot_image(shown, ax, title)
     corner = (box.left - 0.5, box.top - 0.5)
     ax.add_patch(Rectangle(corner, box.width, box.height, fill=False, ec=COLORS[1], lw=2))

@@ -25,22 +25,28 @@ def draw_lens(k1: float, k2: float, k3: float, p1: float) -> tuple[UInt8, str]:
     picture : (H, W, 3) uint8, blue-green-red
     text : str
     """
+    from stereolib.plotting import figure_to_image, panels
+    from stereolib.plotting.style import OURS, REFUSED, image_axes
+
     right = paper.paper_rig().right
     K = right.K
     camera = Camera(K, np.array([k1, k2, p1, right.dist[3], k3]), right.size)
-    canvas = np.full((480, 640, 3), 255, np.uint8)
+    figure, (ax,) = panels(1, width_in=6.2, aspect=0.78)
     for axis, (length, other) in enumerate(((640, 480), (480, 640))):
         for at in np.linspace(0, other - 1, 13):
             line = np.full((81, 2), at)
             line[:, axis] = np.linspace(0, length - 1, 81)
             rays = np.column_stack([(line - K[:2, 2]) / K[[0, 1], [0, 1]], np.ones(81)])
-            for color, points in (((205, 205, 205), line), ((178, 114, 0), camera.project(rays))):
-                cv2.polylines(canvas, [np.rint(points * 8).astype(np.int32)], False, color, 1, cv2.LINE_AA, 3)
+            for color, style, points in ((REFUSED, ":", line), (OURS, "-", camera.project(rays))):
+                ax.plot(*points.T, color=color, ls=style, lw=1.2)
+    image_axes(right.size, ax, "grid seen by a pinhole (dotted) and by this lens (blue)")
     corners = np.array([[0, 0], [639, 0], [0, 479], [639, 479]], float)
     rays = np.column_stack([(corners - K[:2, 2]) / K[[0, 1], [0, 1]], np.ones(4)])
     moved = np.linalg.norm(camera.project(rays) - corners, axis=1).max()
     folded = int(np.isnan(camera.rays(_pixel_grid(camera))[:, 0]).sum())
-    return canvas, f"worst corner moves {moved:.1f} px; pixels without a direction (the lens folds): {folded}"
+    return figure_to_image(
+        figure
+    ), f"worst corner moves {moved:.1f} px; pixels without a direction (the lens folds): {folded}"
 
 
 def draw_rectification(alpha: float, roll_error_deg: float) -> tuple[UInt8, str]:
@@ -56,6 +62,7 @@ def draw_rectification(alpha: float, roll_error_deg: float) -> tuple[UInt8, str]
     picture : (H, W, 3) uint8, blue-green-red
     text : str
     """
+    from stereolib.plotting import figure_to_image, panels, plot_rows
     from stereolib.virtual import recordings
 
     true = paper.paper_rig()
@@ -69,9 +76,9 @@ def draw_rectification(alpha: float, roll_error_deg: float) -> tuple[UInt8, str]
     known = (true.left.project(points[both]), "left"), (in_right[both], "right")
     rows = [rectified.rectify_points(pixels, side)[:, 1] for pixels, side in known]
     rms = np.sqrt(np.nanmean((rows[0] - rows[1]) ** 2))
-    picture = np.hstack([left, right])
-    picture[40::60] = (230, 180, 90)
-    return picture, f"focal length {rectified.f_px:.1f} px; rows differ by {rms:.2f} px rms"
+    figure, (ax,) = panels(1, width_in=7, aspect=0.44)
+    plot_rows(left, right, ax, range(40, 480, 60), "left and right picture, rectified; the lines are rows")
+    return figure_to_image(figure), f"focal length {rectified.f_px:.1f} px; rows differ by {rms:.2f} px rms"
 
 
 def _pixel_grid(camera: Camera) -> Float64:

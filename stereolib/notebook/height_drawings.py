@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
@@ -13,6 +14,23 @@ from stereolib.base import UInt8
 from stereolib.matching import SGBMParams, compute_disparity
 from stereolib.paper import CubeView, HeightResult, height_by_maximum, height_of_top
 from stereolib.rig import rigid
+
+if TYPE_CHECKING:
+    from stereolib.measurement import HeightAttempt
+
+
+def height_text(attempt: HeightAttempt) -> str:
+    """Say a height with its interval of 95 %, or why there is none.
+
+    Parameters
+    ----------
+    attempt : HeightAttempt
+
+    Returns
+    -------
+    str
+    """
+    return attempt.refused or f"{attempt.height_mm / 10:.1f} cm ± {1.96 * attempt.std_mm:.0f} mm"
 
 
 def draw_recipe(pitch_deg: float, tolerance_px: float, rows: int, dilate_px: int) -> tuple[UInt8, str]:
@@ -65,7 +83,8 @@ def draw_heights(distance_mm: float, yaw_deg: float, lateral_mm: float, height_m
     text : str
     """
     from stereolib.measurement import attempt_height
-    from stereolib.plotting import figure_to_image, panels, plot_height_attempt
+    from stereolib.plotting import figure_to_image, panels, plot_height_attempt, plot_image
+    from stereolib.plotting.style import DPI
     from stereolib.virtual import recordings
 
     rectified = recordings.rectified()
@@ -80,14 +99,13 @@ def draw_heights(distance_mm: float, yaw_deg: float, lateral_mm: float, height_m
         tolerance_px=tolerance,
     )
     attempt = attempt_height(left, right, rectified)
-    figure, axes = panels(1, width_in=6.4)
-    title = f"floor, faces, near edge, top: {attempt.refused or 'measured'} (virtual rig)"
-    plot_height_attempt(attempt, axes[0], title)
+    figure, axes = panels(2, width_in=2 * left.shape[1] / DPI)
+    plot_image(_marked(left, recipe), axes[0], "the recipe (virtual rig)")
+    plot_height_attempt(attempt, axes[1], f"the ground plane{': refused' if attempt.refused else ''}")
     ours = f"{attempt.height_mm / 10:.2f} ± {0.196 * attempt.std_mm:.2f} cm (95 %)"
     ours = f"refused, {attempt.refused}" if attempt.refused else ours
     text = f"true height {height_mm / 10:.1f} cm; the paper's recipe reads {recipe.height_mm / 10:.1f} cm, "
-    seen = cv2.resize(figure_to_image(figure), left.shape[1::-1], interpolation=cv2.INTER_AREA)
-    return np.hstack([_marked(left, recipe), seen]), text + f"the ground plane {ours}"
+    return figure_to_image(figure), text + f"the ground plane {ours}"
 
 
 def draw_width(distance_mm: float, yaw_deg: float, pitch_deg: float) -> tuple[UInt8, str]:

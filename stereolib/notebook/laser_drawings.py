@@ -1,4 +1,4 @@
-"""What the sliders about the laser and the map draw (notebooks 05 and 08)."""
+"""What the sliders about the laser and the map draw (notebooks 05 and 08), and who of the stations saw which box."""
 
 from __future__ import annotations
 
@@ -12,6 +12,8 @@ from stereolib.base import UInt8, wrap_rad
 from stereolib.mapping import disturb_poses, join_clouds, map_solids, merge_stations, refine_poses
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from stereolib.mapping import Cloud, Map, Solid
 
 _ASTRAY_MM, _ASTRAY_RAD = 50.0, np.radians(3.0)  # from its true pose: a station that matching has not put in its place
@@ -33,8 +35,8 @@ def draw_sweep(turns: int, albedo: float, distance_mm: int, yaw_deg: int) -> tup
     text : str
     """
     from stereolib import laser, virtual
-    from stereolib.plotting import figure_to_image, panels, plot_scan
-    from stereolib.virtual import VirtualLidar, recordings
+    from stereolib.plotting import TRUTH, figure_to_image, panels, plot_scan
+    from stereolib.virtual import VirtualLidar, recordings, walk
 
     cube = virtual.cube_scene(distance_mm, yaw_rad=np.radians(yaw_deg))
     shade = virtual.Material((albedo,) * 3)
@@ -44,9 +46,13 @@ def draw_sweep(turns: int, albedo: float, distance_mm: int, yaw_deg: int) -> tup
     merged = laser.average(laser.turns(laser.decode(data)))
     true_mm = sensor.truth_mm(painted, recordings.LASER_POSE)
     on_cube = true_mm < sensor.truth_mm(replace(cube, boxes=cube.boxes[:1]), recordings.LASER_POSE) - 1
-    figure, axes = panels(1, width_in=6, aspect=0.9)
-    plot_scan(laser.points_mm(merged), axes[0], f"median of {turns} turns")
-    axes[0].set(xlim=(-700, 700), ylim=(-100, distance_mm + 600))
+    figure, axes = panels(1, width_in=6, aspect=0.75)
+    plot_scan(laser.points_mm(merged), axes[0], "the cube from above (virtual rig)", label=f"median of {turns} turns")
+    axes[0].collections[0].set_sizes([20])
+    outline = walk.outline_mm(painted.boxes[1])[[0, 1, 2, 3, 0]]
+    axes[0].plot(-outline[:, 1], outline[:, 0], color=TRUTH, lw=1, ls=":", label="true outline")
+    axes[0].legend(loc="upper right", fontsize=9)
+    axes[0].set(xlim=(-350, 350), ylim=(distance_mm - 75, distance_mm + 450))
     error, lost = np.abs(merged.ranges_mm - true_mm)[on_cube], np.isnan(merged.ranges_mm[on_cube]).mean()
     median = f"{np.nanmedian(error):.1f} mm" if lost < 1 else "unknown"
     return figure_to_image(figure), f"{on_cube.sum()} beams meet the cube, {lost:.0%} lost; median error {median}"
@@ -139,6 +145,32 @@ def draw_pose(x_mm: int, y_mm: int, yaw_deg: float) -> tuple[UInt8, str]:
     )
     off_mm = np.median(cKDTree(seen).query(readings)[0])
     return figure_to_image(figure), f"half of the readings lie within {off_mm:.0f} mm of what the others saw"
+
+
+def who_saw(room: Map) -> pd.DataFrame:
+    """Notebook 08: by what each station saw each box of a map.
+
+    Parameters
+    ----------
+    room : Map
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row a box, a column a station. ``pictures``: they gave its height, with or without the
+        laser's help; ``laser``: the scan alone; with a star where the map does not use it; ``-``: not seen.
+    """
+    import pandas as pd
+
+    stations = range(1, len(room.stations) + 1)
+    table = pd.DataFrame("-", index=list(room.names), columns=list(stations))
+    used = dict(zip(room.names, (each.stations for each in room.objects), strict=True))
+    for k in stations:
+        for name, thing in zip(room.names_of(k), room.stations[k - 1].objects, strict=True):
+            if name:
+                by = "pictures" if np.isfinite(thing.size_mm[2]) else "laser"
+                table.loc[name, k] = by + "*" * (k not in used[name])
+    return table
 
 
 @lru_cache(maxsize=1)

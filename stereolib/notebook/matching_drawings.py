@@ -193,11 +193,12 @@ def draw_motorcycle(num_disparities: int, block_size: int, uniqueness_ratio: int
 
     load: Any = stereo_motorcycle
     left, right, truth = load()
+    left, right = left[..., ::-1].copy(), right[..., ::-1].copy()
     params = SGBMParams(num_disparities, block_size, uniqueness_ratio=uniqueness_ratio)
     disparity = compute_disparity(left, right, params, whole=True)
     quality = score(disparity, np.where(np.isfinite(truth), truth, np.nan))
-    text = f"bad 2: {quality.bad2_pct:.1f} % of the pixels; returned: {quality.density_pct:.0f} %"
-    return np.hstack([left[..., ::-1], color_disparity(disparity, 0, 70)]), text
+    text = f"bad-2: {quality.bad2_pct:.1f} % of the pixels; returned: {quality.density_pct:.0f} % of the pixels"
+    return np.hstack([left, color_disparity(disparity, 0, 70)]), text
 
 
 @lru_cache(maxsize=4)

@@ -1,12 +1,28 @@
 from .calibration_report import lens_shift_px, write_calibration_report
-from .calibration_views import plot_boards_in_space, plot_epipolar_lines, plot_epipolar_plane, plot_lens_arrows
+from .calibration_views import (
+    plot_boards_in_space,
+    plot_camera_matrix,
+    plot_epipolar_lines,
+    plot_epipolar_plane,
+    plot_hold_out,
+    plot_lens_arrows,
+)
 from .check_figure import check_figure
 from .course_map import plot_course
 from .curves import plot_bars, plot_curves, plot_dots, plot_shares
 from .gallery import Exhibit, plot_cells, plot_gallery, plot_repairs
-from .maps import plot_occupancy, plot_scan, plot_scan_polar, plot_scans, plot_sizes, plot_top_view
+from .maps import (
+    plot_occupancy,
+    plot_plan,
+    plot_scan,
+    plot_scan_polar,
+    plot_scans,
+    plot_sightings,
+    plot_sizes,
+    plot_top_view,
+)
 from .matches import mark_pixels, plot_matched, plot_pixel_cost, plot_row_cost, plot_row_pair, plot_strips
-from .measurements import plot_height_attempt, plot_intervals
+from .measurements import plot_error_curves, plot_height_attempt, plot_intervals
 from .output import figure_to_image, save_figure, save_table
 from .pictures import (
     ImageQuantity,
@@ -26,7 +42,14 @@ from .pictures import (
 from .rows import plot_partners, plot_row_crops, plot_row_test, plot_rows
 from .style import COLORS, LASER, OURS, PAPER, REFUSED, RIVAL, TRUTH, panels
 from .triangulation import plot_triangulation
-from .two_views import plot_line_of_sight, plot_pair, plot_similar_triangles, plot_thumb
+from .two_views import (
+    plot_camera_and_cube,
+    plot_line_of_sight,
+    plot_pair,
+    plot_similar_triangles,
+    plot_thumb,
+    plot_toe_in,
+)
 
 __all__ = [
     "COLORS",
@@ -48,6 +71,8 @@ __all__ = [
     "plot_bars",
     "plot_boards_in_space",
     "plot_box",
+    "plot_camera_and_cube",
+    "plot_camera_matrix",
     "plot_cells",
     "plot_corners",
     "plot_course",
@@ -57,10 +82,12 @@ __all__ = [
     "plot_dots",
     "plot_epipolar_lines",
     "plot_epipolar_plane",
+    "plot_error_curves",
     "plot_errors",
     "plot_gallery",
     "plot_height",
     "plot_height_attempt",
+    "plot_hold_out",
     "plot_image",
     "plot_intervals",
     "plot_lens_arrows",
@@ -71,6 +98,7 @@ __all__ = [
     "plot_pair",
     "plot_partners",
     "plot_pixel_cost",
+    "plot_plan",
     "plot_points",
     "plot_quantity",
     "plot_repairs",
@@ -83,10 +111,12 @@ __all__ = [
     "plot_scan_polar",
     "plot_scans",
     "plot_shares",
+    "plot_sightings",
     "plot_similar_triangles",
     "plot_sizes",
     "plot_strips",
     "plot_thumb",
+    "plot_toe_in",
     "plot_top_view",
     "plot_triangulation",
     "save_figure",

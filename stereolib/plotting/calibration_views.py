@@ -7,10 +7,14 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.patches import Rectangle
+from mpl_toolkits.mplot3d import proj3d
 
 from stereolib.base import Float64, Floats, UInt8
+from stereolib.calibration import HoldOut
+from stereolib.plotting.curves import plot_curves
 from stereolib.plotting.pictures import plot_image
-from stereolib.plotting.style import COLORS, OURS, TRUTH, default_style, image_axes
+from stereolib.plotting.style import COLORS, OURS, REFUSED, TRUTH, default_style, image_axes
 from stereolib.rig import Camera, StereoRig
 
 _PANE_MM, _WIDE_MM, _HIGH_MM = 110.0, 48.0, 36.0  # a pane of glass before each camera, and half its sides
@@ -72,19 +76,32 @@ def plot_epipolar_plane(rig: StereoRig, point_mm: tuple[float, float, float], ax
     for corners, color in ((pane, COLORS[5]), (pane @ rig.R + right, COLORS[3])):
         ax.plot(*_upright(np.vstack([corners, corners[:1]])), color=color, lw=1.4)
     ax.plot_trisurf(*_upright(np.array([left, right, point])), color="0.6", alpha=0.35, lw=0)
-    for begin, end, name in ((left, point, "$x$"), (right, point, "$x'$"), (left, right, "$T$")):
+    for begin, end in ((left, point), (right, point), (left, right)):
         ax.plot(*_upright(np.array([begin, end])), color=TRUTH, lw=1.2)
-        ax.text(*_upright(begin + 0.5 * (end - begin) if name != "$T$" else (begin + end) / 2)[:, 0], name, fontsize=13)
     seen = np.array([_on_pane(rig, depth * point) for depth in np.linspace(0.4, 20, 100)])
     seen = seen[np.abs(seen[:, 0]) <= _WIDE_MM]
     ax.plot(*_upright((seen @ rig.R) + right), color=OURS, lw=2.6)
-    for own in (point * _PANE_MM / point[2], _on_pane(rig, point) @ rig.R + right):
-        ax.plot(*_upright(own), "o", color=OURS, ms=5)
-    for place, name in ((left, "left camera"), (right, "right camera"), (point, "point")):
-        ax.plot(*_upright(place), "o", color=TRUTH, ms=6)
-        ax.text(*_upright(np.add(place, [0.0, 22.0, 0.0]))[:, 0], name, fontsize=9, ha="center", va="top")
+    on_left, on_right = point * _PANE_MM / point[2], _on_pane(rig, point) @ rig.R + right
+    for place, color, size in (
+        (on_left, OURS, 5),
+        (on_right, OURS, 5),
+        *((at, TRUTH, 6) for at in (left, right, point)),
+    ):
+        ax.plot(*_upright(place), "o", color=color, ms=size)
     ax.set_axis_off()
-    _to_scale(ax, zoom=1.45)
+    _to_scale(ax, zoom=1.9)
+    for place, name, offset in (
+        (left, "left camera", (-9, 0)),
+        (right, "right camera", (0, -16)),
+        (point, "point $P$", (10, 0)),
+        (0.6 * point, "$q_l$", (-11, 8)),
+        (right + 0.6 * (point - right), "$q_r$", (11, -9)),
+        (right / 2, "$T$", (-9, -9)),
+        (on_left, "$p_l$", (-9, 9)),
+        (on_right, "$p_r$", (-3, -14)),
+        (seen[np.argmax(seen[:, 0])] @ rig.R + right, "epipolar line", (38, -4)),
+    ):
+        _label(ax, place, name, offset)
     return ax
 
 
@@ -108,11 +125,80 @@ def plot_lens_arrows(camera: Camera, ax: Axes, title: str = "", *, longer: float
     pixels = np.stack(np.meshgrid(columns, rows), -1).reshape(-1, 2)
     ideal = camera.rays(pixels) @ camera.K[:2].T
     shift = longer * (pixels - ideal)
-    known = np.isfinite(shift).all(axis=1)
+    known, (width, height) = np.isfinite(shift).all(axis=1), camera.size
     how: dict[str, Any] = {"angles": "xy", "scale_units": "xy", "scale": 1, "width": 0.005, "headwidth": 3.5}
     ax.quiver(*ideal[known].T, *shift[known].T, color=OURS, **how)
     ax.plot(*camera.K[:2, 2], "+", color=TRUTH, ms=10)
-    return image_axes(camera.size, ax, title)
+    image_axes(camera.size, ax, title)
+    ax.add_patch(Rectangle((-0.5, -0.5), width, height, fill=False, ec=REFUSED, lw=1.2))
+    beyond = max(36.0, float(np.nanmax(np.abs(ideal - pixels))) + 4)  # some arrows begin outside the picture
+    ax.set(xlim=(-beyond, width + beyond), ylim=(height + beyond, -beyond))
+    return ax
+
+
+@default_style
+def plot_camera_matrix(camera: Camera, direction: tuple[float, float], ax: Axes) -> Axes:
+    """Draw how the camera matrix turns a direction into a pixel: its four numbers as lengths in the picture.
+
+    Parameters
+    ----------
+    camera : Camera
+        Its lens is left out.
+    direction : (X / Z, Y / Z)
+        To the right and down.
+    ax : matplotlib.axes.Axes
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+    """
+    cx, cy = camera.K[:2, 2]
+    u, v = camera.K[:2, :2] @ np.asarray(direction, float) + camera.K[:2, 2]
+    for begin, end, name, color in (
+        ((0.0, cy), (cx, cy), "$c_x$", TRUTH),
+        ((cx, 0.0), (cx, cy), "$c_y$", TRUTH),
+        ((cx, cy), (u, cy), "$f_x\\,x'$", OURS),
+        ((u, cy), (u, v), "$f_y\\,y'$", OURS),
+    ):
+        ax.annotate(
+            "", end, begin, arrowprops={"arrowstyle": "-|>", "color": color, "lw": 1.4, "shrinkA": 0, "shrinkB": 0}
+        )
+        level = begin[1] == end[1]
+        place: dict[str, Any] = {"ha": "center", "va": "bottom"} if level else {"ha": "left", "va": "center"}
+        middle = (begin[0] + end[0]) / 2, (begin[1] + end[1]) / 2
+        ax.annotate(
+            name, middle, (0, 3) if level else (4, 0), textcoords="offset points", color=color, fontsize=12, **place
+        )
+    ax.plot([cx], [cy], "+", color=TRUTH, ms=12, mew=2)
+    ax.annotate("principal point", (cx, cy), (-7, -9), textcoords="offset points", ha="right", va="center")
+    ax.plot([u], [v], "o", color=OURS, ms=6)
+    ax.annotate("pixel $(u, v)$", (u, v), (7, -3), textcoords="offset points", va="center", color=OURS)
+    return image_axes(camera.size, ax, "")
+
+
+@default_style
+def plot_hold_out(results: Sequence[HoldOut], ax: Axes, title: str = "") -> Axes:
+    """Draw how well lens models fit the pairs that they were fitted to, and those left out.
+
+    Parameters
+    ----------
+    results : sequence of HoldOut
+        From `hold_out_errors`.
+    ax : matplotlib.axes.Axes
+    title : str
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+    """
+    names = [result.model for result in results]
+    curves = {
+        "pairs fitted": (names, [result.train_rms_px for result in results], OURS),
+        "pairs left out": (names, [result.hold_out_rms_px for result in results], TRUTH),
+    }
+    plot_curves(curves, ax, xlabel="lens model", ylabel="reprojection error (px, rms)", title=title)
+    ax.tick_params(axis="x", rotation=60)
+    return ax
 
 
 @default_style
@@ -150,6 +236,17 @@ def _upright(points: Floats) -> Float64:
     """Camera coordinates as drawn: right, forward, up."""
     x, y, z = np.atleast_2d(points).T
     return np.array([x, z, -y])
+
+
+def _label(ax: Any, place: Floats, name: str, offset: tuple[float, float]) -> None:
+    """A name beside a point in space, so many points of print away."""
+    x, y, z = _upright(place)[:, 0]
+    at = proj3d.proj_transform(x, y, z, ax.get_proj())[:2]
+    size = 13 if name.startswith("$") else 9.5
+    across = "center" if abs(offset[0]) < 5 or name.startswith("$") else ("left" if offset[0] > 0 else "right")
+    ax.annotate(
+        name, at, offset, textcoords="offset points", fontsize=size, ha=across, va="center", annotation_clip=False
+    )
 
 
 def _to_scale(ax: Any, *, zoom: float) -> None:

@@ -3,28 +3,36 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.patches import Circle, Ellipse, Polygon
 
 from stereolib.base import Float64, Floats
 from stereolib.mapping import COLORS as RGB
 from stereolib.mapping import FREE, OCCUPIED, Map, OccupancyGrid, Station, station_names
-from stereolib.plotting.style import COLORS, LASER, OURS, RIVAL, default_style
+from stereolib.measurement import Measurement, draw_objects
+from stereolib.plotting.pictures import plot_image
+from stereolib.plotting.style import LASER, OURS, REFUSED, RIVAL, default_style
 
 _DISC_MM, _HEADING_MM = 65, 130  # of a station: its radius, and how far its line reaches, seldom to the next disc
 _OVER_RING: dict[str, Any] = {"facecolor": "white", "lw": 0, "pad": 1}
 _ROW_STEP = 0.34  # between the series of `plot_sizes`, in rows
 _SERIES_COLORS = (RIVAL, OURS, LASER)
-_STATION_COLORS = colormaps["plasma"]  # not the boxes' colours
+_STATION_COLORS = ("#332288", "#CC6677", "#44AA99", "#AA7711", "#77AADD")  # not the boxes'; after Tol (2021)
 
 
 @default_style
 def plot_scan(
-    points_mm: Float64, ax: Axes, title: str = "", *, label: str | None = None, color: str = COLORS[0]
+    points_mm: Float64,
+    ax: Axes,
+    title: str = "",
+    *,
+    label: str | None = None,
+    color: str = LASER,
+    zoom_mm: tuple[float, float, float, float] | None = None,
 ) -> Axes:
     """Draw laser readings from above; forward is up, as the robot looks.
 
@@ -36,12 +44,20 @@ def plot_scan(
     label : str, optional
         For the legend.
     color : str
+    zoom_mm : (left, right, rear, front), optional
+        Ends of a part that is shown enlarged in the rear of the room: to the right and forward, mm.
 
     Returns
     -------
     matplotlib.axes.Axes
     """
     ax.scatter(-points_mm[:, 1], points_mm[:, 0], s=5, color=color, label=label, lw=0)
+    if zoom_mm:
+        glass = ax.inset_axes((0.2, 0.13, 0.45, 0.26))
+        glass.scatter(-points_mm[:, 1], points_mm[:, 0], s=8, color=color, lw=0)
+        glass.set(xlim=zoom_mm[:2], ylim=zoom_mm[2:], xticks=zoom_mm[:2], yticks=zoom_mm[2:])
+        glass.tick_params(labelsize=8)
+        ax.indicate_inset_zoom(glass, edgecolor="black", alpha=1.0)
     ax.plot(0, 0, "^", color="black", ms=8)
     ax.set(title=title, xlabel="to the right (mm)", ylabel="forward (mm)", aspect="equal")
     ax.grid(alpha=0.3)
@@ -49,9 +65,7 @@ def plot_scan(
 
 
 @default_style
-def plot_scan_polar(
-    angles_rad: Float64, ranges_mm: Float64, ax: Axes, title: str = "", *, color: str = COLORS[0]
-) -> Axes:
+def plot_scan_polar(angles_rad: Float64, ranges_mm: Float64, ax: Axes, title: str = "", *, color: str = LASER) -> Axes:
     """Draw laser readings in the sensor's own polar frame; dropouts lie on the rim.
 
     Parameters
@@ -73,7 +87,7 @@ def plot_scan_polar(
     polar.scatter(angles_rad, ranges_mm, s=5, color=color, lw=0)
     lost = ~np.isfinite(ranges_mm)
     rim = 1.0 if lost.all() else 1.05 * np.nanmax(ranges_mm)
-    polar.scatter(angles_rad[lost], np.full(lost.sum(), rim), s=14, marker="x", color=COLORS[1], lw=0.8)
+    polar.scatter(angles_rad[lost], np.full(lost.sum(), rim), s=14, marker="x", color=REFUSED, lw=0.8)
     polar.set_title(title, pad=14)
     rings_mm = np.arange(1000.0, max(1001.0, rim), 1000.0)
     polar.set_rgrids(rings_mm, labels=[])
@@ -194,10 +208,59 @@ def plot_scans(stations: Sequence[Station], ax: Axes, title: str = "") -> Axes:
     matplotlib.axes.Axes
     """
     for k, (station, name) in enumerate(zip(stations, station_names(stations), strict=True)):
-        color = _STATION_COLORS(0.85 * k / max(len(stations) - 1, 1))
+        color = _STATION_COLORS[k % len(_STATION_COLORS)]
         readings = station.to_map(station.scan_mm)
         ax.scatter(readings[:, 0], readings[:, 1], s=6, color=color, lw=0, label=f"station {name}")
         plot_station(station, ax, name, color=color)
+    return _floor_axes(ax, title)
+
+
+@default_style
+def plot_sightings(measured: Measurement, names: Sequence[str], ax: Axes, title: str = "") -> Axes:
+    """Draw a station's picture with the boxes whose height the picture gave; what the laser alone saw is left out.
+
+    Parameters
+    ----------
+    measured : Measurement
+    names : sequence of str
+        Of all its objects, from `Map.names_of`.
+    ax : matplotlib.axes.Axes
+    title : str
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+    """
+    seen = [k for k, thing in enumerate(measured.objects) if np.isfinite(thing.size_mm[2])]
+    pictured = replace(measured, objects=tuple(measured.objects[k] for k in seen))
+    plot_image(draw_objects(pictured, names=[names[k] for k in seen]), ax, title)
+    ax.set_axis_off()
+    return ax
+
+
+@default_style
+def plot_plan(stations: Sequence[Station], outlines_mm: Mapping[str, Float64], ax: Axes, title: str = "") -> Axes:
+    """Draw where stations and boxes stand, seen from above: a plan beside what the stations saw.
+
+    Parameters
+    ----------
+    stations : sequence of Station
+    outlines_mm : mapping of str to (N, 2) float, mm
+        A box's letter to its corners.
+    ax : matplotlib.axes.Axes
+    title : str
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+    """
+    for name, outline in outlines_mm.items():
+        color = tuple(c / 255 for c in RGB[(ord(name[0]) - ord("A")) % len(RGB)])
+        ax.add_patch(Polygon(outline, fc=(*color, 0.35), ec=color, lw=1.8))
+        ax.annotate(name, tuple(outline.mean(axis=0)), ha="center", va="center", weight="bold")
+    for station, number in zip(stations, station_names(stations), strict=True):
+        plot_station(station, ax, number)
+    ax.autoscale_view()
     return _floor_axes(ax, title)
 
 

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import cv2
 import numpy as np
 from matplotlib.axes import Axes
 
-from stereolib.base import Floats
+from stereolib.base import Float64, Floats
+from stereolib.laser import ErrorCurve
 from stereolib.measurement import Box, HeightAttempt, Side, floor_tolerance_px
+from stereolib.plotting.curves import plot_curves
 from stereolib.plotting.pictures import plot_image
 from stereolib.plotting.style import BGR_BLUE, BGR_ORANGE, COLORS, OURS, default_style
 from stereolib.rig import to_grey
@@ -64,10 +66,39 @@ def plot_height_attempt(attempt: HeightAttempt, ax: Axes, title: str = "") -> Ax
         fontsize=10,
         bbox={"facecolor": "white", "alpha": 0.85, "lw": 0, "pad": 2},
     )
-    ax.legend(loc="upper right", fontsize=10, framealpha=0.85)
+    ax.legend(loc="upper right", fontsize=8, framealpha=0.85)
     width, height = attempt.floor.rectified.size
     ax.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5))
     return ax
+
+
+@default_style
+def plot_error_curves(
+    true_mm: Float64, curves: Mapping[str, ErrorCurve], axes: Any, *, limit_mm: float, least: int = 30
+) -> None:
+    """Draw a laser's bias, spread, relative error and lost beams over the distance, a grey for each target (Fig. 5).
+
+    Parameters
+    ----------
+    true_mm : (N,) float
+    curves : mapping of str to ErrorCurve
+        A target's name to its errors, from bright to dark.
+    axes : four matplotlib.axes.Axes
+    limit_mm : float
+        Where the dotted line stands.
+    least : int
+        Fewer readings say little about a mean and a spread, and are not drawn.
+    """
+    shown = {"bias (mm)": "bias_mm", "spread (mm)": "spread_mm", "mean error (% of distance)": "percent"}
+    greys = np.linspace(0.7, 0.0, len(curves)).astype(str)
+    for ax, (label, name) in zip(axes, [*shown.items(), ("beams lost (%)", "")], strict=True):
+        lines = {}
+        for (target, curve), grey in zip(curves.items(), greys, strict=True):
+            known = curve.n >= least
+            values = (true_mm[known], getattr(curve, name)[known]) if name else (true_mm, 100 * curve.dropout)
+            lines[target] = (*values, grey)
+        plot_curves(lines, ax, xlabel="distance (mm)", ylabel=label)
+        ax.axvline(limit_mm, color="0.6", lw=1, ls=":")
 
 
 @default_style

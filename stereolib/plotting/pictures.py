@@ -17,7 +17,7 @@ from stereolib.paper import HeightResult
 from stereolib.plotting.style import BGR_SKY, BGR_VERMILLION, COLORS, NOTHING_GREY, default_style, image_axes
 from stereolib.rig import to_grey
 
-_GLASS_PX = (16, 12)  # columns and rows that `plot_mask` magnifies
+_GLASS_PX = (12, 12)  # columns and rows that `plot_mask` magnifies
 
 
 @default_style
@@ -171,7 +171,7 @@ def plot_mask(
     ax : matplotlib.axes.Axes
     title : str
     zoom : (column, row), optional
-        The middle of what the glass shows, 16 x 12 px of it.
+        The middle of what the glass shows, 12 x 12 px of it.
     counted : (H, W) bool, optional
         The picture is faded elsewhere.
 
@@ -185,9 +185,9 @@ def plot_mask(
     shown[mask] = BGR_VERMILLION
     plot_image(shown, ax, title)
     if zoom:
-        height, width = shown.shape[:2]
-        corner = 0.03 if zoom[0] > width / 2 else 0.55, 0.03 if zoom[1] < height / 2 else 0.55  # where it hides least
-        glass = ax.inset_axes((*corner, 0.42, 0.42))
+        share = zoom[0] / shown.shape[1]  # the glass is above, on the place's own side if it does not hide it there
+        left = 0.77 if share < 0.26 or 0.5 < share < 0.74 else 0.02
+        glass = ax.inset_axes((left, 0.69, 0.21, 0.28))
         glass.imshow(shown[..., ::-1], interpolation="nearest", aspect="auto")
         wide, high = _GLASS_PX
         glass.set(xlim=(zoom[0] - wide / 2, zoom[0] + wide / 2), ylim=(zoom[1] + high / 2, zoom[1] - high / 2))

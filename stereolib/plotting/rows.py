@@ -122,12 +122,12 @@ def plot_partners(image: UInt8, points_px: Floats, lines_px: Sequence[Floats], a
     -------
     matplotlib.axes.Axes
     """
-    plot_image(255 - (255 - to_grey(image)) // 5, ax, title)
+    plot_image(255 - (255 - to_grey(image)) // 5 * 3, ax, title)
     colors = [COLORS[k % len(COLORS)] for k in range(len(points_px))]
     for point, line, color in zip(points_px, lines_px, colors, strict=False):
         x, y = np.asarray(line, float).T
-        ax.plot(x, y, color=color, lw=2)
-        ax.plot([np.nanmin(x), np.nanmax(x)], [point[1]] * 2, "--", color=color, lw=1)
+        ax.plot(x, y, color=color, lw=2.2)
+        ax.plot([np.nanmin(x), np.nanmax(x)], [point[1]] * 2, "--", color=color, lw=1.4)
     for point, color in zip([] if len(lines_px) else points_px, colors, strict=False):
         ax.plot(*point, "o", ms=8, color=color, mec="white", mew=0.8)
     return image_axes((image.shape[1], image.shape[0]), ax, title)

@@ -9,8 +9,9 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from stereolib.base import Floats, UInt8
+from stereolib.paper import CubeSetup, CubeView
 from stereolib.plotting.pictures import plot_image
-from stereolib.plotting.style import COLORS, OURS, TRUTH, default_style
+from stereolib.plotting.style import COLORS, OURS, REFUSED, TRUTH, default_style
 
 LEFT, RIGHT = COLORS[5], COLORS[3]  # the two eyes, wherever they are told apart
 
@@ -81,7 +82,7 @@ def plot_similar_triangles(pane_mm: float, baseline_mm: float, point_mm: tuple[f
     _measure(one, (-44, 0), (-44, z), "Z")
     _measure(one, (0, z + 12), (x, z + 12), "X")
     _measure(one, (0, pane_mm + 9), (x * pane_mm / z, pane_mm + 9), "x")
-    one.set_title("one pinhole: x / f = X / Z")
+    one.set_title("one pinhole: $x/f = X/Z$")
     _pinhole(two, 0.0, pane_mm, point_mm, LEFT)
     _pinhole(two, baseline_mm, pane_mm, point_mm, RIGHT)
     shifted = baseline_mm + x * pane_mm / z, x + baseline_mm
@@ -92,10 +93,48 @@ def plot_similar_triangles(pane_mm: float, baseline_mm: float, point_mm: tuple[f
     _measure(two, (0, -22), (baseline_mm, -22), "B")
     _measure(two, (x, z + 12), (shifted[1], z + 12), "B")
     _measure(two, (crossing, pane_mm + 9), (shifted[0], pane_mm + 9), "d")
-    two.set_title("two pinholes: d / f = B / Z")
+    for name, begin, end in (("x_l", 0.0, x * pane_mm / z), ("x_r", baseline_mm, crossing)):
+        two.plot([begin, end], [pane_mm, pane_mm], color=TRUTH, lw=5, solid_capstyle="butt", zorder=4)
+        middle, beside = ((begin + end) / 2, pane_mm), (min(begin, end) - 24, 0.7 * pane_mm)
+        leader = {"arrowstyle": "-", "color": "0.4", "lw": 0.8}
+        two.annotate(f"${name}$", middle, beside, ha="center", va="center", fontsize=12, arrowprops=leader)
+    two.set_title("two pinholes: $d/f = B/Z$")
     for ax in axes:
         ax.set(xlim=(-85, x + baseline_mm + 35), ylim=(-48, z + 45), aspect="equal")
         ax.set(xlabel="to the right (mm)", ylabel="forward (mm)")
+
+
+@default_style
+def plot_toe_in(baseline_mm: float, angle_deg: float, foot_mm: Floats, ax: Axes) -> Axes:
+    """Draw two cameras that are turned towards each other before a box, from above and to scale.
+
+    Parameters
+    ----------
+    baseline_mm : float
+    angle_deg : float
+        Between the directions in which they look.
+    foot_mm : (3, 2+) float, mm
+        Left, near and right corner of the box: forward and left from the left camera.
+    ax : matplotlib.axes.Axes
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+    """
+    left, near, right = np.asarray(foot_mm, float)[:, :2]
+    box, reach = np.array([left, near, right, left + right - near]), float(near[0]) * 1.25
+    ax.fill(*box.T, color="#c9a26b", lw=0)
+    ax.annotate("cube", ((reach + box[3, 0]) / 2, near[1]), ha="center", va="center")
+    slope = np.tan(np.radians(angle_deg / 2))
+    for name, side, turn, color in (("left", 0.0, -slope, LEFT), ("right", -baseline_mm, slope, RIGHT)):
+        ax.plot([0, reach], [side, side], color=REFUSED, lw=0.9, ls=":")
+        ax.plot([0, reach], [side, side + turn * reach], color=color, lw=1.6)
+        ax.plot(0, side, "o", color=color, ms=8)
+        up = 10 if name == "left" else -10
+        ax.annotate(f"{name} camera", (0, side), (0, up), textcoords="offset points", ha="center", va="center")
+    ax.set(xlabel="forward (mm)", ylabel="to the left (mm)", aspect="equal")
+    ax.set(xlim=(-110, box[:, 0].max() + 25), ylim=(box[:, 1].min() - 25, box[:, 1].max() + 25))
+    return ax
 
 
 def _pinhole(ax: Axes, at: float, pane_mm: float, point_mm: tuple[float, float], color: str) -> None:
@@ -116,6 +155,52 @@ def _measure(ax: Axes, begin: tuple[float, float], end: tuple[float, float], nam
     place: dict[str, Any] = {"ha": "right", "va": "center"} if upright else {"ha": "center", "va": "bottom"}
     offset = (-3, 0) if upright else (0, 2)
     ax.annotate(f"${name}$", middle, offset, textcoords="offset points", fontsize=12, **place)
+
+
+@default_style
+def plot_camera_and_cube(view: CubeView, setup: CubeSetup, half_view_rad: float, axes: Any) -> None:
+    """Draw a camera before a cube that stands edge-on, to scale: from above, then from the side.
+
+    Parameters
+    ----------
+    view : CubeView
+        Of the camera.
+    setup : CubeSetup
+    half_view_rad : float
+        From the camera's axis to the lower border of its picture.
+    axes : two matplotlib.axes.Axes
+    """
+    above, aside = axes
+    near, half = setup.distance_mm / 10, setup.side_mm / np.sqrt(2) / 10
+    middle, pane = near + half, 0.3 * (near + half)
+    above.fill([near, middle, near + 2 * half, middle], [0, half, 0, -half], color="0.85", ec="0.4")
+    for side in (-1, 1):
+        above.plot([0, middle], [0, side * half], color=OURS, lw=1.4)
+    above.plot([pane, pane], [-pane / 2, pane / 2], color="0.3", lw=2)
+    above.plot(0, 0, "o", color=OURS, ms=8)
+    _measure(above, (middle, -half), (middle, half), "L")
+    _measure(above, (0, -half - 9), (middle, -half - 9), "Z")
+    _measure(above, (pane - 2, -pane * half / middle), (pane - 2, pane * half / middle), "w")
+    _measure(above, (0, pane / 2), (pane, pane / 2), "f")
+    above.set(title="from above", xlabel="forward (cm)", ylabel="to the left (cm)", aspect="equal")
+    above.set(xlim=(-20, near + 2 * half + 3), ylim=(-half - 13, half + 4))
+    height, reach = view.camera_height_mm / 10, near + 2 * half
+    border = view.pitch_rad + half_view_rad * np.array([-1, 1])
+    aside.fill_between([0, reach], height + np.tan(border[0]) * np.array([0, reach]),
+                       height + np.tan(border[1]) * np.array([0, reach]), color=OURS, alpha=0.08, lw=0)  # fmt: skip
+    aside.fill([near, reach, reach, near], [0, 0, setup.side_mm / 10, setup.side_mm / 10], color="0.85", ec="0.4")
+    aside.axhline(0, color="0.3", lw=2)
+    aside.plot([0, reach], [height, height], color="0.6", lw=0.8, ls=":")
+    aside.plot([0, reach], [height, height + np.tan(view.pitch_rad) * reach], color=OURS, lw=1.2, ls="--")
+    aside.plot([0, near], [height, 0], color=OURS, lw=1.4)
+    aside.plot(0, height, "o", color=OURS, ms=8)
+    aside.text(
+        0.55 * near, height + 0.27 * np.tan(view.pitch_rad) * near, r"$\theta$", ha="center", va="center", fontsize=12
+    )
+    _measure(aside, (-4, 0), (-4, height), r"h_\mathrm{cam}")
+    _measure(aside, (0, -11), (near, -11), "D")
+    aside.set(title="from the side", xlabel="forward (cm)", ylabel="up (cm)", aspect="equal")
+    aside.set(xlim=(-20, reach + 3), ylim=(-15, setup.side_mm / 10 + 6))
 
 
 @default_style

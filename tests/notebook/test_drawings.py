@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import nbformat
 import numpy as np
 import pytest
@@ -17,7 +19,17 @@ from stereolib.matching import (
     score_repair,
 )
 from stereolib.matching.filters import close
-from stereolib.notebook import draw_dilation, draw_guided, draw_paths, draw_sgbm, draw_two_pictures
+from stereolib.notebook import (
+    cube_foot_mm,
+    draw_dilation,
+    draw_guided,
+    draw_paths,
+    draw_sgbm,
+    draw_two_pictures,
+    toe_in,
+    who_saw,
+)
+from stereolib.paper import paper_rig
 from stereolib.virtual import recordings
 
 
@@ -46,6 +58,16 @@ def test_first_slider_says_the_formula(baseline_mm: int, f_px: int, distance_mm:
     )
     disparity_px = f_px * baseline_mm / distance_mm
     assert f"{distance_mm / (disparity_px + 1):.1f} mm nearer" in text
+
+
+def test_cameras_turned_inwards_stay_where_they_are() -> None:
+    straight = paper_rig()
+    toed, T_toed_left = toe_in(straight, 8.0)
+    np.testing.assert_allclose(-toed.R.T @ toed.T, T_toed_left[:3, :3] @ (-straight.R.T @ straight.T), atol=1e-9)
+    between = np.degrees(np.arccos(toed.R[2, 2])) - np.degrees(np.arccos(straight.R[2, 2]))
+    assert abs(between - 8.0) < 0.5 and T_toed_left[0, 2] < 0  # what was ahead now is on the left
+    left, near, right = cube_foot_mm()
+    np.testing.assert_allclose([np.linalg.norm(left - near), np.linalg.norm(right - near)], 300.0)
 
 
 def test_every_filter_can_be_chosen() -> None:
@@ -105,3 +127,14 @@ def test_slider_of_the_laser_says_what_the_library_measures() -> None:
     picture, text = draw_guided(700, 16, 60)
     assert picture.shape == (480, 1280, 3)
     assert text == f"32 disparities searched; bad 2 on the cube: {quality.bad2_pct:.1f} %"
+
+
+def test_who_saw_which_box_stars_what_the_map_leaves_out() -> None:
+    def thing(height_mm: float) -> SimpleNamespace:
+        return SimpleNamespace(size_mm=np.array([200.0, 100.0, height_mm]))
+
+    stations = [SimpleNamespace(objects=[thing(50.0)]), SimpleNamespace(objects=[thing(np.nan), thing(30.0)])]
+    names = {1: ["A"], 2: ["A", "B"]}
+    objects = [SimpleNamespace(stations=(1,)), SimpleNamespace(stations=(2,))]
+    room = SimpleNamespace(names=("A", "B"), stations=stations, objects=objects, names_of=names.__getitem__)
+    assert who_saw(room).to_numpy().tolist() == [["pictures", "laser*"], ["-", "pictures"]]

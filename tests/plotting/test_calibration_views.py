@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from stereolib import plotting
+from stereolib.calibration import HoldOut
 from stereolib.paper import paper_rig
 from stereolib.plotting.calibration_views import _on_pane
 from stereolib.rig import Camera
@@ -56,3 +57,18 @@ def test_lines_pass_the_partners():
     drawn = [line for line in axes[1].lines if len(line.get_xdata()) == 2]
     for line, (column, row) in zip(drawn, right, strict=True):
         assert np.interp(column, *line.get_data()) == pytest.approx(row, abs=1e-6)
+
+
+def test_camera_matrix_leads_from_the_corner_to_the_pixel():
+    _, (ax,) = plotting.panels(1)
+    camera = Camera([[700, 0, 320], [0, 710, 240], [0, 0, 1]], [], (640, 480))
+    plotting.plot_camera_matrix(camera, (0.1, 0.2), ax)
+    cross, dot = (line.get_xydata()[0].tolist() for line in ax.lines)
+    assert cross == [320.0, 240.0] and dot == pytest.approx(camera.project(np.array([[0.1, 0.2, 1.0]]))[0])
+
+
+def test_fitted_and_left_out_are_told_apart():
+    _, (ax,) = plotting.panels(1)
+    plotting.plot_hold_out([HoldOut("pinhole", 0, 0.1, 0.2), HoldOut("brown3", 5, 0.05, 0.06)], ax)
+    drawn = {line.get_label(): np.round(line.get_ydata().astype(float), 3).tolist() for line in ax.lines}
+    assert drawn == {"pairs fitted": [0.1, 0.05], "pairs left out": [0.2, 0.06]}

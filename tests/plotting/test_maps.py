@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from stereolib import plotting
+from stereolib.mapping import Station
 
 
 @pytest.fixture
@@ -35,3 +36,19 @@ def test_polar_scan_marks_dropouts():
     centre, forward, left = ax.transData.transform([[0, 0], [0, 1000], [np.pi / 2, 1000]])
     assert forward[1] > centre[1] + 10 and left[0] < centre[0] - 10  # up, and counter-clockwise
     np.testing.assert_allclose([forward[0], left[1]], centre, atol=1e-6)
+
+
+def test_a_part_of_a_scan_is_enlarged(ax):
+    plotting.plot_scan(np.array([[1000.0, 300.0]]), ax, zoom_mm=(-400, -200, 900, 1100))
+    (glass,) = ax.child_axes
+    assert glass.get_xlim() == (-400, -200) and glass.get_ylim() == (900, 1100)
+    np.testing.assert_allclose(glass.collections[0].get_offsets(), [[-300, 1000]])
+
+
+def test_plan_shows_boxes_by_letter_and_stations_by_number(ax):
+    stations = [Station(np.array([500.0, -200.0, 0.0]), (), np.zeros((0, 2)), np.zeros(2))]
+    corners = np.array([[0.0, 0.0], [200, 0], [200, 100], [0, 100]])
+    plotting.plot_plan(stations, {"B": corners}, ax)
+    places = {text.get_text(): text.get_position() for text in ax.texts}
+    assert set(places) == {"B", "1"} and places["1"] == (500, -200)
+    assert next(text for text in ax.texts if text.get_text() == "B").xy == (100, 50)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from support.attempts import attempted
 
-from stereolib import plotting
+from stereolib import laser, plotting
 from stereolib.rig import to_grey
 from stereolib.virtual import recordings
 
@@ -49,3 +49,14 @@ def test_intervals_and_notes_stand_in_their_rows():
     assert [label.get_text() for label in ax.get_yticklabels()] == ["a", "b", "c"]
     low, high = ax.get_ylim()
     assert low > high  # the first name is on top
+
+
+def test_a_laser_s_errors_are_drawn_where_there_are_readings_enough():
+    near, far = np.array([1000.0, 2000.0]), np.array([5.0, 9.0])
+    curve = laser.ErrorCurve(near, np.array([40, 3]), far, far, far, np.array([0.0, 0.9]))
+    axes = plotting.panels(2, 2)[1]
+    plotting.plot_error_curves(near, {"white": curve, "dark": curve}, axes, limit_mm=3000.0)
+    white, dark, limit = axes[0].lines
+    assert (white.get_color(), dark.get_color()) == ("0.7", "0.0") and limit.get_xdata()[0] == 3000
+    np.testing.assert_allclose(white.get_xydata(), [[1000, 5]])
+    np.testing.assert_allclose(axes[3].lines[0].get_xydata(), [[1000, 0], [2000, 90]])

@@ -66,7 +66,7 @@ def test_a_glass_shows_few_pixels_and_hides_none_of_them(ax, place):
     plotting.plot_mask(np.full((60, 80), 90, np.uint8), mask, ax, zoom=place)
     (glass,) = ax.child_axes
     low, high = sorted(glass.get_xlim())
-    assert low < place[0] < high and high - low == 16
+    assert low < place[0] < high and high - low == 12
     ax.figure.canvas.draw()
     assert not glass.get_window_extent().contains(*ax.transData.transform(place))
 

@@ -7,9 +7,10 @@ import re
 import nbformat
 import numpy as np
 
-from stereolib import plotting
+from stereolib import paper, plotting
 from stereolib.base import ROOT
 from stereolib.plotting import course_map
+from stereolib.virtual import recordings
 
 
 def ends(ax):
@@ -50,3 +51,32 @@ def test_map_of_the_course_has_every_chapter_that_its_table_names():
     named = set(re.findall(r"^\| \[?(\d\d) ", "\n".join(cell.source for cell in cells), re.MULTILINE))
     assert named | {"00"} == {name for name in drawn if name.isdigit()}
     assert {name for arrow in course_map._ARROWS for name in arrow.split()} == set(course_map._BOXES)
+
+
+def test_traces_on_both_panes_differ_by_the_disparity():
+    _, axes = plotting.panels(2)
+    plotting.plot_similar_triangles(100.0, 90.0, (60.0, 400.0), axes)
+    left, right = (np.ptp(line.get_xdata()) for line in axes[1].lines if line.get_linewidth() == 5)
+    assert left + right == 100.0 * 90.0 / 400.0  # the right trace runs to the left
+    assert {"$x_l$", "$x_r$"} <= {text.get_text() for text in axes[1].texts}
+
+
+def test_turned_axes_cross_where_the_notebook_says():
+    _, (ax,) = plotting.panels(1)
+    plotting.plot_toe_in(93.0, 8.0, np.array([[900.0, 200.0], [700.0, 0.0], [900.0, -200.0]]), ax)
+    (x0, y0), (x1, y1) = (line.get_data() for line in ax.lines if line.get_linewidth() == 1.6)
+    crossing = 93.0 / 2 / np.tan(np.radians(4.0))
+    np.testing.assert_allclose([np.interp(crossing, x0, y0), np.interp(crossing, x1, y1)], -93.0 / 2)
+    assert (np.ptp(ax.patches[0].get_xy(), axis=0) / 2).tolist() == [200.0, 200.0]
+
+
+def test_camera_and_cube_are_drawn_to_scale():
+    setup = paper.paper_setup()
+    view = paper.solve_pitch(recordings.rectified(), setup)
+    above, aside = plotting.panels(1, 2)[1]
+    plotting.plot_camera_and_cube(view, setup, 0.3, (above, aside))
+    half_cm = setup.side_mm / np.sqrt(200)
+    np.testing.assert_allclose(above.lines[0].get_xydata()[1], [70 + half_cm, -half_cm])  # a side corner
+    ray = [line.get_xydata() for line in aside.lines][-2]
+    np.testing.assert_allclose(ray, [[0, 8.5], [70, 0]])  # from the camera to the cube's foot
+    assert {text.get_text() for text in aside.texts} >= {r"$\theta$", r"$h_\mathrm{cam}$", "$D$"}

@@ -17,6 +17,7 @@ from stereolib.cli.errors import named
 
 _PAGE = "explore.ipynb"
 _FILES = "STEREOLIB_EXPLORE"  # of the environment: what the page looks at, as JSON
+_STRANGERS = ["@jupyter-notebook/lab-extension"]  # it needs parts that Voila has not
 _HOST = "127.0.0.1"
 _NOTES = """\
 The page shows the virtual rig, whose scene, cameras, laser and settings have sliders, every recording of the project,
@@ -43,6 +44,7 @@ def _run(arguments: argparse.Namespace) -> int:
     paths = [str(here), environment.get("JUPYTER_PATH", "")]
     environment["JUPYTER_PATH"] = os.pathsep.join(filter(None, paths))
     options = ["--template=stereolib", "--token", f"--Voila.ip={_HOST}", f"--port={arguments.port or _free_port()}"]
+    options.append(f"--VoilaConfiguration.extension_denylist={_STRANGERS}")
     options += ["--no-browser"] if arguments.no_browser else []
     return subprocess.call([sys.executable, "-m", "voila", str(here / _PAGE), *options], env=environment)
 

@@ -385,3 +385,24 @@ def measured(state: State) -> Measurement | str:
         return measure_objects(shot.left, shot.right, scan(state), Instrument(rectified, lidar))
     except CannotMeasure as error:
         return str(error)
+
+
+def is_made(state: State, is_old: Callable[[], bool]) -> bool:
+    """Take the long steps of a state one by one, and stop where nobody wants it any more.
+
+    Parameters
+    ----------
+    state : State
+    is_old : callable
+        Asked before each step.
+
+    Returns
+    -------
+    bool
+        Whether all were taken.
+    """
+    for one in (taken, known, scan, filtered, ground_plane, measured):
+        if is_old():
+            return False
+        one(state)
+    return True

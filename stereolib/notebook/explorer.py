@@ -184,6 +184,8 @@ class Bench:
 
     def _shown(self, state: State, is_old: Callable[[], bool]) -> None:
         try:
+            if not (state.half or chain.is_made(state, is_old)):
+                return
             images, line = draw_panels(state), result_line(state)
         except (ValueError, OSError) as error:
             self._result.value = _sentence(f"Not possible: {error}", "b00020")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Generic, TypeVar
@@ -30,7 +29,7 @@ from stereolib.matching import (
 from stereolib.measurement import CannotMeasure, HeightAttempt, Instrument, Measurement, attempt_height, measure_objects
 from stereolib.notebook.knobs import FILTERS, MATCHERS, MOTORCYCLE, OWN, VIRTUAL, WINDOWS, State
 from stereolib.paper import HeightResult, height_by_maximum
-from stereolib.rig import Camera, RectifiedRig, StereoRig, read_pair, rigid
+from stereolib.rig import Camera, RectifiedRig, StereoRig, read_pair
 from stereolib.virtual import (
     CUBE_SURFACE,
     FLOOR_SURFACE,
@@ -39,7 +38,7 @@ from stereolib.virtual import (
     Webcam,
     cube_scene,
     recordings,
-    render,
+    render_quickly,
     render_truth,
 )
 
@@ -207,14 +206,9 @@ def pose(state: State) -> Float64:
 
 
 @step(after=(scene, pose))
-def light(state: State) -> tuple[Float64, Float64]:
-    """What falls into both cameras, each drawn on a core of its own."""
-    rig = true_rig(state)
-    poses = pose(state), rigid(rig.R, rig.T) @ pose(state)
-    with ThreadPoolExecutor(2) as both:
-        cameras = rig.left, rig.right
-        left, right = both.map(lambda c, T: render(scene(state), c, T, samples=1, light_samples=1), cameras, poses)
-    return left, right
+def light(state: State) -> tuple[Floats, Floats]:
+    """What falls into both cameras."""
+    return render_quickly(scene(state), true_rig(state), pose(state))
 
 
 @step("own", "light", "noise", "exposure_ev", after=(light,))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import threading
-import time
 from functools import partial
 from pathlib import Path
 
@@ -92,11 +91,10 @@ def test_the_finger_never_waits_and_the_newest_value_wins():
         return np.zeros((4, 4, 3), np.uint8), f"size {size}"
 
     explorer = explore(slow, size=(0, 0, 99, 1))
-    began = time.thread_time()
     for size in range(1, 100):
         explorer._controls["size"].value = size
-    assert drawn in ([0], [0, 1]) and explorer._picture.quality == "waiting"
-    assert explorer._picture.captions == ["size 0"] and time.thread_time() - began < 10
+    assert len(drawn) <= 2 and explorer._picture.quality == "waiting"  # here while the first of them is drawn
+    assert explorer._picture.captions == ["size 0"]
     go_on.set()
     assert explorer.settle(20)
     assert drawn[-1] == 99 and len(drawn) <= 3

@@ -59,7 +59,8 @@ export default {
         caption.textContent = captions[k] || "";
         canvas.setAttribute("aria-label", captions[k] || model.get("alt"));
       });
-      cells.slice(pictures.length).forEach(({ figure }) => (figure.hidden = true));
+      if (!pictures.length && captions.length) cell(0).caption.textContent = captions[0];
+      cells.slice(pictures.length || captions.length).forEach(({ figure }) => (figure.hidden = true));
       grid.dataset.quality = model.get("quality");
       grid.dataset.about = model.get("about");
       grid.dataset.painted = number;
@@ -67,8 +68,16 @@ export default {
       model.save_changes();
     }
 
+    function wait() {
+      if (model.get("quality") === "waiting") grid.dataset.quality = "waiting";
+    }
+
     model.on("change:number", paint);
-    if (model.get("frames").length) paint();
-    return () => model.off("change:number", paint);
+    model.on("change:quality", wait);
+    if (model.get("number")) paint();
+    return () => {
+      model.off("change:number", paint);
+      model.off("change:quality", wait);
+    };
   },
 };

@@ -66,6 +66,17 @@ class LivePicture(anywidget.AnyWidget):
             self.frames, self.captions, self.quality, self.about = frames, list(captions), quality, about
             self.number += 1
 
+    def refuse(self, reason: str) -> None:
+        """Say why there is no picture of what was asked for; the one that is there stays, dimmed.
+
+        Parameters
+        ----------
+        reason : str
+        """
+        with self.hold_sync():
+            self.captions, self.quality = [reason], "refused"
+            self.number += 1
+
     def wait(self) -> None:
         """Wait until the page has painted what was sent last, at most a second."""
         if self.comm is not None and self.painted < self.number:

@@ -431,3 +431,28 @@ def color_disparity(disparity_px: Floats, low: float, high: float) -> UInt8:
     picture: UInt8 = cv2.applyColorMap(scaled, cv2.COLORMAP_VIRIDIS)
     picture[np.isnan(disparity_px)] = 217
     return picture
+
+
+def color_error(error_px: Floats, most: float) -> UInt8:
+    """Turn errors of a disparity map into a picture: red too near, blue too far, white right; unknown is light grey.
+
+    Parameters
+    ----------
+    error_px : (H, W) float, px
+    most : float
+        Where the colours end, px.
+
+    Returns
+    -------
+    (H, W, 3) uint8, blue-green-red
+
+    Examples
+    --------
+    >>> color_error(np.array([[-9, 0, 9, np.nan]]), 4)[0].argmax(axis=-1).tolist()
+    [0, 0, 2, 0]
+    """
+    levels = np.nan_to_num((error_px + most) / (2 * most) * 255).clip(0, 255).astype(np.uint8)
+    bgr = np.rint(255 * colormaps["RdBu_r"](np.arange(256))[:, 2::-1]).astype(np.uint8)
+    picture: UInt8 = bgr[levels]
+    picture[np.isnan(error_px)] = 217
+    return picture

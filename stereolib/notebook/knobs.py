@@ -15,6 +15,7 @@ WINDOWS = ("all disparities", "around the laser's")
 MATCHERS = ("sgbm", "paper", "fast", "best")
 FILTERS = ("none", *SMOOTHING_METHODS)
 _SUM_LIMIT, _LEAST_ROOM = 32767, 88  # as of `SGBMParams.room`
+_DECIMALS = 6  # more than any step has
 _HALF_STEPS = 16  # OpenCV's search windows are multiples
 
 
@@ -272,6 +273,31 @@ def knobs() -> Mapping[str, Knob]:
     return {one.name: one.metadata["knob"] for one in fields(State) if one.metadata}
 
 
+def on_step(name: str, value: Value) -> Value:
+    """Put a slider's value onto the nearest of its steps: browsers are off by what binary fractions cannot hold.
+
+    Parameters
+    ----------
+    name : str
+        Of the knob.
+    value : float, int, str or bool
+        One that is no slider's comes back as it is.
+
+    Returns
+    -------
+    float, int, str or bool
+
+    Examples
+    --------
+    >>> on_step("pitch_deg", 8.299999999999997)
+    8.3
+    """
+    knob = knobs()[name]
+    if not knob.step or not isinstance(value, float):
+        return value
+    return round(knob.low + round((value - knob.low) / knob.step) * knob.step, _DECIMALS)
+
+
 def to_text(state: State) -> str:
     """Write what differs from the paper's set-up.
 
@@ -285,8 +311,8 @@ def to_text(state: State) -> str:
 
     Examples
     --------
-    >>> to_text(State(distance_mm=800, filter="dilate"))
-    'distance_mm=800; filter=dilate'
+    >>> to_text(State(distance_mm=800, filter="dilation"))
+    'distance_mm=800; filter=dilation'
     """
     first = State()
     changed = ((f.name, getattr(state, f.name)) for f in fields(State) if f.name not in ("half", "own"))
@@ -311,8 +337,8 @@ def from_text(text: str) -> State:
 
     Examples
     --------
-    >>> from_text("distance_mm=800; filter=dilate").distance_mm
-    800.0
+    >>> from_text("distance_mm=800; filter=dilation").distance_mm
+    800
     """
     state = State()
     for part in filter(None, (part.strip() for part in text.split(";"))):

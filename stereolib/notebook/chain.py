@@ -52,7 +52,7 @@ _OF_SCENE = ("distance_mm", "width_mm", "depth_mm", "height_mm", "yaw_deg", "lat
              "gloss", "light", "noise", "camera_height_mm", "pitch_deg", "baseline_mm", "focal_px")  # fmt: skip
 _OF_SGBM = ("min_disparity", "block_size", "p1", "p2", "mode", "uniqueness_ratio", "disp12_max_diff",
             "speckle_window_size", "speckle_range", "pre_filter_cap")  # fmt: skip
-_WITHOUT_KERNEL = (FILTERS[0], "speckle", "background", "inpaint_biharmonic")
+_WITHOUT_KERNEL = (FILTERS[0], "background", "inpaint_biharmonic")
 _SEED = 4
 
 

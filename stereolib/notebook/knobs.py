@@ -293,9 +293,9 @@ def on_step(name: str, value: Value) -> Value:
     8.3
     """
     knob = knobs()[name]
-    if not knob.step or not isinstance(value, float):
+    if not knob.step or isinstance(value, str):
         return value
-    return round(knob.low + round((value - knob.low) / knob.step) * knob.step, _DECIMALS)
+    return type(value)(round(knob.low + round((value - knob.low) / knob.step) * knob.step, _DECIMALS))
 
 
 def to_text(state: State) -> str:
@@ -320,7 +320,7 @@ def to_text(state: State) -> str:
 
 
 def from_text(text: str) -> State:
-    """Read a state that `to_text` wrote.
+    """Read a state that `to_text` wrote; what lies between two steps of a slider goes to the nearer one.
 
     Parameters
     ----------
@@ -378,4 +378,4 @@ def _read(name: str, text: str) -> Value:
     if not (offered and math.isfinite(value)):
         values = ", ".join(map(_short, knob.choices)) if knob.choices else f"{knob.low:g} to {knob.high:g}"
         raise ValueError(f"{name} must be one of {values}" if knob.choices else f"{name} must be {values}, got {text}")
-    return value
+    return on_step(name, value)

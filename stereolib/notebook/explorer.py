@@ -122,7 +122,8 @@ class Bench:
     def _turn(self, **values: Any) -> None:
         if self._is_setting:
             return
-        state = replace(self.state, **{name: on_step(name, value) for name, value in values.items()})
+        stepped: dict[str, Any] = {name: on_step(name, value) for name, value in values.items()}
+        state = replace(self.state, **stepped)
         if state != self.state:
             self._said.value = ""
             self._set(state)

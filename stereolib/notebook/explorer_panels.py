@@ -15,7 +15,7 @@ from stereolib.measurement import OBJECT_RGB, MeasuredObject, Measurement, draw_
 from stereolib.notebook import chain
 from stereolib.notebook.knobs import State
 from stereolib.paper import HeightResult
-from stereolib.plotting import LASER, OURS, PAPER, REFUSED, TRUTH, color_disparity, figure_to_image, panels
+from stereolib.plotting import LASER, OURS, PAPER, REFUSED, TRUTH, color_disparity, color_error, figure_to_image, panels
 
 WIDTH = 560  # of a shown picture, px
 _BAR, _LABELS = 14, 46  # widths of a colour bar and of its numbers, px
@@ -88,7 +88,7 @@ def _disparity(state: State) -> UInt8:
     most = state.min_disparity + state.num_disparities
     scale = 2 if state.half else 1
     picture = color_disparity(scale * chain.filtered(state), max(0, state.min_disparity), most)
-    return _with_bar(_fitted(picture), max(0, state.min_disparity), most, cv2.COLORMAP_VIRIDIS)
+    return _with_bar(_fitted(picture), max(0, state.min_disparity), most, is_error=False)
 
 
 def _error(state: State) -> UInt8:
@@ -99,23 +99,11 @@ def _error(state: State) -> UInt8:
     error = np.full(shape[:2], np.nan)
     if truth is not None:
         error = np.where(truth.visible, scale * (chain.filtered(state) - truth.disparity_px), np.nan)
-    levels = np.nan_to_num((error + _ERROR_PX) / (2 * _ERROR_PX) * 255).clip(0, 255).astype(np.uint8)
-    picture = np.asarray(_DIVERGING)[levels]
-    picture[np.isnan(error)] = 217
-    shown = _with_bar(_fitted(picture), -_ERROR_PX, _ERROR_PX, None)
+    picture = color_error(error, _ERROR_PX)
+    shown = _with_bar(_fitted(picture), -_ERROR_PX, _ERROR_PX, is_error=True)
     if truth is None:
         _write(shown, "nobody knows the truth of this pair", (20, 40))
     return shown
-
-
-def _diverging() -> UInt8:
-    from matplotlib import colormaps
-
-    rgb = colormaps["RdBu_r"](np.arange(256))[:, :3]
-    return np.asarray(np.rint(255 * rgb[:, ::-1]), np.uint8)
-
-
-_DIVERGING = _diverging()
 
 
 def _above(state: State) -> UInt8:
@@ -187,10 +175,10 @@ def _fitted(picture: UInt8) -> UInt8:
     return np.asarray(cv2.resize(picture, (WIDTH, height), interpolation=cv2.INTER_NEAREST))
 
 
-def _with_bar(picture: UInt8, low: float, high: float, colors: int | None) -> UInt8:
+def _with_bar(picture: UInt8, low: float, high: float, *, is_error: bool) -> UInt8:
     height = picture.shape[0]
-    ramp = np.linspace(255, 0, height).astype(np.uint8)[:, None].repeat(_BAR, axis=1)
-    bar = np.asarray(_DIVERGING)[ramp] if colors is None else np.asarray(cv2.applyColorMap(ramp, colors))
+    ramp = np.linspace(high, low, height)[:, None].repeat(_BAR, axis=1)
+    bar = color_error(ramp, high) if is_error else color_disparity(ramp, low, high)
     labels = np.full((height, _LABELS, 3), 255, np.uint8)
     for share in np.linspace(0, 1, 5):
         row = round((1 - share) * (height - 1))

@@ -60,7 +60,7 @@ def test_costs_have_their_least_at_the_disparity():
     assert len(pictures) == 2 and all(picture.ndim == 3 and picture.dtype == np.uint8 for picture in pictures)
     other = draw_costs(TEXTURE, find(TEXTURE, (400, 250)))
     assert not np.array_equal(pictures[0], other[0])
-    assert isinstance(draw_costs(TEXTURE, find(TEXTURE, (20, 200))), str | list)
+    assert isinstance(draw_costs(TEXTURE, find(TEXTURE, (20, 200))), str)  # a column without partners
 
 
 def test_pictures_have_the_shown_width_and_the_captions_number():

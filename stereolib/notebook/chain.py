@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -46,6 +47,11 @@ _Made = TypeVar("_Made")
 _KEPT = 6  # results of a step
 _MARGIN_PX = 8  # searched around what the laser predicts
 _GAMMA = 2.2
+_OF_SCENE = ("distance_mm", "width_mm", "depth_mm", "height_mm", "yaw_deg", "lateral_mm", "contrast", "grain_mm",
+             "gloss", "light", "noise", "camera_height_mm", "pitch_deg", "baseline_mm", "focal_px")  # fmt: skip
+_OF_SGBM = ("min_disparity", "block_size", "p1", "p2", "mode", "uniqueness_ratio", "disp12_max_diff",
+            "speckle_window_size", "speckle_range", "pre_filter_cap")  # fmt: skip
+_WITHOUT_KERNEL = (FILTERS[0], "background", "inpaint_biharmonic")
 _SEED = 4
 
 
@@ -66,15 +72,17 @@ class Step(Generic[_Made]):
             dict.fromkeys([name for step in after for name in step.knobs] + list(knobs))
         )
         self._made: OrderedDict[tuple[object, ...], _Made] = OrderedDict()
+        self._one_at_a_time = threading.Lock()  # a click asks while the pictures are being drawn
 
     def __call__(self, state: State) -> _Made:
         key = tuple(getattr(state, name) for name in self.knobs)
-        if key not in self._made:
-            self._made[key] = self.make(state)
-            while len(self._made) > _KEPT:
-                self._made.popitem(last=False)
-        self._made.move_to_end(key)
-        return self._made[key]
+        with self._one_at_a_time:
+            if key not in self._made:
+                self._made[key] = self.make(state)
+                while len(self._made) > _KEPT:
+                    self._made.popitem(last=False)
+            self._made.move_to_end(key)
+            return self._made[key]
 
 
 def step(*knobs: str, after: tuple[Step[Any], ...] = ()) -> Callable[[Callable[[State], _Made]], Step[_Made]]:
@@ -144,6 +152,42 @@ def sources(state: State) -> tuple[str, ...]:
     tuple of str
     """
     return (VIRTUAL, *((OWN,) if state.own else ()), *recordings.pairs(), MOTORCYCLE)
+
+
+def idle(state: State) -> frozenset[str]:
+    """Knobs that change nothing in a state: those of the scene where a recording is shown, and the like.
+
+    Parameters
+    ----------
+    state : State
+
+    Returns
+    -------
+    frozenset of str
+        Names of fields of `State`.
+
+    Examples
+    --------
+    >>> sorted(idle(State(filter="dilation")) ^ idle(State()))
+    ['kernel_px']
+    """
+    scans = state.source in (VIRTUAL, *recordings.pairs()) or (state.source == OWN and bool(state.own[3]))
+    is_emulated = scans and state.source != OWN and not state.source.startswith("room/")
+    has_rig = state.source != MOTORCYCLE and (state.source != OWN or bool(state.own[2]))
+    is_guided = state.laser and scans and state.source != OWN
+    narrows = is_guided and state.window != WINDOWS[0]
+    turned = {
+        _OF_SCENE: state.source == VIRTUAL,
+        ("exposure_ev",): state.source not in (OWN, MOTORCYCLE),
+        ("roll_deg", "row_px", "baseline_pct"): has_rig,
+        ("laser",): scans,
+        ("turns", "laser_noise", "laser_yaw_deg", "laser_ahead_mm"): state.laser and is_emulated,
+        ("window",): is_guided,
+        ("matcher",): not narrows,
+        _OF_SGBM: narrows or state.matcher == MATCHERS[0] or state.filter == "left_right",
+        ("kernel_px",): state.filter not in _WITHOUT_KERNEL,
+    }
+    return frozenset(name for names, turns_something in turned.items() if not turns_something for name in names)
 
 
 @step("baseline_mm", "focal_px", "half")
@@ -276,8 +320,9 @@ def known(state: State) -> Known | None:
         view = motorcycle_view()
         if not state.half:
             return Known(view.truth_px, np.asarray(view.visible), np.asarray(view.visible))
-        seen = np.asarray(view.visible)[::2, ::2]
-        return Known(view.truth_px[::2, ::2] / 2, seen, seen)
+        rows, columns = (slice(0, length // 2 * 2, 2) for length in view.truth_px.shape)
+        seen = np.asarray(view.visible)[rows, columns]
+        return Known(view.truth_px[rows, columns] / 2, seen, seen)
     shown = true_scene(state)
     if rectified is None or shown is None:
         return None
@@ -304,12 +349,7 @@ def scan(state: State) -> LaserScan | None:
     return average(turns(decode(data)))
 
 
-_MATCHER = ("matcher", "window", "num_disparities", "min_disparity", "block_size", "p1", "p2", "mode",
-            "uniqueness_ratio", "disp12_max_diff", "speckle_window_size", "speckle_range", "pre_filter_cap",
-            )  # fmt: skip
-
-
-@step(*_MATCHER, after=(pair, scan, pose))
+@step("matcher", "window", "num_disparities", *_OF_SGBM, after=(pair, scan, pose))
 def disparity(state: State) -> Float32:
     """The map as the matcher gives it."""
     return _match(state, *pair(state))
@@ -319,8 +359,7 @@ def _match(state: State, left: UInt8, right: UInt8) -> Float32:
     turn, rectified = scan(state), rectified_rig(state)
     if state.window != WINDOWS[0] and turn is not None and rectified is not None and state.source != OWN:
         expected = expected_disparity(turn, rectified, pose(state), recordings.LASER_POSE)
-        margin = _MARGIN_PX // (2 if state.half else 1)
-        return compute_disparity_guided(left, right, expected, state.sgbm, margin_px=margin)
+        return compute_disparity_guided(left, right, expected, state.sgbm, margin_px=_MARGIN_PX)
     if state.matcher == MATCHERS[0]:
         return compute_disparity(left, right, state.sgbm)
     count = state.sgbm.num_disparities

@@ -9,14 +9,14 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from html import escape
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
+import cv2
 import ipywidgets as widgets
 
 from stereolib.notebook import chain, python_code
 from stereolib.notebook.explorer_panels import (
     CAPTIONS,
-    Found,
     draw_costs,
     draw_panels,
     find,
@@ -24,7 +24,7 @@ from stereolib.notebook.explorer_panels import (
     result_line,
     scale_of,
 )
-from stereolib.notebook.knobs import OWN, VIRTUAL, Knob, State, from_text, knobs, most_p2, to_text
+from stereolib.notebook.knobs import OWN, Knob, State, from_text, knobs, most_p2, on_step, to_text
 from stereolib.notebook.latest import Latest
 from stereolib.notebook.live_picture import LivePicture
 from stereolib.notebook.stories import STORIES, Story
@@ -32,8 +32,8 @@ from stereolib.notebook.stories import STORIES, Story
 #: Name of the environment variable in which ``stereolib explore`` names its files, as JSON.
 FILES = "STEREOLIB_EXPLORE"
 _UPLOADS = ("left", "right", "calibration", "scan")
-_OF_SCENE = ("Box",)
-_OF_RIG = ("camera_height_mm", "pitch_deg", "baseline_mm", "focal_px", "light", "noise")
+_STYLE = Path(__file__).with_name("explorer.css")
+_Pointed: TypeAlias = tuple[State, tuple[tuple[int, int], ...]]
 _MAP_PICTURES = (0, 1, 2)  # pictures whose pixels are the pair's
 
 
@@ -53,12 +53,13 @@ class Bench:
 
     def __init__(self, own: tuple[str, ...] = ()) -> None:
         self.state = State(source=OWN, own=own) if own else State()
-        self._clicks: list[Found] = []
+        self._pixels: tuple[tuple[int, int], ...] = ()  # the last two that were clicked
         self._is_setting = False
         self._pictures = LivePicture("The pair, its disparity, its error, and the scene from above.", self._click)
         self._costs = LivePicture("What each disparity costs the clicked pixel.")
         self._result, self._said, self._clicked = widgets.HTML(), widgets.HTML(), widgets.HTML(_CLICK_HELP)
-        self._code, self._words = widgets.Textarea(layout=_WIDE), widgets.Text(layout=_WIDE, continuous_update=False)
+        self._code = widgets.Textarea(rows=14, layout=_WIDE)
+        self._words = widgets.Text(layout=_WIDE, continuous_update=False).add_class("stereolib-words")
         self._files = widgets.HTML()
         self._controls = {name: _control(knob, getattr(self.state, name)) for name, knob in knobs().items()}
         self._source = widgets.Dropdown(
@@ -67,9 +68,10 @@ class Bench:
         )  # fmt: skip
         for name, control in self._controls.items():
             control.observe(lambda change, name=name: self._turn(**{name: change["new"]}), names="value")
-        self._source.observe(lambda change: self._turn(source=change["new"]), names="value")
+        self._source.observe(lambda change: self._look_at(change["new"]), names="value")
         self._words.observe(lambda change: self._restore(change["new"]), names="value")
         self._worker: Latest[State] = Latest(self._preview, self._full)
+        self._pointer: Latest[_Pointed] = Latest(self._say_found, self._show_costs)
         self.page = self._laid_out()
         self._set(self.state)
 
@@ -86,19 +88,16 @@ class Bench:
         groups["Keep"] = self._keeping()
         tabs = widgets.Accordion([widgets.VBox(group) for group in groups.values()], titles=list(groups))
         tabs.selected_index = 0
-        tabs.layout = widgets.Layout(flex="1 1 340px", max_width="440px", min_width="320px")
         stories = [self._story_button(story) for story in STORIES]
+        for part, name in ((self._result, "results"), (self._pictures, "scene"), (self._clicked, "found"),
+                           (self._costs, "costs"), (self._said, "said")):  # fmt: skip
+            part.add_class(f"stereolib-{name}")
         seen = widgets.VBox([self._result, self._pictures, self._clicked, self._costs])
-        seen.layout = widgets.Layout(flex="3 1 340px", min_width="0")
-        row = widgets.Layout(display="flex", flex_flow="row wrap", align_items="flex-start")
-        return widgets.VBox(
-            [
-                widgets.HTML(_TITLE),
-                widgets.Box([self._source, *stories], layout=row),
-                self._said,
-                widgets.Box([tabs, seen], layout=row),
-            ]
-        )
+        row = widgets.Box([tabs.add_class("stereolib-knobs"), seen.add_class("stereolib-seen")])
+        first = widgets.Box([self._source, *stories]).add_class("stereolib-row").add_class("stereolib-stories")
+        title = widgets.HTML(f"<style>{_STYLE.read_text(encoding='utf-8')}</style>{_TITLE}")
+        page = widgets.VBox([title, first, self._said, row.add_class("stereolib-row")])
+        return page.add_class("stereolib-bench")
 
     def _story_button(self, story: Story) -> widgets.Button:
         button = widgets.Button(description=story.name, tooltip="Sets the knobs and says what to look at.")
@@ -121,9 +120,18 @@ class Bench:
     # What turns: each sets the state and asks for its pictures.
 
     def _turn(self, **values: Any) -> None:
-        if not self._is_setting:
+        if self._is_setting:
+            return
+        stepped: dict[str, Any] = {name: on_step(name, value) for name, value in values.items()}
+        state = replace(self.state, **stepped)
+        if state != self.state:
             self._said.value = ""
-            self._set(replace(self.state, **values))
+            self._set(state)
+
+    def _look_at(self, source: str) -> None:
+        if not self._is_setting and source != self.state.source:
+            self._said.value = ""
+            self._set(replace(self.state, source=source))
 
     def _tell(self, story: Story) -> None:
         self._set(replace(story.state, own=self.state.own))
@@ -148,27 +156,30 @@ class Bench:
 
     def _set(self, state: State) -> None:
         """Make a state that of all knobs, offer what is possible in it, and show it."""
-        self.state, self._is_setting, self._clicks = state, True, []
+        self._pixels = self._pixels if state.source == self.state.source and state.own == self.state.own else ()
+        self._is_setting = True
         try:
-            self._offer(state)
+            self.state = self._offer(state)
             for name, control in self._controls.items():
-                control.value = getattr(state, name)
-            self._source.options = chain.sources(state)
-            self._source.value = state.source
-            self._words.value = to_text(state)
+                control.value = getattr(self.state, name)
+            self._source.options = chain.sources(self.state)
+            self._source.value = self.state.source
+            self._words.value = to_text(self.state)
         finally:
             self._is_setting = False
-        self._worker.ask(state)
+        self._worker.ask(self.state)
 
-    def _offer(self, state: State) -> None:
-        """Offer no value that is not possible: P2 above P1 and within 16 bits, and no scene of a recording."""
+    def _offer(self, state: State) -> State:
+        """Offer no value that is not possible: P2 above P1 and within 16 bits, and no knob that turns nothing."""
         p2, most = self._controls["p2"], most_p2(state.block_size)
-        self._controls["p1"].max = min(60, most - 1)
+        state = replace(state, p1=min(state.p1, most - 1), p2=min(max(state.p2, state.p1 + 1), most))
+        self._controls["p1"].max = min(int(knobs()["p1"].high), most - 1)
         p2.min, p2.max = 1, most  # first wide, as the slider refuses a minimum above its maximum
-        p2.min = min(state.p1 + 1, most)
-        self.state = replace(state, p1=min(state.p1, most - 1), p2=min(max(state.p2, state.p1 + 1), most))
-        for name, knob in knobs().items():
-            self._controls[name].disabled = state.source != VIRTUAL and (knob.group in _OF_SCENE or name in _OF_RIG)
+        p2.min = state.p1 + 1
+        without_effect = chain.idle(state)
+        for name, control in self._controls.items():
+            control.disabled = name in without_effect
+        return state
 
     # What is shown: in the worker's thread.
 
@@ -178,39 +189,55 @@ class Bench:
         self._pictures.wait()
 
     def _full(self, state: State, is_old: Callable[[], bool]) -> None:
-        state = self.state
         self._shown(state, is_old)
-        self._code.value = python_code.of(state)
+        if not is_old():
+            self._code.value = python_code.of(state)
+            self._point(state)
 
     def _shown(self, state: State, is_old: Callable[[], bool]) -> None:
         try:
             if not (state.half or chain.is_made(state, is_old)):
                 return
             images, line = draw_panels(state), result_line(state)
-        except (ValueError, OSError) as error:
+        except (ValueError, OSError, cv2.error) as error:
             self._result.value = _sentence(f"Not possible: {error}", "b00020")
             return
         if not is_old():
             self._pictures.show(images, CAPTIONS, quality="preview" if state.half else "full", about=to_text(state))
             self._result.value = line
 
-    def _click(self, picture: int, column: int, row: int) -> None:
+    # What was clicked: looked up in a thread of its own, and again when a knob was turned.
+
+    def _click(self, picture: int, column: int, row: int, is_new: bool) -> None:
         if picture not in _MAP_PICTURES:
             return
-        state = self.state
-        scale, (height, width) = scale_of(state), chain.pair(state)[0].shape[:2]
+        scale, (height, width) = scale_of(self.state), chain.pair(self.state)[0].shape[:2]
         pixel = round(column / scale), round(row / scale)
-        if not (0 <= pixel[0] < width and 0 <= pixel[1] < height):
+        if 0 <= pixel[0] < width and 0 <= pixel[1] < height:
+            self._pixels = (*(self._pixels[-1:] if is_new else self._pixels[:-1]), pixel)
+            self._point(self.state)
+
+    def _point(self, state: State) -> None:
+        if self._pixels:
+            self._pointer.ask((state, self._pixels))
+        else:
+            self._pictures.cross, self._clicked.value = [], _CLICK_HELP
+            self._costs.show([])
+
+    def _say_found(self, pointed: _Pointed) -> None:
+        state, pixels = pointed
+        found = [find(state, pixel) for pixel in pixels]
+        length = length_text(*found) if len(found) == 2 else ""
+        self._clicked.value = _sentence(". ".join(filter(None, (found[-1].text, length))))
+
+    def _show_costs(self, pointed: _Pointed, is_old: Callable[[], bool]) -> None:
+        state, pixels = pointed
+        costs = draw_costs(state, find(state, pixels[-1]))
+        if is_old():
             return
-        found = find(state, pixel)
-        self._clicks = [*self._clicks[-1:], found]
-        length = length_text(*self._clicks) if len(self._clicks) == 2 else ""
-        self._clicked.value = _sentence(". ".join(filter(None, (found.text, length))))
-        costs = draw_costs(state, found)
+        self._costs.show([] if isinstance(costs, str) else costs)
         if isinstance(costs, str):
             self._clicked.value += _sentence(f"No cost curve: {costs}")
-        else:
-            self._costs.show([costs])
 
     def _prepare(self) -> None:
         self._files.value = " ".join(python_code.download_links(self.state))
@@ -220,15 +247,17 @@ class _Upload:
     """Four fields for files; what they hold is checked like the commands check it."""
 
     def __init__(self, take: Callable[[tuple[str, ...]], None]) -> None:
-        self._take, self._folder = take, tempfile.mkdtemp(prefix="stereolib-")
+        self._take, self._folder, self._uses = take, tempfile.TemporaryDirectory(prefix="stereolib-"), 0
         about = {"left": ".jpg,.jpeg,.png", "right": ".jpg,.jpeg,.png", "calibration": ".json", "scan": ".bin,.csv"}
         self._fields = {name: widgets.FileUpload(accept=kinds, description=name) for name, kinds in about.items()}
         self._said = widgets.HTML("left and right are needed; calibration.json gives lengths, a scan the laser")
         button = widgets.Button(description="use this pair", tooltip="Checks the files and shows the pair.")
         button.on_click(lambda _: self._use())
+        self._said.add_class("stereolib-upload")
         self.box = widgets.VBox([*self._fields.values(), button, self._said])
 
     def _use(self) -> None:
+        self._uses += 1
         paths = {name: self._kept(name) for name in _UPLOADS}
         try:
             if not (paths["left"] and paths["right"]):
@@ -245,8 +274,8 @@ class _Upload:
         uploaded = self._fields[name].value
         if not uploaded:
             return ""
-        path = Path(self._folder) / name / Path(uploaded[0]["name"]).name
-        path.parent.mkdir(exist_ok=True)
+        path = Path(self._folder.name) / f"{self._uses}_{name}" / Path(uploaded[0]["name"]).name
+        path.parent.mkdir()  # a new one: what was read from a path is remembered
         path.write_bytes(bytes(uploaded[0]["content"]))
         return str(path)
 
@@ -281,11 +310,11 @@ def _control(knob: Knob, first: Any) -> Any:
 
 
 def _sentence(text: str, color: str = "222") -> str:
-    return f'<p style="margin:4px 0;line-height:1.4;color:#{color}">{escape(text)}</p>'
+    return f'<p style="color:#{color}">{escape(text)}</p>'
 
 
 _WIDE = widgets.Layout(width="98%")
-_TITLE = '<h2 style="margin:4px 0">stereolib: the whole measurement under your fingers</h2>'
+_TITLE = "<h2>stereolib: the whole measurement under your fingers</h2>"
 _CLICK_HELP = _sentence(
     "Click into a picture, or move in it with the arrow keys: disparity, depth, height, and what each disparity costs "
     "there. Two clicks measure a length."

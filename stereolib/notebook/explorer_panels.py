@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
 
@@ -23,8 +23,8 @@ _ERROR_PX = 4.0  # where the colours of an error end
 _AHEAD_MM, _ASIDE_MM = (-150.0, 2050.0), (-1250.0, 1250.0)  # what is seen from above
 _INTERVAL = 1.96
 _AROUND_PX = 7  # half the window in which disparities scatter around a click
+_STRIP_PX = 20  # rows above and below a clicked one
 _LEAST_STD_PX = 1 / 16  # OpenCV's steps
-_CELL = "padding:2px 18px 2px 0;vertical-align:top;line-height:1.35"
 _NOT_CALIBRATED = "the laser's pose is not known"  # on the bench it never is
 _FONT = cv2.FONT_HERSHEY_SIMPLEX
 #: Captions of the four pictures.
@@ -88,7 +88,7 @@ def _disparity(state: State) -> UInt8:
     most = state.min_disparity + state.num_disparities
     scale = 2 if state.half else 1
     picture = color_disparity(scale * chain.filtered(state), max(0, state.min_disparity), most)
-    return _with_bar(_fitted(picture), max(0, state.min_disparity), most, color_disparity)
+    return _with_bar(_fitted(picture), max(0, state.min_disparity), most, is_error=False)
 
 
 def _error(state: State) -> UInt8:
@@ -100,7 +100,7 @@ def _error(state: State) -> UInt8:
     if truth is not None:
         error = np.where(truth.visible, scale * (chain.filtered(state) - truth.disparity_px), np.nan)
     picture = color_error(error, _ERROR_PX)
-    shown = _with_bar(_fitted(picture), -_ERROR_PX, _ERROR_PX, color_error)
+    shown = _with_bar(_fitted(picture), -_ERROR_PX, _ERROR_PX, is_error=True)
     if truth is None:
         _write(shown, "nobody knows the truth of this pair", (20, 40))
     return shown
@@ -175,10 +175,10 @@ def _fitted(picture: UInt8) -> UInt8:
     return np.asarray(cv2.resize(picture, (WIDTH, height), interpolation=cv2.INTER_NEAREST))
 
 
-def _with_bar(picture: UInt8, low: float, high: float, colored: Callable[..., UInt8]) -> UInt8:
+def _with_bar(picture: UInt8, low: float, high: float, *, is_error: bool) -> UInt8:
     height = picture.shape[0]
     ramp = np.linspace(high, low, height)[:, None].repeat(_BAR, axis=1)
-    bar = colored(ramp, high) if colored is color_error else colored(ramp, low, high)
+    bar = color_error(ramp, high) if is_error else color_disparity(ramp, low, high)
     labels = np.full((height, _LABELS, 3), 255, np.uint8)
     for share in np.linspace(0, 1, 5):
         row = round((1 - share) * (height - 1))
@@ -192,7 +192,7 @@ def _write(picture: UInt8, text: str, at: Sequence[int], size: float = 0.5) -> N
 
 
 def result_line(state: State) -> str:
-    """What each method reads, as one line of a table in HTML.
+    """What each method reads, beside each other, in HTML.
 
     Parameters
     ----------
@@ -215,11 +215,9 @@ def result_line(state: State) -> str:
     else:
         cells += [("ground plane", OURS, _plane_text(state)), ("laser and pair", OURS, _fused_text(state))]
     cells.append(("map on the box" if truth else "map", REFUSED, _quality_text(state)))
-    parts = "".join(
-        f'<td style="{_CELL}"><b style="color:{color}">{name}</b><br>{escape(text)}</td>' for name, color, text in cells
-    )
-    warned = "".join(f"<br><i>{escape(text)}</i>" for text in _warnings(state))
-    return f'<table class="stereolib-result"><tr>{parts}</tr></table>{warned}'
+    parts = "".join(f'<div><b style="color:{color}">{name}</b>{escape(text)}</div>' for name, color, text in cells)
+    warned = "".join(f'<p class="stereolib-warnings">{escape(text)}</p>' for text in _warnings(state))
+    return f'<div class="stereolib-result">{parts}</div>{warned}'
 
 
 def _warnings(state: State) -> list[str]:
@@ -299,7 +297,7 @@ class Found:
         if np.isfinite(self.depth_std_mm):
             said += f", depth {self.point_mm[2]:.0f} ± {_INTERVAL * self.depth_std_mm:.0f} mm"
         if np.isfinite(self.height_mm):
-            said += f", {self.height_mm:.0f} mm above the floor"
+            said += f", {self.height_mm:z.0f} mm above the floor"
         column = self.pixel[0] - self.disparity_px
         return f"{said}. Its partner lies on row {self.pixel[1]} of the right picture, in column {column:.1f}"
 
@@ -369,7 +367,7 @@ def length_text(one: Found, other: Found) -> str:
     return f"{length:.1f} ± {_INTERVAL * std:.1f} mm between the last two clicks"
 
 
-def draw_costs(state: State, found: Found) -> UInt8 | str:
+def draw_costs(state: State, found: Found) -> list[UInt8] | str:
     """Draw what each disparity costs a pixel, before and after the paths' sums, and its row of the right picture.
 
     Parameters
@@ -380,7 +378,7 @@ def draw_costs(state: State, found: Found) -> UInt8 | str:
 
     Returns
     -------
-    (H, W, 3) uint8, blue-green-red, or str
+    two of (H, W, 3) uint8, blue-green-red, or str
         Why there are no costs.
     """
     left, right = chain.pair(state)
@@ -389,21 +387,23 @@ def draw_costs(state: State, found: Found) -> UInt8 | str:
     except ValueError as error:
         return str(error)
     truth, (u, v) = chain.known(state), found.pixel
-    figure, axes = panels(2, width_in=9.2, aspect=0.5)
+    curve_figure, (curve,) = panels(1, width_in=4.8, aspect=0.75)
     curves = ((cost.matching, "0.5", "the blocks alone"), (cost.summed, OURS, "with the paths' sums"))
     for values, color, name in curves:
         scaled = (values - values.min()) / max(1, np.ptp(values))
-        axes[0].plot(cost.disparities_px, scaled, color=color, lw=1.3, label=name)
-    axes[0].plot(cost.best_px, 0, "o", color=OURS, ms=7, label=f"least sum: {cost.best_px} px")
+        curve.plot(cost.disparities_px, scaled, color=color, lw=1.3, label=name)
+    curve.plot(cost.best_px, 0, "o", color=OURS, ms=7, label=f"least sum: {cost.best_px} px")
     if truth is not None and np.isfinite(truth.disparity_px[v, u]):
-        axes[0].axvline(truth.disparity_px[v, u], color=TRUTH, ls="--", lw=1.2, label="true disparity")
-    axes[0].set(xlabel="disparity (px)", ylabel="cost (least 0, most 1)", title="what each disparity costs this pixel")
-    axes[0].legend(fontsize=8)
-    strip = slice(max(0, v - 20), v + 21)
-    axes[1].imshow(right[strip][..., ::-1] if right.ndim == 3 else right[strip], cmap="gray", aspect="auto",
-                   extent=(-0.5, right.shape[1] - 0.5, strip.stop - 0.5, strip.start - 0.5))  # fmt: skip
-    axes[1].axhline(v, color=PAPER, lw=1, label="its epipolar line")
-    axes[1].plot(u - cost.best_px, v, "o", mfc="none", mec=OURS, ms=10, mew=2, label="its match")
-    axes[1].set(xlabel="column (px)", ylabel="row (px)", title="the right picture around the same row")
-    axes[1].legend(fontsize=8)
-    return figure_to_image(figure)
+        curve.axvline(truth.disparity_px[v, u], color=TRUTH, ls="--", lw=1.2, label="true disparity")
+    curve.set(xlabel="disparity (px)", ylabel="cost (least 0, most 1)", title="what each disparity costs this pixel")
+    curve.legend(fontsize=8)
+    strip_figure, (strip,) = panels(1, width_in=4.8, aspect=0.75)
+    rows = slice(max(0, v - _STRIP_PX), v + _STRIP_PX + 1)
+    shown = right[rows]
+    extent = (-0.5, right.shape[1] - 0.5, rows.start + len(shown) - 0.5, rows.start - 0.5)
+    strip.imshow(shown[..., ::-1] if shown.ndim == 3 else shown, cmap="gray", aspect="auto", extent=extent)
+    strip.axhline(v, color=PAPER, lw=1, label="its epipolar line")
+    strip.plot(u - cost.best_px, v, "o", mfc="none", mec=OURS, ms=10, mew=2, label="its match")
+    strip.set(xlabel="column (px)", ylabel="row (px)", title="the right picture around the same row")
+    strip.legend(fontsize=8)
+    return [figure_to_image(curve_figure), figure_to_image(strip_figure)]

@@ -15,6 +15,7 @@ WINDOWS = ("all disparities", "around the laser's")
 MATCHERS = ("sgbm", "paper", "fast", "best")
 FILTERS = ("none", *SMOOTHING_METHODS)
 _SUM_LIMIT, _LEAST_ROOM = 32767, 88  # as of `SGBMParams.room`
+_DECIMALS = 6  # more than any step has
 _HALF_STEPS = 16  # OpenCV's search windows are multiples
 
 
@@ -272,6 +273,31 @@ def knobs() -> Mapping[str, Knob]:
     return {one.name: one.metadata["knob"] for one in fields(State) if one.metadata}
 
 
+def on_step(name: str, value: Value) -> Value:
+    """Put a slider's value onto the nearest of its steps: browsers are off by what binary fractions cannot hold.
+
+    Parameters
+    ----------
+    name : str
+        Of the knob.
+    value : float, int, str or bool
+        One that is no slider's comes back as it is.
+
+    Returns
+    -------
+    float, int, str or bool
+
+    Examples
+    --------
+    >>> on_step("pitch_deg", 8.299999999999997)
+    8.3
+    """
+    knob = knobs()[name]
+    if not knob.step or isinstance(value, str):
+        return value
+    return type(value)(round(knob.low + round((value - knob.low) / knob.step) * knob.step, _DECIMALS))
+
+
 def to_text(state: State) -> str:
     """Write what differs from the paper's set-up.
 
@@ -285,8 +311,8 @@ def to_text(state: State) -> str:
 
     Examples
     --------
-    >>> to_text(State(distance_mm=800, filter="dilate"))
-    'distance_mm=800; filter=dilate'
+    >>> to_text(State(distance_mm=800, filter="dilation"))
+    'distance_mm=800; filter=dilation'
     """
     first = State()
     changed = ((f.name, getattr(state, f.name)) for f in fields(State) if f.name not in ("half", "own"))
@@ -294,7 +320,7 @@ def to_text(state: State) -> str:
 
 
 def from_text(text: str) -> State:
-    """Read a state that `to_text` wrote.
+    """Read a state that `to_text` wrote; what lies between two steps of a slider goes to the nearer one.
 
     Parameters
     ----------
@@ -311,8 +337,8 @@ def from_text(text: str) -> State:
 
     Examples
     --------
-    >>> from_text("distance_mm=800; filter=dilate").distance_mm
-    800.0
+    >>> from_text("distance_mm=800; filter=dilation").distance_mm
+    800
     """
     state = State()
     for part in filter(None, (part.strip() for part in text.split(";"))):
@@ -352,4 +378,4 @@ def _read(name: str, text: str) -> Value:
     if not (offered and math.isfinite(value)):
         values = ", ".join(map(_short, knob.choices)) if knob.choices else f"{knob.low:g} to {knob.high:g}"
         raise ValueError(f"{name} must be one of {values}" if knob.choices else f"{name} must be {values}, got {text}")
-    return value
+    return on_step(name, value)

@@ -29,6 +29,7 @@ class Latest(Generic[_Value]):
     >>> shown = []
     >>> worker = Latest(shown.append, lambda value, is_old: shown.append(-value), rest_s=0.2)
     >>> worker.ask(1); worker.ask(2); worker.settle()
+    True
     >>> shown[-2:]
     [2, -2]
     """

@@ -1,4 +1,6 @@
-// Pictures that a kernel sends: painted as they come, acknowledged when painted, and clicked on.
+// Pictures that a kernel sends: painted as they come, acknowledged when painted; a cross is set by clicks and arrow keys.
+const STEPS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
+
 export default {
   render({ model, el }) {
     const grid = document.createElement("div");
@@ -7,8 +9,18 @@ export default {
     const cells = [];
     let newest = 0;
 
-    function ask(kind, picture, x, y) {
-      model.send({ kind, picture, x: Math.round(x), y: Math.round(y) });
+    function point(kind, k, column, row) {
+      const { canvas } = cells[k];
+      const x = Math.round(Math.min(Math.max(column, 0), canvas.width - 1));
+      const y = Math.round(Math.min(Math.max(row, 0), canvas.height - 1));
+      model.set("cross", [k, x, y]);
+      model.save_changes();
+      model.send({ kind, picture: k, x, y });
+    }
+
+    function place(k) {
+      const [picture, x, y] = model.get("cross");
+      return picture === k ? [x, y] : null;
     }
 
     function cell(k) {
@@ -20,25 +32,40 @@ export default {
       canvas.setAttribute("role", "img");
       figure.append(caption, canvas);
       grid.append(figure);
-      let cross = null; // moved with the arrow keys
       canvas.addEventListener("click", (event) => {
         const box = canvas.getBoundingClientRect();
-        cross = [
-          ((event.clientX - box.left) / box.width) * canvas.width,
-          ((event.clientY - box.top) / box.height) * canvas.height,
-        ];
-        ask("click", k, ...cross);
+        const across = ((event.clientX - box.left) / box.width) * canvas.width;
+        point("click", k, across, ((event.clientY - box.top) / box.height) * canvas.height);
       });
       canvas.addEventListener("keydown", (event) => {
-        const by = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] }[event.key];
+        const by = STEPS[event.key];
         if (!by && event.key !== "Enter") return;
         event.preventDefault();
-        cross = cross || [canvas.width / 2, canvas.height / 2];
+        const [x, y] = place(k) || [canvas.width / 2, canvas.height / 2];
         const far = event.shiftKey ? 20 : 2;
-        if (by) cross = [cross[0] + far * by[0], cross[1] + far * by[1]];
-        ask("click", k, ...cross);
+        if (by) point("move", k, x + far * by[0], y + far * by[1]);
+        else point("click", k, x, y);
       });
-      return (cells[k] = { figure, caption, canvas });
+      return (cells[k] = { figure, caption, canvas, picture: null });
+    }
+
+    function draw(k) {
+      const { canvas, picture } = cells[k];
+      if (!picture) return;
+      const pen = canvas.getContext("2d");
+      pen.drawImage(picture, 0, 0);
+      const at = place(k);
+      if (!at) return;
+      for (const [color, width] of [["white", 4], ["#d55e00", 2]]) {
+        pen.strokeStyle = color;
+        pen.lineWidth = width;
+        pen.beginPath();
+        for (const [dx, dy] of Object.values(STEPS)) {
+          pen.moveTo(at[0] + 0.5 + 4 * dx, at[1] + 0.5 + 4 * dy);
+          pen.lineTo(at[0] + 0.5 + 13 * dx, at[1] + 0.5 + 13 * dy);
+        }
+        pen.stroke();
+      }
     }
 
     async function paint() {
@@ -55,9 +82,10 @@ export default {
         figure.hidden = false;
         if (canvas.width !== picture.width) canvas.width = picture.width;
         if (canvas.height !== picture.height) canvas.height = picture.height;
-        canvas.getContext("2d").drawImage(picture, 0, 0);
         caption.textContent = captions[k] || "";
         canvas.setAttribute("aria-label", captions[k] || model.get("alt"));
+        cells[k].picture = picture;
+        draw(k);
       });
       if (!pictures.length && captions.length) cell(0).caption.textContent = captions[0];
       cells.slice(pictures.length || captions.length).forEach(({ figure }) => (figure.hidden = true));
@@ -72,12 +100,15 @@ export default {
       if (model.get("quality") === "waiting") grid.dataset.quality = "waiting";
     }
 
+    const crossed = () => cells.forEach((_, k) => draw(k));
     model.on("change:number", paint);
     model.on("change:quality", wait);
+    model.on("change:cross", crossed);
     if (model.get("number")) paint();
     return () => {
       model.off("change:number", paint);
       model.off("change:quality", wait);
+      model.off("change:cross", crossed);
     };
   },
 };

@@ -13,8 +13,8 @@ import traitlets
 
 from stereolib.base import UInt8
 
-#: Takes the picture's number, and the column and row (px) that were clicked.
-Clicked: TypeAlias = Callable[[int, int, int], None]
+#: Takes the picture's number, the column and row (px), and whether they were clicked, not reached by arrow keys.
+Clicked: TypeAlias = Callable[[int, int, int, bool], None]
 _HERE = Path(__file__).parent
 _PATIENCE_S = 1.0  # for a page that has gone; the next picture is sent all the same
 
@@ -27,7 +27,12 @@ class LivePicture(anywidget.AnyWidget):
     alt : str
         What there is to see, for those who do not.
     clicked : callable, optional
-        Called with the picture's number, column and row.
+        Called with the picture's number, column and row, and whether it was a click: arrow keys move the last one.
+
+    Attributes
+    ----------
+    cross : list of int
+        Where the page draws a cross: the picture's number, column and row; empty for none.
     """
 
     _esm = _HERE / "live_picture.js"
@@ -38,6 +43,7 @@ class LivePicture(anywidget.AnyWidget):
     quality = traitlets.Unicode().tag(sync=True)
     about = traitlets.Unicode().tag(sync=True)
     number = traitlets.Int(0).tag(sync=True)
+    cross = traitlets.List(traitlets.Int()).tag(sync=True)
     painted = traitlets.Int(0).tag(sync=True)
 
     def __init__(self, alt: str = "", clicked: Clicked | None = None) -> None:
@@ -83,5 +89,5 @@ class LivePicture(anywidget.AnyWidget):
             self._seen.wait(_PATIENCE_S)
 
     def _told(self, _: Any, content: dict[str, Any], __: Any) -> None:
-        if content.get("kind") == "click" and self._clicked is not None:
-            self._clicked(int(content["picture"]), int(content["x"]), int(content["y"]))
+        if content.get("kind") in ("click", "move") and self._clicked is not None:
+            self._clicked(int(content["picture"]), int(content["x"]), int(content["y"]), content["kind"] == "click")

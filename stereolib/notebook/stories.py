@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,6 +11,9 @@ from stereolib.measurement import Measurement
 from stereolib.notebook import chain
 from stereolib.notebook.knobs import State
 from stereolib.paper import HeightResult
+
+_LARGE_BLOCK = 15
+_WHOLE_EDGE_PX = 20.0  # a threshold at which the recipe marks all of the near edge
 
 
 @dataclass(frozen=True)
@@ -32,7 +35,7 @@ class Story:
 
 def _bad_pct(state: State) -> str:
     quality = chain.quality(state)
-    return f"{quality.bad2_pct:.0f} % of the box's pixels" if quality else "of an unknown share of pixels"
+    return f"{quality.bad2_pct:.0f} %" if quality else "an unknown share"
 
 
 def _recipe_cm(state: State) -> str:
@@ -41,31 +44,42 @@ def _recipe_cm(state: State) -> str:
 
 
 def _plain(state: State) -> str:
+    quality = chain.quality(state)
+    found, right = (quality.density_pct, 100 - quality.bad2_pct) if quality else (np.nan, np.nan)
     return (
-        f"A plain box gives the matcher nothing to compare: {_bad_pct(state)} are wrong or empty. Only its edges are "
-        "matched; click on a face to see a cost curve without a clear minimum."
+        f"A plain box gives the matcher nothing to compare: it finds a disparity for {found:.0f} % of its pixels, "
+        f"and for {right:.0f} % one that is right to 2 px. Click on a face to see a cost curve without a clear minimum."
     )
 
 
 def _dark(state: State) -> str:
+    large = replace(state, block_size=_LARGE_BLOCK)
     return (
-        f"In poor light noise drowns the texture, and {_bad_pct(state)} are wrong or empty. Raise the light or lower "
-        "the uniqueness ratio, and see which helps."
+        f"In poor light noise drowns the texture, and {_bad_pct(state)} of the box's pixels are wrong or empty. Larger "
+        f"blocks average the noise: set the block size to {large.block_size}, and {_bad_pct(large)} are."
     )
 
 
 def _glossy(state: State) -> str:
+    read, truth = chain.recipe(state), chain.known(state)
+    near, right = np.nan, np.nan
+    if isinstance(read, HeightResult) and truth is not None:
+        near, right = (float(np.median(px[read.mask])) for px in (chain.filtered(state), truth.disparity_px))
     return (
-        f"A highlight stands at another place in each picture, so that {_bad_pct(state)} are wrong or empty. The "
-        "specks that match the mirror image are near, and the recipe takes one for the top: it reads "
-        f"{_recipe_cm(state)}."
+        f"A highlight stands at another place in each picture, so that {_bad_pct(state)} of the box's pixels are wrong "
+        f"or empty. A few specks match far too near, at {near:.0f} px where {right:.0f} px would be right: the recipe "
+        f"takes them for the near edge and reads {_recipe_cm(state)}."
     )
 
 
 def _textured(state: State) -> str:
+    small = replace(state, block_size=1)
+    held, loose = (100 * np.isfinite(chain.filtered(one)).mean() for one in (small, replace(small, p1=1, p2=2)))
     return (
-        f"With texture almost the whole box is matched; {_bad_pct(state)} are bad, and most of these are the columns "
-        "at the left that have no match for every disparity. Move P1 to 1 and P2 to 2, and see what the paths were for."
+        f"With texture almost the whole box is matched: {_bad_pct(state)} of its pixels are wrong or empty, nearly all "
+        "of them in the columns at the left, which have no partner for every disparity. Set the block size to 1, and "
+        f"{held:.0f} % of all pixels are still matched; move P1 to 1 and P2 to 2 then, and it is {loose:.0f} %: that "
+        "is what the paths do."
     )
 
 
@@ -77,9 +91,14 @@ def _too_high(state: State) -> str:
 
 
 def _accident(state: State) -> str:
+    read, whole = chain.recipe(state), chain.recipe(replace(state, tolerance_px=_WHOLE_EDGE_PX))
+    share = np.nan
+    if isinstance(read, HeightResult) and isinstance(whole, HeightResult):
+        share = 100 * read.height_mm / whole.height_mm
+    less, more = (_recipe_cm(replace(state, tolerance_px=state.tolerance_px + by)) for by in (-1, 1))
     return (
-        f"Here the recipe reads {_recipe_cm(state)}, nearly right, by accident: its mark ends halfway up the edge. "
-        "Move the threshold by one pixel, and the reading is another."
+        f"Here the recipe reads {_recipe_cm(state)}, nearly right, by accident: its mark ends {share:.0f} % of the way "
+        f"up the edge. A pixel less of threshold, and it reads {less}; a pixel more, and it reads {more}."
     )
 
 
@@ -87,17 +106,18 @@ def _dilated(state: State) -> str:
     quality = chain.quality(state)
     bias = quality.bias_px if quality else np.nan
     return (
-        f"Each pixel takes the largest disparity around it, so that the holes close and the box grows by half a "
-        f"kernel. What was matched is now {bias:+.1f} px too near on average: look at the red in the error picture."
+        f"Each pixel takes the largest disparity around it, so that holes close and the box grows by half a kernel. "
+        f"What was matched is now {bias:+.1f} px too near on average: look at the red in the error picture."
     )
 
 
 def _rows(state: State) -> str:
     attempt = chain.ground_plane(state)
     text = f"{attempt.height_mm / 10:.1f} cm" if attempt and not attempt.refused else "nothing"
+    scatter = [q.rms_px if (q := chain.quality(one)) else np.nan for one in (state, replace(state, row_px=0))]
     return (
-        "Rows that disagree by half a pixel cost matches where texture is fine, and shift what is slanted. The ground "
-        f"plane's method measures the offset, corrects it, and reads {text}."
+        f"Where the rows disagree by half a pixel, disparities on the box scatter by {scatter[0]:.2f} px in place of "
+        f"{scatter[1]:.2f} px. The ground plane's method measures the offset, corrects it, and reads {text}."
     )
 
 
@@ -117,7 +137,7 @@ STORIES = (
     Story("Fig. 4: glare", State(source="conditions/glare", tolerance_px=6.5), _glossy),
     Story("Fig. 4: texture", State(source="conditions/texture"), _textured),
     Story("Why 37.7 cm?", State(source="conditions/texture", tolerance_px=6.5), _too_high),
-    Story("30 cm by accident", State(source="conditions/texture", tolerance_px=5.4), _accident),
+    Story("30 cm by accident", State(source="conditions/texture", tolerance_px=5.5), _accident),
     Story("What dilation destroys", State(source="conditions/texture", filter="dilation", kernel_px=15), _dilated),
     Story("Half a row off", State(source="conditions/texture", row_px=0.5), _rows),
     Story("A turned laser", State(source="conditions/texture", laser_yaw_deg=2.0), _turned),

@@ -7,6 +7,7 @@ import re
 import shutil
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -23,7 +24,7 @@ _NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
 _WATCH = """() => {
   window.painted = []; window.keyed = 0;
   addEventListener("keydown", () => { window.keyed = performance.now(); }, true);
-  const grid = document.querySelector(".stereolib-pictures");
+  const grid = document.querySelector(".stereolib-scene .stereolib-pictures");
   new MutationObserver(() => window.painted.push(
     { at: performance.now(), quality: grid.dataset.quality, about: grid.dataset.about }
   )).observe(grid, { attributes: true, attributeFilter: ["data-painted"] });
@@ -48,8 +49,12 @@ class Page:
         page.on("pageerror", lambda error: self.problems.append(str(error)))
         page.on("request", lambda r: self._note(r.url))
         page.goto(address)
-        page.wait_for_selector(".stereolib-pictures[data-quality=full]", timeout=90_000)
-        page.evaluate(_WATCH)
+        self.wait_until_painted()
+
+    def wait_until_painted(self) -> None:
+        """Wait for the first full picture, and watch those that come."""
+        self.page.wait_for_selector(".stereolib-scene .stereolib-pictures[data-quality=full]", timeout=90_000)
+        self.page.evaluate(_WATCH)
 
     def _note(self, url: str) -> None:
         if not re.match(r"(https?|wss?)://(127\.0\.0\.1|localhost)[:/]|data:|blob:", url):
@@ -60,19 +65,61 @@ class Page:
         header = self.page.locator(
             ".jupyter-widget-Collapse-header", has_text=re.compile(rf"^\s*{re.escape(name)}\s*$")
         )
-        if not self.page.locator(
-            ".jupyter-widget-Collapse-open .jupyter-widget-Collapse-header", has_text=name
-        ).count():
+        if not self.page.locator(".jupyter-widget-Collapse-open", has=header).count():
             header.first.click()
+
+    def row(self, label: str) -> Any:
+        """A knob with its label, in sight."""
+        self.open_group(next(knob.group for knob in knobs().values() if knob.label == label))
+        return self.page.locator(".stereolib-knobs .widget-inline-hbox", has=self.page.get_by_text(label, exact=True))
 
     def slider(self, label: str) -> Any:
         """The handle of a knob, in sight and with the keyboard's focus."""
-        group = next(knob.group for knob in knobs().values() if knob.label == label)
-        self.open_group(group)
-        row = self.page.locator(".widget-slider", has=self.page.get_by_text(label, exact=True))
-        handle = row.locator(".noUi-handle").first
+        handle = self.row(label).locator(".noUi-handle").first
         handle.focus()
         return handle
+
+    def restore(self, text: str) -> None:
+        """Write a state into its field, and wait for its pictures."""
+        self.open_group("Keep")
+        field = self.page.locator(".stereolib-words input")
+        field.fill(text)
+        field.press("Enter")
+        self.wait_for(text)
+
+    def wait_for(self, text: str) -> None:
+        """Wait for the full pictures of a state, as `to_text` writes it."""
+        grid = "document.querySelector('.stereolib-scene .stereolib-pictures').dataset"
+        self.page.wait_for_function(
+            f"text => {grid}.about === text && {grid}.quality === 'full'", arg=text, timeout=30_000
+        )
+
+    def words(self) -> str:
+        """The state, as the page writes it."""
+        self.open_group("Keep")
+        return str(self.page.locator(".stereolib-words input").input_value())
+
+    def pictures(self) -> list[str]:
+        """The four pictures as they are painted."""
+        canvases = "document.querySelectorAll('.stereolib-scene canvas')"
+        return list(self.page.evaluate(f"[...{canvases}].map(canvas => canvas.toDataURL())"))
+
+    def text(self, part: str) -> str:
+        """What a part of the page says: results, said, found or upload."""
+        return str(self.page.locator(f".stereolib-{part}").inner_text())
+
+    def click(self, picture: int, column: float, row: float) -> None:
+        """Click at a shown picture's column and row, px of its own."""
+        canvas = self.page.locator(".stereolib-scene canvas").nth(picture)
+        canvas.scroll_into_view_if_needed()
+        box, width = canvas.bounding_box(), canvas.evaluate("canvas => canvas.width")
+        scale = box["width"] / width
+        canvas.click(position={"x": (column + 0.5) * scale, "y": (row + 0.5) * scale})
+
+    def kernels(self) -> list[psutil.Process]:
+        """The kernels behind all pages of this server."""
+        family = psutil.Process(self._server.pid).children(recursive=True)
+        return [process for process in family if "ipykernel" in " ".join(process.cmdline())]
 
     def press(self, handle: Any, key: str) -> float:
         """Press a key on a handle; when the page felt it, ms."""
@@ -99,10 +146,7 @@ class Page:
 
     def kernel_memory_mb(self) -> float:
         """Memory of the kernel behind the page."""
-        kernels = [
-            p for p in psutil.Process(self._server.pid).children(recursive=True) if "ipykernel" in " ".join(p.cmdline())
-        ]
-        return sum(p.memory_info().rss for p in kernels) / 2**20
+        return sum(process.memory_info().rss for process in self.kernels()) / 2**20
 
 
 @contextmanager
@@ -113,12 +157,14 @@ def server(*words: str) -> Iterator[tuple[subprocess.Popen[str], str]]:
     child = subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=os.environ | {"PYTHONPATH": path}
     )
+    assert child.stdout is not None
+    rest = threading.Thread(target=child.stdout.read, daemon=True)  # else a full pipe stops the server
     try:
-        assert child.stdout is not None
         said = []
         for line in child.stdout:
             said.append(line)
             if found := re.search(r"http://127\.0\.0\.1:\d+/\?token=\w+", line):
+                rest.start()
                 yield child, found.group()
                 break
         else:
@@ -133,20 +179,29 @@ def server(*words: str) -> Iterator[tuple[subprocess.Popen[str], str]]:
             with suppress(psutil.Error):
                 psutil.Process(pid).terminate()
         child.wait(20)
+        if rest.ident is not None:
+            rest.join(20)
+        child.stdout.close()
+
+
+@contextmanager
+def chrome() -> Iterator[Any]:
+    """Chromium, driven by Playwright."""
+    from playwright.sync_api import sync_playwright
+
+    if (program := chromium()) is None:
+        raise RuntimeError(NO_CHROMIUM)
+    with sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=program, args=["--no-sandbox"])
+        yield browser
+        browser.close()
 
 
 @contextmanager
 def bench_page(*words: str, size: tuple[int, int] = (1280, 1000)) -> Iterator[Page]:
     """The bench in Chromium."""
-    from playwright.sync_api import sync_playwright
-
-    if (program := chromium()) is None:
-        raise RuntimeError(NO_CHROMIUM)
-    with server(*words) as (child, address), sync_playwright() as driver:
-        browser = driver.chromium.launch(executable_path=program, args=["--no-sandbox"])
-        page = browser.new_page(viewport={"width": size[0], "height": size[1]})
-        yield Page(page, child, address)
-        browser.close()
+    with server(*words) as (child, address), chrome() as browser:
+        yield Page(browser.new_page(viewport={"width": size[0], "height": size[1]}), child, address)
 
 
 def screenshot(page: Page, path: Path) -> None:

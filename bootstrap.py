@@ -25,10 +25,12 @@ stereolib: the paper's figures, tables and numbers again, each beside the printe
   make reproduce      run every notebook, redraw all figures, print the verdict table
   make test           unit tests with both OpenCV majors, then the notebooks' outputs compared
   make lab            open the notebooks in JupyterLab
+  make explore        the whole measurement on one page in the browser; ARGS="LEFT RIGHT": your own pair
   make bench          measure speed and accuracy into benchmarks/results/
   make data           render the virtual recordings in data/virtual again
 For those who change the project:
   make test-opencv4   tests of what calls OpenCV, with OpenCV 4
+  make test-browser   tests of the page that make explore opens, in Chromium
   make same           prove that other processors' kernels give the same files
   make lint           ruff, mypy, the rooms' imports and sizes;  make format  lets ruff format
   make pins           compile requirements.txt from pyproject.toml again
@@ -43,7 +45,12 @@ COMMANDS = {  # what each hands to the environment's Python; nox's sessions stan
     "data": ["-m", "stereolib", "data", "build"],
     "lab": ["-m", "jupyter", "lab", "notebooks/00_two_pictures.ipynb"],
     "same": ["benchmarks/same.py"],
+    "explore": ["-m", "stereolib", "explore"],
+    "test-browser": ["-m", "pytest", "--browser", "-q", "tests/browser"],
 }
+WHY = """the lines above say why. No network? The first run needs it once.
+  Behind a mirror or a proxy, tell pip about it (pip config set ...), then run the same command again."""
+ADDITIONS = {"explore": ["explore"], "test-browser": ["explore", "browser"]}  # requirements-NAME.txt, for them alone
 
 
 def check_python() -> None:
@@ -78,18 +85,29 @@ def setup() -> None:
     check_python()
     print("Setting up .venv (the first time some minutes and 200 MB) ...", flush=True)
     base = getattr(sys, "_base_executable", sys.executable)  # not the Python inside another environment
+    made = subprocess.call([base, "-m", "venv", "--clear", str(VENV)], env=ENVIRON) == 0
+    if not (made and install("-r", "requirements.txt") and install("--no-deps", "--no-build-isolation", "-e", ".")):
+        raise SystemExit("stereolib: .venv could not be made; " + WHY)
+    STAMP.write_text(stamp())
+
+
+def install(*wanted: str) -> bool:
+    """Install something into the environment: by uv, which is quicker; by pip where uv fails."""
     pip = [str(PYTHON), "-m", "pip", "install", "--quiet"]
     uv = [shutil.which("uv") or "", "pip", "install", "--quiet", "--python", str(PYTHON)]
-    installers = [uv, pip] if uv[0] else [pip]  # uv is quicker; pip is asked where uv fails
-    made = subprocess.call([base, "-m", "venv", "--clear", str(VENV)], env=ENVIRON) == 0
-    for wanted in (["-r", "requirements.txt"], ["--no-deps", "--no-build-isolation", "-e", "."]):
-        made = made and any(subprocess.call(i + wanted, cwd=str(ROOT), env=ENVIRON) == 0 for i in installers)
-    if not made:
-        raise SystemExit(
-            "stereolib: .venv could not be made; the lines above say why. No network? The first run needs it once.\n"
-            "  Behind a mirror or a proxy, tell pip about it (pip config set ...), then run the same command again."
-        )
-    STAMP.write_text(stamp())
+    installers = [uv, pip] if uv[0] else [pip]
+    return any(subprocess.call([*i, *wanted], cwd=str(ROOT), env=ENVIRON) == 0 for i in installers)
+
+
+def add(name: str) -> None:
+    """Install what one command needs on top of the rest, unless its own stamp says that it is there."""
+    pins, made = ROOT / f"requirements-{name}.txt", VENV / f"stereolib-{name}.stamp"
+    if made.exists() and made.read_bytes() == pins.read_bytes():
+        return
+    print(f"Adding {pins.name} to .venv ...", flush=True)
+    if not install("-r", pins.name):
+        raise SystemExit(f"stereolib: {pins.name} could not be installed; " + WHY)
+    made.write_bytes(pins.read_bytes())
 
 
 def main(argv: "list[str]") -> int:
@@ -110,6 +128,8 @@ def main(argv: "list[str]") -> int:
         raise SystemExit(f"stereolib: no command {name!r}.\n\n{HELP}")
     if not is_fresh():
         setup()
+    for addition in ADDITIONS.get(name, []):
+        add(addition)
     command = ["-m", "pytest"] if name == "test" and options else COMMANDS[name]
     child = subprocess.Popen([str(PYTHON), *command, *options], cwd=str(ROOT), env=ENVIRON)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the child's, which cleans up

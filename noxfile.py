@@ -10,6 +10,7 @@ import re
 import shutil
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import nox
@@ -18,6 +19,7 @@ ROOT = Path(__file__).resolve().parent
 PINS = ROOT / "requirements.txt"
 OPENCV4 = "opencv-python-headless==4.14.0.94"  # the oldest that pyproject.toml admits
 OPENCV5 = next(pin for pin in PINS.read_text(encoding="utf-8").splitlines() if pin.startswith("opencv-"))
+ADDITIONS = {"explore": ["notebooks", "explore"], "browser": ["browser"]}  # pinned apart, on top of the rest
 PYTHONS = ["3.11", "3.12", "3.13"]
 
 PYTEST = ["-m", "pytest", "-n", "2", "--dist", "loadfile", "-q"]
@@ -65,6 +67,12 @@ def tests_opencv4(session: nox.Session) -> None:
     (own / "shared.pth").write_text(f"import site; site.addsitedir({shared!r})\n", encoding="utf-8")
     expected = {"STEREOLIB_EXPECT_OPENCV": OPENCV4.partition("==")[2]}
     session.run("python", *OPENCV_TESTS, *session.posargs, env=expected)
+
+
+@nox.session(venv_backend="none", default=False)
+def browser(session: nox.Session) -> None:
+    """The bench in Chromium, as ``make test-browser``, which installs what it needs first."""
+    run(session, "-m", "pytest", "--browser", "-q", "tests/browser", *session.posargs)
 
 
 @nox.session(venv_backend="none")
@@ -115,8 +123,20 @@ def bench(session: nox.Session) -> None:
 
 @nox.session(venv_backend="none", default=False)
 def pins(session: nox.Session) -> None:
-    """Compile ``requirements.txt``: one set for every platform and Python, the newest versions."""
+    """Compile ``requirements.txt``: one set for every platform and Python, the newest versions; then its additions."""
     one_set = ["--universal", "--python-version", "3.11", "--fork-strategy", "fewest"]
-    names_only = ["--no-annotate", "--no-header", "--quiet", "--output-file", str(PINS)]
+    names_only = ["--no-annotate", "--no-header", "--quiet"]
+    compiled = ["-m", "uv", "pip", "compile", "pyproject.toml", *one_set, *names_only]
     versions = session.posargs or ["--upgrade"]  # or, of one package: --upgrade-package NAME
-    run(session, "-m", "uv", "pip", "compile", "pyproject.toml", "--all-extras", *one_set, *names_only, *versions)
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    most = [f"--extra={name}" for name in project["optional-dependencies"] if name not in ADDITIONS]
+    run(session, *compiled, *most, "--output-file", str(PINS), *versions)
+    shared = {line.partition(" ;")[0] for line in PINS.read_text(encoding="utf-8").splitlines()}
+    for name, extras in ADDITIONS.items():
+        file = ROOT / f"requirements-{name}.txt"
+        wanted = [f"--extra={extra}" for extra in extras]
+        run(session, *compiled, *wanted, "--constraint", str(PINS), "--output-file", str(file), *versions)
+        lines = [
+            line for line in file.read_text(encoding="utf-8").splitlines() if line.partition(" ;")[0] not in shared
+        ]
+        file.write_text("\n".join([*lines, ""]), encoding="utf-8")

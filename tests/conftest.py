@@ -37,6 +37,13 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         action="store_true",
         help="only the files that call OpenCV: they import cv2, or a name from a module of the library that does",
     )
+    parser.addoption("--browser", action="store_true", help="also tests/browser: the bench in Chromium")
+
+
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Leave tests/browser out unless it is asked for: it needs Voila, Playwright and Chromium."""
+    is_left_out = collection_path == Path(__file__).parent / "browser" and not config.getoption("--browser")
+    return True if is_left_out else None
 
 
 def calls_opencv(file: ModuleType) -> bool:

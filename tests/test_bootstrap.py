@@ -29,7 +29,7 @@ def test_missing_venv_module_is_named_with_its_fix(monkeypatch: pytest.MonkeyPat
 def test_script_is_short_and_readable_for_old_pythons() -> None:
     """Python 3.6 must get as far as the message that it is too old."""
     source = Path(bootstrap.__file__).read_text(encoding="utf-8")
-    assert len(source.splitlines()) <= 120
+    assert len(source.splitlines()) <= 140
     imported = set()
     for node in ast.walk(ast.parse(source, feature_version=(3, 6))):
         if isinstance(node, ast.Import):
@@ -101,6 +101,31 @@ def test_failed_installing_says_what_to_do_and_leaves_it_stale(made: Path, monke
     with pytest.raises(SystemExit, match=r"could not be made; .*\n.*mirror or a proxy, tell pip"):
         bootstrap.setup()
     assert not bootstrap.is_fresh()
+
+
+def test_what_one_command_needs_is_installed_once(made: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    calls: list[list[str]] = []
+    monkeypatch.setattr(bootstrap.shutil, "which", lambda name: None)
+    monkeypatch.setattr(subprocess, "call", lambda command, **options: calls.append(command) or 0)
+    (made / ".venv").mkdir()
+    (made / "requirements-explore.txt").write_text("voila==1")
+    bootstrap.add("explore")
+    bootstrap.add("explore")
+    assert [call[-2:] for call in calls] == [["-r", "requirements-explore.txt"]]
+    (made / "requirements-explore.txt").write_text("voila==2")
+    bootstrap.add("explore")
+    assert len(calls) == 2
+
+
+def test_failed_addition_says_what_to_do_and_is_tried_again(made: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(subprocess, "call", lambda command, **options: 1)
+    (made / ".venv").mkdir()
+    (made / "requirements-explore.txt").write_text("voila==1")
+    for _ in range(2):
+        with pytest.raises(
+            SystemExit, match=r"requirements-explore\.txt could not be installed(.|\n)*a proxy, tell pip"
+        ):
+            bootstrap.add("explore")
 
 
 def test_unknown_command_shows_the_help(capsys: pytest.CaptureFixture[str]) -> None:

@@ -28,6 +28,7 @@ ROOMS = sorted(path.parent.name for path in (ROOT / "stereolib").glob("*/__init_
 PAGES = sorted(page for page in ROOT.glob("**/*.md") if not {".venv", ".staging"} & set(page.parts))
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 EXTRAS = sorted({name for extra in PROJECT["optional-dependencies"].values() for name in extra})
+ADDED = {name: PROJECT["optional-dependencies"][name] for name in noxfile.ADDITIONS}
 
 each_notebook = pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 
@@ -140,26 +141,40 @@ def test_links_lead_somewhere(page: Path) -> None:
 def test_readme_names_the_two_commands_and_ci_runs_the_second() -> None:
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
     assert "make reproduce" in readme and "make test" in readme
-    assert (ROOT / ".ci" / "run").read_text(encoding="utf-8").rstrip().endswith("\nmake test")
+    assert (ROOT / ".ci" / "run").read_text(encoding="utf-8").rstrip().endswith("\nmake test-browser")
+    assert "\nmake test\n" in (ROOT / ".ci" / "run").read_text(encoding="utf-8")
     assert os.name == "nt" or os.access(ROOT / ".ci" / "run", os.X_OK)
 
 
 # --- environments
 
 
-def test_requirements_are_pins_and_nothing_else() -> None:
-    lines = (ROOT / "requirements.txt").read_text(encoding="utf-8").splitlines()
-    assert all(re.fullmatch(r"[a-z0-9-]+==[\w.]+(?: ; [\w. =!<>'()-]+)?", line) for line in lines)
+def pinned(name: str = "") -> list[str]:
+    return (ROOT / f"requirements{name and '-'}{name}.txt").read_text(encoding="utf-8").splitlines()
+
+
+@pytest.mark.parametrize("name", ["", *ADDED])
+def test_requirements_are_pins_and_nothing_else(name: str) -> None:
+    assert all(re.fullmatch(r"[a-z0-9-]+==[\w.]+(?: ; [\w. =!<>'()-]+)?", line) for line in pinned(name))
 
 
 def test_requirements_pin_everything_in_pyproject() -> None:
-    lines = (ROOT / "requirements.txt").read_text(encoding="utf-8").splitlines()
+    lines = [line for name in ("", *ADDED) for line in pinned(name)]
     pins = {Requirement(line).name: Requirement(line).specifier for line in lines}
     assert len(pins) == len(lines)
     for text in [*PROJECT["dependencies"], *EXTRAS]:
         wanted = Requirement(text)
         (pin,) = pins[wanted.name.lower()]
         assert wanted.specifier.contains(pin.version), text
+
+
+def test_pins_of_one_command_are_apart_and_installed_for_it() -> None:
+    import bootstrap
+
+    assert {path.name for path in ROOT.glob("requirements-*.txt")} == {f"requirements-{name}.txt" for name in ADDED}
+    assert {name for names in bootstrap.ADDITIONS.values() for name in names} == set(ADDED)
+    for name, extra in ADDED.items():
+        assert {Requirement(line).name for line in pinned(name)} >= {Requirement(text).name for text in extra}
 
 
 def test_conda_environment_equals_pyproject() -> None:
@@ -177,6 +192,7 @@ def test_no_package_registry_is_named() -> None:
     forbidden = ["index" + "-url", "py" + "pi.org", "python" + "hosted"]
     names = [
         "requirements.txt",
+        *(f"requirements-{name}.txt" for name in ADDED),
         "environment.yml",
         "pyproject.toml",
         "Makefile",
@@ -242,7 +258,7 @@ def test_contributing_shows_every_room_with_its_floor_and_its_files() -> None:
         assert set(re.findall(r"`(\w+\.py)`", files)) == there, room
     layers = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["importlinter"]["contracts"]
     floors = [set(layer.split(" | ")) for layer in layers[0]["layers"][:0:-1]]
-    assert [{room for floor, room, _ in shown if int(floor) == n} for n in range(1, 8)] == floors
+    assert [{room for floor, room, _ in shown if int(floor) == n} for n in range(1, 9)] == floors
 
 
 def test_python_in_readme_imports_what_is_there() -> None:

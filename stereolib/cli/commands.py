@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import NoReturn
 
 from stereolib import __version__
+from stereolib.cli.bake import BAKE
 from stereolib.cli.calibrate import CALIBRATE
 from stereolib.cli.calibrate_laser import CALIBRATE_LASER
 from stereolib.cli.check import CHECK
@@ -14,12 +15,13 @@ from stereolib.cli.command import Command
 from stereolib.cli.data import DATA
 from stereolib.cli.disparity import DISPARITY
 from stereolib.cli.errors import WRONG_INPUT, guarded
+from stereolib.cli.explore import EXPLORE
 from stereolib.cli.lrf import LRF
 from stereolib.cli.map import MAP
 from stereolib.cli.measure import MEASURE
 from stereolib.cli.reproduce import REPRODUCE
 
-COMMANDS = (REPRODUCE, DATA, DISPARITY, LRF, CALIBRATE, CHECK, CALIBRATE_LASER, MEASURE, MAP)
+COMMANDS = (REPRODUCE, EXPLORE, BAKE, DATA, DISPARITY, LRF, CALIBRATE, CHECK, CALIBRATE_LASER, MEASURE, MAP)
 
 
 class _Parser(argparse.ArgumentParser):

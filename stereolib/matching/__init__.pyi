@@ -6,6 +6,7 @@ from .ground_truth import KnownView, motorcycle_view
 from .guided import ExpectedDisparity, compute_disparity_guided, expected_disparity
 from .pair_checks import check_matchable, check_rectified, check_sides
 from .pipelines import BEST_SIGMA_PX, DisparityEstimate, fill_and_classify, match_best, stereo_pipeline
+from .pixel_cost import PixelCost, pixel_cost
 from .scenes import correlation_length_px, near_edge_mask, smallest_window
 from .scoring import RepairScore, Score, fattening_px, overreach_px, score, score_repair
 from .sgbm import SGBMParams, match_pair
@@ -19,6 +20,7 @@ __all__ = [
     "ExpectedDisparity",
     "FilterCase",
     "KnownView",
+    "PixelCost",
     "RepairScore",
     "SGBMParams",
     "SGMResult",
@@ -48,6 +50,7 @@ __all__ = [
     "near_edge_mask",
     "outline_growth_px",
     "overreach_px",
+    "pixel_cost",
     "score",
     "score_repair",
     "settings_grid",

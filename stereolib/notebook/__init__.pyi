@@ -2,7 +2,15 @@ from .camera_drawings import draw_lens, draw_rectification
 from .first_drawings import draw_two_pictures
 from .height_drawings import draw_heights, draw_recipe, draw_width, height_text, recording_labels
 from .laser_drawings import draw_map_view, draw_matching, draw_pose, draw_sweep, who_saw
-from .matching_drawings import draw_dilation, draw_guided, draw_motorcycle, draw_paths, draw_sgbm, draw_surface
+from .matching_drawings import (
+    draw_dilation,
+    draw_guided,
+    draw_motorcycle,
+    draw_paths,
+    draw_prices,
+    draw_sgbm,
+    draw_surface,
+)
 from .sliders import Explorer, explore
 from .toed_in import cube_foot_mm, shoot_cube, toe_in
 
@@ -18,6 +26,7 @@ __all__ = [
     "draw_motorcycle",
     "draw_paths",
     "draw_pose",
+    "draw_prices",
     "draw_recipe",
     "draw_rectification",
     "draw_sgbm",

@@ -15,10 +15,10 @@ def draw_lens(k1: float, k2: float, k3: float, p1: float) -> tuple[UInt8, str]:
 
     Parameters
     ----------
-    k1 : float
-    k2 : float
-    k3 : float
+    k1, k2, k3 : float
+        Bends along the radius: by its square, its fourth and its sixth power.
     p1 : float
+        Bends as a lens does that stands askew to its sensor.
 
     Returns
     -------
@@ -53,13 +53,21 @@ def draw_lens(k1: float, k2: float, k3: float, p1: float) -> tuple[UInt8, str]:
     ), f"worst corner moves {moved:.1f} px; pixels without a direction (the lens folds): {folded}"
 
 
-def draw_rectification(alpha: float, roll_error_deg: float) -> tuple[UInt8, str]:
-    """Notebook 02: the cube pair rectified by a rig whose right camera is believed to be rolled.
+def draw_rectification(
+    alpha: float, roll_error_deg: float, rows_error_px: float = 0.0, baseline_error_pct: float = 0.0
+) -> tuple[UInt8, str]:
+    """Notebook 02: the cube pair rectified by a rig that is believed to be another than it is.
 
     Parameters
     ----------
     alpha : float
+        0 keeps only what all pixels see, 1 all that any pixel sees.
     roll_error_deg : float
+        The right camera is believed to be turned by so much about its axis.
+    rows_error_px : float
+        The right camera's principal point is believed to be so many rows lower.
+    baseline_error_pct : float
+        The baseline is believed to be so much longer.
 
     Returns
     -------
@@ -71,18 +79,24 @@ def draw_rectification(alpha: float, roll_error_deg: float) -> tuple[UInt8, str]
 
     true = paper.paper_rig()
     turn = cv2.Rodrigues(np.array([0.0, 0.0, np.radians(roll_error_deg)]))[0]
-    rectified = StereoRig(true.left, true.right, turn @ true.R, true.T).rectify(alpha)
+    K = true.right.K + np.array([[0, 0, 0], [0, 0, rows_error_px], [0, 0, 0]])
+    believed = Camera(K, true.right.dist, true.right.size)
+    T = true.T * (1 + baseline_error_pct / 100)
+    rectified = StereoRig(true.left, believed, turn @ true.R, T).rectify(alpha)
     left, right = rectified.rectify(*recordings.load_pair("conditions/texture"))
     depth_mm = np.linspace(700, 1000, 7)  # points all over the left image, at each of these depths
     points = (true.left.rays(_pixel_grid(true.left)[::997]) * depth_mm[:, None, None]).reshape(-1, 3)
     in_right = true.right.project(points @ true.R.T + true.T)
     both = np.all((in_right >= 0) & (in_right <= np.array(true.right.size) - 1), axis=1)
     known = (true.left.project(points[both]), "left"), (in_right[both], "right")
-    rows = [rectified.rectify_points(pixels, side)[:, 1] for pixels, side in known]
-    rms = np.sqrt(np.nanmean((rows[0] - rows[1]) ** 2))
+    found = [rectified.rectify_points(pixels, side) for pixels, side in known]
+    rms = np.sqrt(np.nanmean((found[0] - found[1])[:, 1] ** 2))
+    forward_mm = points[both] @ rectified.R1[2]
+    farther = rectified.f_px * rectified.baseline_mm / (found[0] - found[1])[:, 0] / forward_mm - 1
     figure, (ax,) = panels(1, width_in=7, aspect=0.44)
     plot_rows(left, right, ax, range(40, 480, 60), "left and right picture, rectified; the lines are rows")
-    return figure_to_image(figure), f"focal length {rectified.f_px:.1f} px; rows differ by {rms:.2f} px rms"
+    text = f"focal length {rectified.f_px:.1f} px; rows differ by {rms:.2f} px rms"
+    return figure_to_image(figure), f"{text}; depths come out {round(100 * np.nanmedian(farther), 1) + 0.0:+.1f} %"
 
 
 def _pixel_grid(camera: Camera) -> Float64:

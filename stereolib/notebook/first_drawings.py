@@ -19,7 +19,9 @@ def draw_two_pictures(baseline_mm: int, focal_length_px: int, distance_mm: int) 
     Parameters
     ----------
     baseline_mm : int
+        Between the two cameras.
     focal_length_px : int
+        Of both cameras. The longer, the larger and narrower the view.
     distance_mm : int
         From the cameras to the box's near edge.
 

@@ -66,8 +66,11 @@ def draw_recipe(pitch_deg: float, tolerance_px: float, rows: int, dilate_px: int
     pitch_deg : float
         Upwards; to each belongs one camera height.
     tolerance_px : float
+        The threshold: so far below the map's maximum a disparity still counts.
     rows : int
+        Cut off at the picture's bottom.
     dilate_px : int
+        Edge of the window by which the map is dilated first; 1 leaves it.
 
     Returns
     -------
@@ -98,9 +101,13 @@ def draw_heights(distance_mm: float, yaw_deg: float, lateral_mm: float, height_m
     Parameters
     ----------
     distance_mm : float
+        From the camera to the box's near edge.
     yaw_deg : float
+        At 45 an edge of the box is nearest, at 0 a face.
     lateral_mm : float
+        How far to the left the box stands.
     height_mm : float
+        Of the box: what both methods want to read.
 
     Returns
     -------
@@ -139,8 +146,11 @@ def draw_width(distance_mm: float, yaw_deg: float, pitch_deg: float) -> tuple[UI
     Parameters
     ----------
     distance_mm : float
+        From the camera to the cube's near edge.
     yaw_deg : float
+        At 45 an edge of the cube is nearest, at 0 a face.
     pitch_deg : float
+        Of the camera, upwards.
 
     Returns
     -------

@@ -19,15 +19,25 @@ if TYPE_CHECKING:
 _ASTRAY_MM, _ASTRAY_RAD = 50.0, np.radians(3.0)  # from its true pose: a station that matching has not put in its place
 
 
-def draw_sweep(turns: int, albedo: float, distance_mm: int, yaw_deg: int) -> tuple[UInt8, str]:
+def draw_sweep(
+    turns: int, albedo: float, distance_mm: int, yaw_deg: int, noise: float = 1.0, bias_mm: float = 0.0
+) -> tuple[UInt8, str]:
     """Notebook 05: the laser's sweep over a cube of some darkness, and the error on its faces.
 
     Parameters
     ----------
     turns : int
+        The median of so many is drawn: the more, the less noise.
     albedo : float
+        Share of the light that the cube sends back: 0.02 is black.
     distance_mm : int
+        From the laser to the cube's near edge.
     yaw_deg : int
+        At 45 an edge of the cube is nearest, at 0 a face.
+    noise : float
+        Of each reading, in times an XV-11's.
+    bias_mm : float
+        Added to every reading; no number of turns takes it away.
 
     Returns
     -------
@@ -41,7 +51,9 @@ def draw_sweep(turns: int, albedo: float, distance_mm: int, yaw_deg: int) -> tup
     cube = virtual.cube_scene(distance_mm, yaw_rad=np.radians(yaw_deg))
     shade = virtual.Material((albedo,) * 3)
     painted = replace(cube, boxes=(cube.boxes[0], replace(cube.boxes[1], materials=(shade,))))
-    sensor = VirtualLidar()
+    usual = VirtualLidar()
+    sigmas = {"sigma_mm": noise * usual.sigma_mm, "sigma_per_mm": noise * usual.sigma_per_mm}
+    sensor = VirtualLidar(**sigmas, bias_mm=(usual.bias_mm[0] + bias_mm, *usual.bias_mm[1:]))
     data = sensor.scan(painted, recordings.LASER_POSE, np.random.default_rng(0), turns)
     merged = laser.average(laser.turns(laser.decode(data)))
     true_mm = sensor.truth_mm(painted, recordings.LASER_POSE)
@@ -64,8 +76,11 @@ def draw_map_view(azimuth_deg: int, elevation_deg: int, show: str) -> tuple[UInt
     Parameters
     ----------
     azimuth_deg : int
+        From where one looks, around the room.
     elevation_deg : int
+        90 looks straight down.
     show : str
+        The boxes as solids, or the points that the pairs matched.
 
     Returns
     -------
@@ -88,8 +103,11 @@ def draw_matching(off_mm: int, off_deg: float, chance: int) -> tuple[UInt8, str]
     Parameters
     ----------
     off_mm : int
+        Each station's place is off by up to so much.
     off_deg : float
+        Each station's direction is off by up to so much.
     chance : int
+        Each number draws other errors.
 
     Returns
     -------
@@ -121,8 +139,12 @@ def draw_pose(x_mm: int, y_mm: int, yaw_deg: float) -> tuple[UInt8, str]:
 
     Parameters
     ----------
-    x_mm, y_mm : int
+    x_mm : int
+        Where the laser is believed to stand, forward.
+    y_mm : int
+        Where the laser is believed to stand, to the left.
     yaw_deg : float
+        In which direction its beam 0 is believed to look.
 
     Returns
     -------

@@ -19,6 +19,7 @@ from stereolib.matching import (
     compute_disparity,
     compute_disparity_guided,
     expected_disparity,
+    pixel_cost,
     score,
     score_repair,
     smooth,
@@ -26,7 +27,7 @@ from stereolib.matching import (
 
 
 def draw_paths(
-    sums: Callable[[int, int], Floats | Ints], truth_px: Floats, row: int, column: int, p1: int, p2: int
+    sums: Callable[[int, int], Floats | Ints], truth_px: Floats, row: int, column: int, P1: int, P2: int
 ) -> tuple[UInt8, str]:
     """Notebook 03: one pixel's costs and its row's, summed along paths at other prices.
 
@@ -38,8 +39,10 @@ def draw_paths(
         True disparity of the strip, NaN where it is not asked for.
     row, column : int, px
         The pixel, in the strip.
-    p1, p2 : int
-        Prices of a step by one disparity and of a larger one.
+    P1 : int
+        Price of a step by one disparity from a pixel to the next.
+    P2 : int
+        Price of a larger step.
 
     Returns
     -------
@@ -48,10 +51,10 @@ def draw_paths(
     """
     from stereolib.plotting import figure_to_image, panels, plot_pixel_cost, plot_row_cost
 
-    volume = sums(p1, p2)
+    volume = sums(P1, P2)
     figure, axes = panels(2, width_in=7, aspect=0.66, width_ratios=(1, 1.6))
     plot_pixel_cost(volume[row, column], truth_px[row, column], axes[0], f"pixel in column {column}")
-    plot_row_cost(volume[row], truth_px[row], axes[1], f"its row, P1 = {p1}, P2 = {p2}")
+    plot_row_cost(volume[row], truth_px[row], axes[1], f"its row, P1 = {P1}, P2 = {P2}")
     axes[1].axvline(column, color="0.5", lw=0.8)
     found, count = volume.argmin(axis=-1), volume.shape[-1]
     quality = score(found[:, count:], truth_px[:, count:])
@@ -88,15 +91,69 @@ def draw_guided(distance_mm: int, margin_px: int, laser_off_mm: int) -> tuple[UI
     return np.hstack([color_disparity(expected.near_px, 0, 160), color_disparity(found, 0, 160)]), text
 
 
-def draw_sgbm(condition: str, num_disparities: int, block_size: int, uniqueness_ratio: int) -> tuple[UInt8, str]:
+def draw_prices(P1: int, P2: int, condition: str = "texture", column: int = 330, row: int = 250) -> tuple[UInt8, str]:
+    """Baked chapter 03: a map of OpenCV's matcher at other prices, and what each disparity costs one of its pixels.
+
+    Parameters
+    ----------
+    P1 : int
+        Price of a step by one disparity, for each pixel of the block; slanted surfaces pay it.
+    P2 : int
+        Price of a larger step, for each pixel of the block; edges pay it. It must be above P1.
+    condition : str
+        Which recording.
+    column, row : int
+        The pixel (px).
+
+    Returns
+    -------
+    picture : (H, W, 3) uint8, blue-green-red
+    text : str
+    """
+    from stereolib.plotting import OURS, TRUTH, color_disparity, figure_to_image, panels
+
+    _check_prices(P1, P2)
+    left, right, truth_px, cube = _condition(condition)
+    params = SGBMParams(128, p1=25 * P1, p2=25 * P2)
+    found = compute_disparity(left, right, params)
+    cost, true_px = pixel_cost(left, right, (column, row), params), truth_px[row, column]
+    figure, axes = panels(2, width_in=9, aspect=0.75)
+    axes[0].imshow(color_disparity(found, 0, 160)[..., ::-1])
+    axes[0].plot(column, row, "o", mfc="none", mec="white", ms=10, mew=2)
+    axes[0].set(title=f"disparity, P1 = {P1}, P2 = {P2}", xlabel="column (px)", ylabel="row (px)")
+    curves = (cost.matching, "0.5", "the blocks alone"), (cost.summed, OURS, "with the paths' sums")
+    for values, color, name in curves:
+        scaled = (values - values.min()) / max(1, np.ptp(values))
+        axes[1].plot(cost.disparities_px, scaled, color=color, label=name)
+    axes[1].axvline(true_px, color=TRUTH, ls="--", label="true disparity")
+    axes[1].plot(cost.best_px, 0, "o", color=OURS)
+    axes[1].set(title="costs of the ringed pixel", xlabel="disparity (px)", ylabel="cost (least 0, most 1)")
+    axes[1].set_ylim(-0.05, 1.35)
+    axes[1].legend(loc="upper center", ncols=2, fontsize=8)
+    quality = score(found, truth_px, cube)
+    text = f"bad 2 on the cube: {quality.bad2_pct:.1f} %; matched: {quality.density_pct:.0f} %; "
+    return figure_to_image(figure), text + f"the ringed pixel is cheapest at {cost.best_px} px, true {true_px:.1f} px"
+
+
+def draw_sgbm(
+    condition: str, num_disparities: int, block_size: int, uniqueness_ratio: int, P1: int = 8, P2: int = 32
+) -> tuple[UInt8, str]:
     """Notebook 03: one of Fig. 4's recordings, matched; bad settings are refused with the library's own words.
 
     Parameters
     ----------
     condition : str
+        Which recording.
     num_disparities : int
+        How many disparities are searched; so many columns at the left have no match.
     block_size : int
+        Edge of the compared blocks (px); large ones blur edges.
     uniqueness_ratio : int
+        By how much (%) the best match must beat the second.
+    P1 : int
+        Price of a step by one disparity, for each pixel of the block; slanted surfaces pay it.
+    P2 : int
+        Price of a larger step, for each pixel of the block; edges pay it. It must be above P1.
 
     Returns
     -------
@@ -106,7 +163,9 @@ def draw_sgbm(condition: str, num_disparities: int, block_size: int, uniqueness_
     from stereolib.plotting import color_disparity
 
     left, right, disparity_px, cube = _condition(condition)
-    params = SGBMParams(num_disparities, block_size, uniqueness_ratio=uniqueness_ratio)
+    _check_prices(P1, P2)
+    area = block_size**2
+    params = SGBMParams(num_disparities, block_size, p1=P1 * area, p2=P2 * area, uniqueness_ratio=uniqueness_ratio)
     disparity = compute_disparity(left, right, params)
     quality = score(disparity, disparity_px, cube)
     text = f"bad 2 on the cube: {quality.bad2_pct:.1f} %; matched: {quality.density_pct:.0f} %; "
@@ -119,9 +178,13 @@ def draw_surface(distance_mm: float, contrast: float, scale_mm: float, light: fl
     Parameters
     ----------
     distance_mm : float
+        From the camera to the cube's near edge.
     contrast : float
+        Of the cube's texture; 0 is a plain cube, which no matcher can match.
     scale_mm : float
+        Size of the texture's spots.
     light : float
+        Share of a well-lit room's; 0.012 is the paper's poor light.
 
     Returns
     -------
@@ -148,9 +211,11 @@ def draw_dilation(condition: str, method: str, size_px: int) -> tuple[UInt8, str
     Parameters
     ----------
     condition : str
+        Which recording.
     method : str
-        One of `SMOOTHING_METHODS`.
+        Which filter.
     size_px : int
+        Edge of the filter's window.
 
     Returns
     -------
@@ -179,8 +244,11 @@ def draw_motorcycle(num_disparities: int, block_size: int, uniqueness_ratio: int
     Parameters
     ----------
     num_disparities : int
+        How many disparities are searched; near parts need many.
     block_size : int
+        Edge of the compared blocks (px); large ones fill bare walls and eat the spokes.
     uniqueness_ratio : int
+        By how much (%) the best match must beat the second.
 
     Returns
     -------
@@ -199,6 +267,12 @@ def draw_motorcycle(num_disparities: int, block_size: int, uniqueness_ratio: int
     quality = score(disparity, np.where(np.isfinite(truth), truth, np.nan))
     text = f"bad-2: {quality.bad2_pct:.1f} % of the pixels; returned: {quality.density_pct:.0f} % of the pixels"
     return np.hstack([left, color_disparity(disparity, 0, 70)]), text
+
+
+def _check_prices(P1: int, P2: int) -> None:
+    """Refuse in the sliders' own numbers what the matcher would refuse in those of a whole block."""
+    if not P1 < P2:
+        raise ValueError(f"P2, the price of a larger step, must be above P1, got P1 {P1} and P2 {P2}")
 
 
 @lru_cache(maxsize=4)

@@ -34,6 +34,7 @@ from .output import figure_to_image, save_figure, save_table
 from .pictures import (
     ImageQuantity,
     color_disparity,
+    color_error,
     plot_arrows,
     plot_box,
     plot_corners,
@@ -78,6 +79,7 @@ __all__ = [
     "ImageQuantity",
     "check_figure",
     "color_disparity",
+    "color_error",
     "figure_to_image",
     "lens_shift_px",
     "mark_pixels",

@@ -435,3 +435,28 @@ def color_disparity(disparity_px: Floats, low: float, high: float) -> UInt8:
     picture: UInt8 = cv2.applyColorMap(scaled, cv2.COLORMAP_VIRIDIS)
     picture[np.isnan(disparity_px)] = 217
     return picture
+
+
+def color_error(error_px: Floats, most: float) -> UInt8:
+    """Turn errors of a disparity map into a picture: red is too near, blue too far, light grey unknown.
+
+    Parameters
+    ----------
+    error_px : (H, W) float, px
+    most : float
+        Where the colours end on both sides, px.
+
+    Returns
+    -------
+    (H, W, 3) uint8, blue-green-red
+
+    Examples
+    --------
+    >>> color_error(np.array([[4.0, -4.0, np.nan]]), 4.0)[0].tolist()
+    [[31, 0, 103], [97, 48, 5], [217, 217, 217]]
+    """
+    levels = np.nan_to_num((error_px + most) / (2 * most) * 255).clip(0, 255).astype(np.uint8)
+    rgb = colormaps["RdBu_r"](np.arange(256))[:, :3]
+    picture: UInt8 = np.rint(255 * rgb[:, ::-1]).astype(np.uint8)[levels]
+    picture[np.isnan(error_px)] = 217
+    return picture

@@ -15,6 +15,7 @@ import time
 from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
+from html import escape
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +28,8 @@ _TRACEBACK_LINES, _STDERR_CHARACTERS = 15, 500  # shown of a failure
 INDEX = "00_two_pictures"  # shows what all the others recorded, so it runs last
 
 _WIDGET_VIEW = "application/vnd.jupyter.widget-view+json"
+_PICTURES = {"image/jpeg", "image/png"}
+_HOW_TO_MOVE = "This is the picture of the first values. Run this cell to move the sliders."
 _ANSI = re.compile(r"\x1b\[[0-9;]*m")
 _METADATA = {
     "kernelspec": {"display_name": "Python 3", "language": "python", "name": "python3"},
@@ -70,7 +73,8 @@ def normalise(notebook: Any) -> Any:
     -------
     nbformat.NotebookNode
         The same notebook: fixed kernel and language metadata, no widget views (the picture and the text that
-        stand beside them stay for readers without a kernel), no times, and an id in every cell.
+        stand beside them stay for readers without a kernel, who are told how to get the sliders), no times, and an
+        id in every cell.
     """
     notebook.metadata = _nbformat().from_dict(_METADATA)
     notebook.nbformat_minor = max(notebook.nbformat_minor, 5)
@@ -79,10 +83,23 @@ def normalise(notebook: Any) -> Any:
         cell.metadata.pop("execution", None)
         if cell.cell_type != "code":
             continue
-        for output in cell.outputs:
-            output.get("data", {}).pop(_WIDGET_VIEW, None)
-        cell.outputs = [output for output in cell.outputs if output.get("data", True)]
+        cell.outputs = [kept for output in cell.outputs for kept in _without_widget(output)]
     return notebook
+
+
+def _without_widget(output: Any) -> list[Any]:
+    """An output without its widget; before the picture that remains, what it shows and how to make it move."""
+    if _WIDGET_VIEW not in output.get("data", {}):
+        return [output]
+    del output["data"][_WIDGET_VIEW]
+    if not output["data"]:
+        return []
+    if _PICTURES.isdisjoint(output["data"]):
+        return [output]
+    text = output["data"].get("text/plain", "")
+    html = f"<p>{escape(text)}</p>\n<p><small>{_HOW_TO_MOVE}</small></p>"
+    said = {"text/html": html, "text/plain": f"{text}\n{_HOW_TO_MOVE}"}
+    return [_nbformat().v4.new_output("display_data", data=said), output]
 
 
 def failures(notebook: Any) -> list[str]:

@@ -109,6 +109,9 @@ class Camera:
         """
         uv = np.asarray(pixels, float).reshape(-1, 2)
         target = _tilted((uv - self.K[:2, 2]) @ np.linalg.inv(self.K[:2, :2]).T, self.dist, inverse=True)
+        if not self.dist.any():
+            found = np.isfinite(target).all(axis=1, keepdims=True)
+            return np.column_stack([np.where(found, target, np.nan), np.ones(len(target))])
         limit = self.fold_radius
         xy = target * np.minimum(1.0, _START_INSIDE * limit / np.maximum(np.hypot(*target.T), 1e-12))[:, None]
         for _ in range(_NEWTON_STEPS):

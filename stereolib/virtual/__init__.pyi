@@ -2,6 +2,7 @@ from . import emulator, laser_boards, recordings, walk, walk_folder
 from .build import build_recordings
 from .lidar import VirtualLidar
 from .measured_walk import measure_walk, walk_laser
+from .quick import render_quickly
 from .ray_casting import Hits, Truth, cast_rays, render, render_pair, render_truth
 from .scene import (
     CUBE_SURFACE,
@@ -43,6 +44,7 @@ __all__ = [
     "recordings",
     "render",
     "render_pair",
+    "render_quickly",
     "render_truth",
     "room",
     "walk",

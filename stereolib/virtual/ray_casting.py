@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 
-from stereolib.base import Bools, Float64, Ints
+from stereolib.base import Bools, Float64, Floats, Ints
 from stereolib.rig import Camera, RectifiedRig, StereoRig, rigid
 from stereolib.virtual import texture
 from stereolib.virtual.scene import Box, Light, Material, Scene
 
-_EPS_MM = 1e-2
+EPS_MM = 1e-2
 _BAND_ROWS = 16  # rows drawn at a time: small enough for the processor's cache
 _GREY_FROM_BGR = (0.114, 0.587, 0.299)  # ITU-R BT.601
 _OBJECTS_AT_MM = np.array([700.0, 0.0, 150.0])  # where lights point: the cube's place
-_LIGHT_AT_MM = 2000.0  # a light's power is its irradiance at this distance
+LIGHT_AT_MM = 2000.0  # a light's power is its irradiance at this distance
 _FACE_OFFSET_MM = 137.0  # each face of a box shows another part of the texture
+LEAST_COSINE, LEAST_COSINE_OF_PRINT = 0.02, 0.05  # surfaces seen at a lower angle are blurred no more
+_CONE_SPARE = 1e-5  # of a cosine: more than rounding takes
 _LEAST_PATTERN, _MOST_PATTERN = 0.05, 1.95  # of the mean reflectance: a texture never turns black or glows
 _INK = 0.05  # reflectance of a board's black squares, of the paper's
 _GLARE_SPOTS = 5  # points of an area light that glare is taken from
@@ -166,21 +169,23 @@ def render_truth(scene: Scene, rectified: RectifiedRig, T_left_world: Float64) -
     camera, (width, height) = rectified.left, rectified.size
     T_rect_world = rigid(rectified.R1, np.zeros(3)) @ T_left_world
     R, origin = T_rect_world[:3, :3], -T_rect_world[:3, :3].T @ T_rect_world[:3, 3]
-    pixels = np.stack(np.meshgrid(np.arange(width), np.arange(height)), -1).reshape(-1, 2)
-    rays = camera.rays(pixels)
-    length = np.linalg.norm(rays, axis=1)
-    directions = (rays / length[:, None]) @ R
-    distance, surface = _nearest(scene, origin, directions)
-    distance = np.where(surface >= 0, distance, np.nan)
-    depth = distance / length
-    disparity = rectified.f_px * rectified.baseline_mm / depth
     right_origin = origin + R.T @ [rectified.baseline_mm, 0.0, 0.0]
-    points = origin + distance[:, None] * directions
-    inside = pixels[:, 0] - disparity >= 0
-    visible = inside & ~_blocked(scene, points + _EPS_MM * _facing(scene, surface), right_origin[None])
-    shape = (height, width)
-    box = np.where(surface >= 0, surface // 6, -1)
-    return Truth(disparity.reshape(shape), depth.reshape(shape), visible.reshape(shape), box.reshape(shape))
+    depth, visible = np.empty((height, width)), np.empty((height, width), bool)
+    box = np.empty((height, width), int)
+    for top in range(0, height, _BAND_ROWS):
+        band = slice(top, min(top + _BAND_ROWS, height))
+        pixels = np.stack(np.meshgrid(np.arange(width), np.arange(height)[band]), -1).reshape(-1, 2)
+        rays = camera.rays(pixels)
+        length = np.linalg.norm(rays, axis=1)
+        directions = (rays / length[:, None]) @ R
+        distance, surface = _nearest(scene, origin, directions)
+        distance = np.where(surface >= 0, distance, np.nan)
+        points = origin + distance[:, None] * directions + EPS_MM * _facing(scene, surface)
+        depth[band] = (distance / length).reshape(-1, width)
+        visible[band] = ~blocked(scene.boxes, points, right_origin).reshape(-1, width)
+        box[band] = np.where(surface >= 0, surface // 6, -1).reshape(-1, width)
+    disparity = rectified.f_px * rectified.baseline_mm / depth
+    return Truth(disparity, depth, visible & (np.arange(width) - disparity >= 0), box)
 
 
 def render_pair(
@@ -210,16 +215,22 @@ def render_pair(
     return left, right
 
 
-@lru_cache(maxsize=8)
 def _ray_grid(camera: Camera, samples: int) -> Float64:
     """Unit rays of all sub-pixels in row order, (H * samples * W * samples, 3) float64, camera frame."""
-    width, height = camera.size
+    return _rays_of_lens(camera.K.tobytes(), camera.dist.tobytes(), camera.size, samples)
+
+
+@lru_cache(maxsize=8)
+def _rays_of_lens(K: bytes, dist: bytes, size: tuple[int, int], samples: int) -> Float64:
+    """`_ray_grid`, kept for all cameras of the same lens: a rig that is moved has new cameras, but no new rays."""
+    camera = Camera(np.frombuffer(K).reshape(3, 3), np.frombuffer(dist), size)
+    width, height = size
     u, v = ((np.arange(n * samples) + 0.5) / samples - 0.5 for n in (width, height))
     rays = camera.rays(np.stack(np.meshgrid(u, v), -1).reshape(-1, 2), clamp=True)
     return np.asarray(rays / np.linalg.norm(rays, axis=1, keepdims=True))
 
 
-def _slabs(box: Box, origins: Float64, directions: Float64) -> tuple[Float64, Float64, Float64, Float64]:
+def _slabs(box: Box, origins: Floats, directions: Floats) -> tuple[Floats, Floats, Floats, Floats]:
     """Entry and exit distance of each ray (N,), and the box-frame origins and directions (3, N)."""
     R, centre = box.T_world_box[:3, :3].astype(directions.dtype), box.T_world_box[:3, 3]
     o = _turned(np.atleast_2d(origins) - centre.astype(directions.dtype), R)
@@ -231,7 +242,15 @@ def _slabs(box: Box, origins: Float64, directions: Float64) -> tuple[Float64, Fl
     return entry, leave, o, d
 
 
-def _turned(vectors: Float64, R: Float64) -> Float64:
+def _cone(box: Box, apex: Floats) -> tuple[Float64, float]:
+    """Axis (3,) and cosine of a cone around all rays from an apex (3,) that meet a box; the cosine is -1 within it."""
+    to_centre = box.T_world_box[:3, 3] - apex
+    reach = float(np.linalg.norm(to_centre))
+    sine = (float(np.linalg.norm(box.size_mm)) / 2 + EPS_MM) / max(reach, EPS_MM)
+    return to_centre / max(reach, EPS_MM), float(np.sqrt(1 - sine**2)) - _CONE_SPARE if sine < 1 else -1.0
+
+
+def _turned(vectors: Floats, R: Floats) -> Floats:
     """``R.T @ v`` of vectors (N, 3), as (3, N). Written out: faster than BLAS here, and the same on every processor."""
     x, y, z = vectors.T
     return np.stack([a * x + b * y + c * z for a, b, c in R.T])
@@ -242,11 +261,15 @@ def _nearest(scene: Scene, origins: Float64, directions: Float64) -> tuple[Float
     distance = np.full(len(directions), np.inf, directions.dtype)
     surface = np.full(len(directions), -1)
     for index, box in enumerate(scene.boxes):
-        entry, leave, o, d = _slabs(box, origins, directions)
+        near, some = _maybe_met(box, origins, directions)
+        if not len(some):
+            continue
+        entry, leave, o, d = _slabs(box, origins if np.ndim(origins) == 1 else origins[near], some)
         t = leave if box.inside else entry
-        at = np.flatnonzero((entry < leave) & (t > _EPS_MM) & (t < distance))
-        distance[at] = t[at]
-        local = (o if o.shape[1] == 1 else o[:, at]) + t[at] * d[:, at]
+        met = np.flatnonzero((entry < leave) & (t > EPS_MM) & (t < distance[near]))
+        at = met if isinstance(near, slice) else near[met]
+        distance[at] = t[met]
+        local = (o if o.shape[1] == 1 else o[:, met]) + t[met] * d[:, met]
         local /= np.array(box.size_mm, local.dtype)[:, None]
         axis = np.abs(local).argmax(axis=0)
         side = local[axis, np.arange(len(at))] > 0
@@ -254,15 +277,39 @@ def _nearest(scene: Scene, origins: Float64, directions: Float64) -> tuple[Float
     return distance, surface
 
 
-def _blocked(scene: Scene, points: Float64, target: Float64) -> Bools:
-    """Whether a box stands between each point (N, 3) and the target (3,) or (N, 3). (N,) bool."""
+def _maybe_met(box: Box, origins: Float64, directions: Float64) -> tuple[slice | Ints, Float64]:
+    """Which rays may meet a box, and their directions: all but those that pass its bounding sphere."""
+    if box.inside or np.ndim(origins) > 1:
+        return slice(None), directions
+    axis, cosine = _cone(box, origins)
+    near = np.flatnonzero(directions @ axis.astype(directions.dtype) >= cosine)
+    return near, directions[near]
+
+
+def blocked(boxes: Sequence[Box], points: Floats, target: Floats) -> Bools:
+    """Find what is hidden from a point by boxes that are solid.
+
+    Parameters
+    ----------
+    boxes : sequence of Box
+    points : (N, 3) array, mm
+    target : (3,) array, mm
+
+    Returns
+    -------
+    (N,) bool
+        Whether a box stands between the point and the target.
+    """
+    hidden = np.zeros(len(points), bool)
     way = target - points
-    blocked = np.zeros(len(points), bool)
-    for box in scene.boxes:
+    reach = np.sqrt(np.einsum("ij,ij->i", way, way))
+    for box in boxes:
         if not box.inside:
-            entry, leave, *_ = _slabs(box, points, way)
-            blocked |= (entry < leave) & (leave > 0) & (entry < 1)
-    return blocked
+            axis, cosine = _cone(box, target)
+            near = np.flatnonzero(way @ -axis.astype(way.dtype) >= cosine * reach)
+            entry, leave, *_ = _slabs(box, points[near], way[near])
+            hidden[near] |= (entry < leave) & (leave > 0) & (entry < 1)
+    return hidden
 
 
 def _normal(box: Box, face: int) -> Float64:
@@ -276,7 +323,7 @@ def _facing(scene: Scene, surface: Ints) -> Float64:
     return table[surface]
 
 
-def _pattern(box: Box, face: int, points: Float64, directions: Float64, footprint_mm: Float64) -> Float64:
+def _pattern(box: Box, face: int, points: Float64, directions: Float64, footprint_mm: Float64) -> Floats:
     """Relative reflectance of points (N, 3) on a face: the texture or the checkerboard, filtered. (N,)."""
     material: Material = box.materials[face]
     T = box.T_world_box
@@ -285,25 +332,63 @@ def _pattern(box: Box, face: int, points: Float64, directions: Float64, footprin
     cos = np.abs(directions @ _normal(box, face).astype(points.dtype))
     if material.checker:
         along = directions @ T[:3, [a, b]].astype(points.dtype)
-        stretch = 1 + (along / np.maximum(cos, 0.05)[:, None]) ** 2
+        stretch = 1 + (along / np.maximum(cos, LEAST_COSINE_OF_PRINT)[:, None]) ** 2
         wide = footprint_mm * np.sqrt(stretch[:, 0]), footprint_mm * np.sqrt(stretch[:, 1])
-        columns, rows, square = material.checker
-        u, v = local[:, a], local[:, b]
-        # With an even number of squares the centre is a corner of four squares, with an odd one the middle of one.
-        shift_u, shift_v = (0.0 if (n + 1) % 2 == 0 else square / 2 for n in (columns, rows))
-        white = texture.checker(u + shift_u, v + shift_v, wide, square)
-        inside = (np.abs(u) < (columns + 1) * square / 2) & (np.abs(v) < (rows + 1) * square / 2)
-        return np.where(inside, _INK + (1 - _INK) * white, 1.0)
+        return checkered(material.checker, local[:, a], local[:, b], wide)
     if not material.contrast:
         return np.ones(len(points))
-    width = footprint_mm / np.sqrt(np.maximum(cos, 0.02))
+    width = footprint_mm / np.sqrt(np.maximum(cos, LEAST_COSINE))
+    return textured(material, face, local[:, a], local[:, b], width)
+
+
+def checkered(checker: tuple[int, int, float], u: Floats, v: Floats, wide: tuple[Floats, Floats]) -> Floats:
+    """Compute the relative reflectance of a printed checkerboard.
+
+    Parameters
+    ----------
+    checker : (inner columns, inner rows, square_mm)
+    u, v : (N,) array
+        Place on the face, mm from its centre.
+    wide : two (N,) arrays
+        What a pixel covers along u and v, mm.
+
+    Returns
+    -------
+    (N,) array
+        1 for the paper.
+    """
+    columns, rows, square = checker
+    # With an even number of squares the centre is a corner of four squares, with an odd one the middle of one.
+    shift_u, shift_v = (0.0 if (n + 1) % 2 == 0 else square / 2 for n in (columns, rows))
+    white = texture.checker(u + shift_u, v + shift_v, wide, square)
+    inside = (np.abs(u) < (columns + 1) * square / 2) & (np.abs(v) < (rows + 1) * square / 2)
+    return np.where(inside, _INK + (1 - _INK) * white, 1.0)
+
+
+def textured(material: Material, face: int, u_mm: Floats, v_mm: Floats, width_mm: Floats) -> Floats:
+    """Look up the relative reflectance of a textured face.
+
+    Parameters
+    ----------
+    material : Material
+    face : int
+        0 to 5, in the order of `Box`.
+    u_mm, v_mm : (N,) array
+        Place on the face, mm from its centre along its first and its second axis.
+    width_mm : (N,) array
+        What a pixel covers there, mm.
+
+    Returns
+    -------
+    (N,) float32
+    """
     offset = _FACE_OFFSET_MM * face
-    u, v = local[:, a] + offset, local[:, b] + offset
+    u, v, width = u_mm + offset, v_mm + offset, width_mm
     if material.tile:
         grain = texture.filtered(material.tile.levels, u, v, width, material.tile.mm_per_texel)
     else:
         grain = texture.noise(u, v, width, material.scale_mm, material.seed)
-    return np.clip(1 + material.contrast * grain, _LEAST_PATTERN, _MOST_PATTERN)
+    return np.asarray(np.clip(1 + material.contrast * grain, _LEAST_PATTERN, _MOST_PATTERN))
 
 
 def _radiance(
@@ -318,7 +403,7 @@ def _radiance(
         box, face = scene.boxes[s // 6], int(s % 6)
         material, normal = box.materials[face], _normal(box, face)
         toward = directions[at]
-        points = origins[at] + distance[at, None] * toward + _EPS_MM * normal
+        points = origins[at] + distance[at, None] * toward + EPS_MM * normal
         patch = _Patch(points, normal, toward, material)
         pattern = _pattern(box, face, points, toward, distance[at] * pixel_rad)
         diffuse, glare = np.full(len(at), scene.ambient), np.zeros(len(at))
@@ -350,8 +435,7 @@ def _lit(scene: Scene, lamp: Light, patch: _Patch, n: int) -> tuple[Float64, Flo
     """Diffuse irradiance and glare from one area light at the points of a patch, each (N,) float64."""
     points, normal, material = patch.points, patch.normal, patch.material
     grid = ((np.arange(n) + 0.5) / n - 0.5) * lamp.size_mm if n > 1 else np.zeros(1)
-    to_scene = _OBJECTS_AT_MM - lamp.position_mm
-    to_scene /= np.linalg.norm(to_scene)
+    to_scene = aim(lamp)
     side = np.cross(to_scene, [0.0, 1.0, 0.0] if abs(to_scene[1]) < 0.9 else [1.0, 0.0, 0.0])
     side /= np.linalg.norm(side)
     up = np.cross(side, to_scene)
@@ -361,7 +445,7 @@ def _lit(scene: Scene, lamp: Light, patch: _Patch, n: int) -> tuple[Float64, Flo
     reach = np.linalg.norm(middle, axis=1)
     cos = np.maximum(middle @ normal, 0) / reach
     shining = np.maximum(-middle @ to_scene, 0) / reach  # nothing goes backwards
-    fall = lamp.power * shining * (_LIGHT_AT_MM / reach) ** 2
+    fall = lamp.power * shining * (LIGHT_AT_MM / reach) ** 2
     glare = np.zeros(len(points))
     if material.gloss:
         few = spots[:: max(1, len(spots) // _GLARE_SPOTS)]
@@ -371,13 +455,30 @@ def _lit(scene: Scene, lamp: Light, patch: _Patch, n: int) -> tuple[Float64, Flo
     return lit * fall * cos, lit * glare
 
 
+def aim(lamp: Light) -> Float64:
+    """Direction in which a light shines.
+
+    Parameters
+    ----------
+    lamp : Light
+
+    Returns
+    -------
+    (3,) float64
+        Unit vector, world frame.
+    """
+    to_scene = _OBJECTS_AT_MM - lamp.position_mm
+    to_scene /= np.linalg.norm(to_scene)
+    return to_scene
+
+
 def _visibility(scene: Scene, points: Float64, spots: Float64, n: int) -> Float64:
     """Share of the light's points that each point sees: the corners first, the rest only in the half shadow."""
     corners = spots[[0, n - 1, -n, -1]] if n > 1 else spots
-    lit = np.asarray(np.mean([~_blocked(scene, points, spot) for spot in corners], axis=0))
+    lit = np.asarray(np.mean([~blocked(scene.boxes, points, spot) for spot in corners], axis=0))
     soft = np.flatnonzero((lit > 0) & (lit < 1))
     if n > 1 and soft.size:
-        lit[soft] = np.mean([~_blocked(scene, points[soft], spot) for spot in spots], axis=0)
+        lit[soft] = np.mean([~blocked(scene.boxes, points[soft], spot) for spot in spots], axis=0)
     return lit
 
 

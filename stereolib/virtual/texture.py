@@ -12,6 +12,7 @@ from stereolib.base import Float32, Float64, Floats, set_frozen
 
 _TEXELS = 1024
 _TEXELS_PER_FEATURE = 4
+_REMAPPED_COLUMNS = 256
 
 
 @lru_cache(maxsize=24)
@@ -118,7 +119,7 @@ def filtered(
     level = np.clip(np.log2(np.maximum(footprint_mm / texel_mm, 1e-6)), 0, len(pyramid) - 1.001)
     lower = level.astype(np.int32)
     value = np.empty(len(level), np.float32)
-    for k in np.unique(lower):
+    for k in np.flatnonzero(np.bincount(lower)).tolist():
         at = np.flatnonzero(lower == k)
         blend = (level[at] - k).astype(np.float32)
         # A texel of level j covers 2**j of level 0, whose centres have integer coordinates.
@@ -130,7 +131,7 @@ def filtered(
     return value
 
 
-def checker(u_mm: Float64, v_mm: Float64, width_mm: tuple[Float64, Float64], square_mm: float) -> Float64:
+def checker(u_mm: Floats, v_mm: Floats, width_mm: tuple[Floats, Floats], square_mm: float) -> Floats:
     """Evaluate a checkerboard with edges as soft as the footprint (exact box filter).
 
     The origin is the corner of four squares; the square at u, v > 0 is black.
@@ -157,24 +158,36 @@ def checker(u_mm: Float64, v_mm: Float64, width_mm: tuple[Float64, Float64], squ
     return 0.5 - 0.5 * _square_wave(u_mm, width_mm[0], square_mm) * _square_wave(v_mm, width_mm[1], square_mm)
 
 
-def _square_wave(x: Float64, width: Float64, half_period: float) -> Float64:
+def _square_wave(x: Floats, width: Floats, half_period: float) -> Floats:
     """Mean of a +-1 square wave over [x - width/2, x + width/2]: difference of its integral, a triangle wave."""
     width = np.clip(width, 1e-3, None)
 
-    def integral(t: Float64) -> Float64:
+    def integral(t: Floats) -> Floats:
         phase = np.mod(t, 2 * half_period)
-        wave: Float64 = np.minimum(phase, 2 * half_period - phase)
+        wave: Floats = np.minimum(phase, 2 * half_period - phase)
         return wave
 
     return (integral(x + width / 2) - integral(x - width / 2)) / width
 
 
 def _lookup(tile: Float32, u: Floats, v: Floats) -> Floats:
-    """Bilinear lookup with wrap; `tile` carries one texel of padding."""
+    """Bilinear lookup with wrap; `tile` carries one texel of padding. In single precision to 1/32 texel, and faster."""
     n = tile.shape[0] - 1
+    if u.dtype == np.float32:
+        return _remapped(tile, u, v)
     x, y = np.mod(u, n), np.mod(v, n)
     column, row = x.astype(np.intp), y.astype(np.intp)
     x, y = x - column, y - row
     at = row * (n + 1) + column
     upper, lower = ((1 - x) * tile.take(at + k) + x * tile.take(at + k + 1, mode="clip") for k in (0, n + 1))
     return np.asarray((1 - y) * upper + y * lower)
+
+
+def _remapped(tile: Float32, u: Floats, v: Floats) -> Float32:
+    """`_lookup` by OpenCV, which wants maps of less than 32767 rows and columns."""
+    n, count = tile.shape[0] - 1, len(u)
+    maps = np.zeros((2, -(-count // _REMAPPED_COLUMNS), _REMAPPED_COLUMNS), np.float32)
+    for place, x in zip(maps.reshape(2, -1), (u, v), strict=True):
+        np.subtract(x, n * np.floor(x / n), out=place[:count])
+    found = cv2.remap(tile, maps[0], maps[1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return np.asarray(found, np.float32).reshape(-1)[:count]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from stereolib.base import Float64, UInt8
+from stereolib.base import Floats, UInt8
 
 _MEAN_GREY = 0.42  # share of white that the automatic exposure aims at
 _GAMMA = 2.2
@@ -40,12 +40,12 @@ class Webcam:
     max_gain: float = 6.0
     jpeg_quality: int = 90
 
-    def expose(self, light: Float64, rng: np.random.Generator) -> UInt8:
+    def expose(self, light: Floats, rng: np.random.Generator) -> UInt8:
         """Turn linear light into a picture.
 
         Parameters
         ----------
-        light : (H, W, 3) float64
+        light : (H, W, 3) float64 or float32
             Blue, green, red; 1 is white paper in good light.
         rng : numpy.random.Generator
             Draws the noise field: normal, scaled by the root of the signal. A Poisson draw would do it too, but its
@@ -89,7 +89,7 @@ class Webcam:
             raise ValueError(f"could not encode an image of shape {image.shape} and type {image.dtype} as JPEG")
         return bytes(data)
 
-    def shoot(self, light: Float64, rng: np.random.Generator) -> UInt8:
+    def shoot(self, light: Floats, rng: np.random.Generator) -> UInt8:
         """Take a picture and send it: `expose`, through JPEG and back.
 
         Parameters

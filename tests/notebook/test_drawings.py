@@ -24,7 +24,9 @@ from stereolib.notebook import (
     draw_dilation,
     draw_guided,
     draw_paths,
+    draw_rectification,
     draw_sgbm,
+    draw_sweep,
     draw_two_pictures,
     toe_in,
     who_saw,
@@ -68,6 +70,27 @@ def test_cameras_turned_inwards_stay_where_they_are() -> None:
     assert abs(between - 8.0) < 0.5 and T_toed_left[0, 2] < 0  # what was ahead now is on the left
     left, near, right = cube_foot_mm()
     np.testing.assert_allclose([np.linalg.norm(left - near), np.linalg.norm(right - near)], 300.0)
+
+
+@pytest.mark.parametrize(
+    ("roll_deg", "rows_px", "baseline_pct"), [(0.0, 0.0, 0.0), (0.0, 2.0, 0.0), (0.5, 0.0, 0.0), (0.0, 0.0, 5.0)]
+)
+def test_slider_of_a_wrong_calibration_says_what_it_does(roll_deg: float, rows_px: float, baseline_pct: float) -> None:
+    text = draw_rectification(0.0, roll_deg, rows_px, baseline_pct)[1]
+    rows, depths = (float(text.partition(before)[2].split()[0]) for before in ("differ by ", "come out "))
+    rig = paper_rig()
+    scale = 763.7 / rig.right.K[1, 1]  # rows of the rectified picture for one of the camera's
+    rolled = np.radians(roll_deg) * 640 / np.sqrt(12)
+    assert rows == pytest.approx(scale * rows_px + rolled, rel=0.1, abs=0.005)
+    assert depths == pytest.approx(baseline_pct, abs=0.3)
+
+
+def test_slider_of_the_laser_s_faults_says_what_turns_mend() -> None:
+    def error_mm(turns: int, noise: float, bias_mm: float) -> float:
+        return float(draw_sweep(turns, 0.45, 700, 45, noise, bias_mm)[1].rpartition("error ")[2].split()[0])
+
+    assert error_mm(20, 4.0, 0.0) < 0.6 * error_mm(1, 4.0, 0.0)
+    assert error_mm(20, 1.0, 15.0) == pytest.approx(15, abs=1.5) == error_mm(1, 1.0, 15.0)
 
 
 def test_every_filter_can_be_chosen() -> None:

@@ -3,77 +3,211 @@
 from __future__ import annotations
 
 import base64
+import threading
+from functools import partial
+from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+from support.browser import NO_CHROMIUM, chromium
 
+from stereolib import notebook
 from stereolib.matching import SGBMParams
-from stereolib.notebook import explore
+from stereolib.notebook import draw_paths, draw_sgbm, explore
+from stereolib.notebook.sliders import label, parameter_help
+
+FOLDER = Path(notebook.__file__).parent
 
 
 def draw(block_size, colour="grey"):
+    """Draw.
+
+    Parameters
+    ----------
+    block_size : int
+        Edge of a block;
+        it is odd.
+    colour : str
+
+    Returns
+    -------
+    picture, text
+    """
     SGBMParams(block_size=block_size)
     return np.full((20, 30, 3), 10 * block_size, np.uint8), f"blocks of {block_size}, {colour}"
 
 
-def shown(bundle):
-    return cv2.imdecode(np.frombuffer(base64.b64decode(bundle["image/jpeg"]), np.uint8), cv2.IMREAD_COLOR)
+def blank(**_):
+    return np.zeros((4, 4, 3), np.uint8), ""
+
+
+def decoded(jpeg):
+    return cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR)
+
+
+def shown(explorer):
+    """What the page has: picture, caption and state."""
+    picture = explorer._picture
+    return decoded(picture.frames[0]), picture.captions[0], picture.quality
+
+
+def set_to(explorer, **values):
+    for name, value in values.items():
+        explorer._controls[name].value = value
+    assert explorer.settle(20)
 
 
 def test_static_page_shows_the_first_values():
     bundle = explore(draw, block_size=(5, 1, 21, 1))._repr_mimebundle_()
     assert "application/vnd.jupyter.widget-view+json" in bundle
     assert bundle["text/plain"] == "blocks of 5, grey"
-    assert shown(bundle).shape == (20, 30, 3)
-    np.testing.assert_allclose(shown(bundle), 50, atol=3)
+    assert bundle["image/jpeg"] == explore(draw, block_size=(5, 1, 21, 1))._repr_mimebundle_()["image/jpeg"]
+    picture = decoded(base64.b64decode(bundle["image/jpeg"]))
+    assert picture.shape == (20, 30, 3)
+    np.testing.assert_allclose(picture, 50, atol=3)
+
+
+def test_nothing_runs_before_a_slider_moves():
+    before = threading.active_count()
+    explorer = explore(draw, block_size=(5, 1, 21, 1))
+    assert threading.active_count() == before and explorer.settle(0)
 
 
 def test_moving_a_slider_draws_again():
     explorer = explore(draw, block_size=(5, 1, 21, 1), colour=["grey", "blue"])
-    explorer._controls["block_size"].value = 9
-    explorer._controls["colour"].value = "blue"
-    assert explorer._text.value == "blocks of 9, blue"
-    np.testing.assert_allclose(shown(explorer._repr_mimebundle_()), 90, atol=3)
+    set_to(explorer, block_size=9, colour="blue")
+    picture, said, quality = shown(explorer)
+    assert (said, quality) == ("blocks of 9, blue", "full")
+    np.testing.assert_allclose(picture, 90, atol=3)
 
 
-def test_refused_setting_says_why_and_keeps_the_picture():
+def test_the_finger_never_waits_and_the_newest_value_wins():
+    drawn, go_on = [], threading.Event()
+
+    def slow(size):
+        drawn.append(size)
+        assert size == 0 or go_on.wait(20)
+        return np.zeros((4, 4, 3), np.uint8), f"size {size}"
+
+    explorer = explore(slow, size=(0, 0, 99, 1))
+    for size in range(1, 100):
+        explorer._controls["size"].value = size
+    assert len(drawn) <= 2 and explorer._picture.quality == "waiting"  # here while the first of them is drawn
+    assert explorer._picture.captions == ["size 0"]
+    go_on.set()
+    assert explorer.settle(20)
+    assert drawn[-1] == 99 and len(drawn) <= 3
+    assert shown(explorer)[1:] == ("size 99", "full")
+
+
+def test_refused_setting_says_why_and_marks_the_picture():
     explorer = explore(draw, block_size=(5, 1, 21, 1))
-    before = explorer._repr_mimebundle_()["image/jpeg"]
-    explorer._controls["block_size"].value = 8
-    assert "not possible" in explorer._text.value
-    assert "block_size must be odd and at least 1, got 8; near are 7, 9" in explorer._text.value
-    assert explorer._repr_mimebundle_()["image/jpeg"] == before
-    explorer._controls["block_size"].value = 7
-    assert explorer._text.value == "blocks of 7, grey"
+    set_to(explorer, block_size=8)
+    picture, said, quality = shown(explorer)
+    assert said.startswith("not possible: block_size must be odd and at least 1, got 8; near are 7, 9")
+    assert said.endswith("The picture is still that of block size 5.") and quality == "refused"
+    np.testing.assert_allclose(picture, 50, atol=3)
+    set_to(explorer, block_size=7)
+    assert shown(explorer)[1:] == ("blocks of 7, grey", "full")
 
 
 def test_refused_first_setting_is_shown_too():
     def refuse(size):
-        raise ValueError("must satisfy 0 <p1 <p2")
+        raise ValueError("must satisfy 0 <P1 <P2")
 
     explorer = explore(refuse, size=(2, 1, 5, 1))
-    assert explorer._text.value == "<b>not possible:</b> must satisfy 0 &lt;p1 &lt;p2"
-    assert explorer._repr_mimebundle_()["text/plain"] == "not possible: must satisfy 0 <p1 <p2"
+    assert explorer._picture.captions == ["not possible: must satisfy 0 <P1 <P2"] and not explorer._picture.frames
+    bundle = explorer._repr_mimebundle_()
+    assert bundle["text/plain"] == "not possible: must satisfy 0 <P1 <P2" and "image/jpeg" not in bundle
 
 
-def test_other_errors_are_not_hidden():
+def test_other_errors_are_not_hidden(capfd):
     with pytest.raises(ZeroDivisionError):
         explore(lambda size: 1 / 0, size=(2, 1, 5, 1))
 
+    def fail_at_3(size):
+        1 / (size - 3)
+        return blank()
+
+    explorer = explore(fail_at_3, size=(2, 1, 5, 1))
+    set_to(explorer, size=3)
+    assert shown(explorer)[1].startswith("failed, ZeroDivisionError: ") and shown(explorer)[2] == "refused"
+    assert "ZeroDivisionError" in capfd.readouterr().err
+
 
 def test_controls_take_their_kind_from_the_numbers():
-    def blank(**_):
-        return np.zeros((4, 4, 3), np.uint8), ""
-
-    controls = explore(blank, whole=(5, 1, 9, 2), part_of=(0.5, 0.0, 1.0, 0.1), one=["a", "b"])._controls
-    assert [type(c).__name__ for c in controls.values()] == ["IntSlider", "FloatSlider", "Dropdown"]
+    sliders = {"whole": (5, 1, 9, 2), "written_0": (3.0, 0.0, 40.0, 1.0), "part_of": (0.5, 0.0, 1.0, 0.25)}
+    choices = {"certain": [16, 32, 48], "odd": (5, range(1, 16, 2)), "one": ["a", "b"]}
+    explorer = explore(blank, **sliders, p1=(-0.0048, -0.0248, 0.0152, 0.001), **choices)
+    controls = explorer._controls
+    kinds = "IntSlider IntSlider FloatSlider FloatSlider SelectionSlider SelectionSlider Dropdown"
+    assert [type(c).__name__ for c in controls.values()] == kinds.split()
     assert (controls["whole"].min, controls["whole"].max, controls["whole"].step) == (1, 9, 2)
-    assert controls["part_of"].description == "part of"
+    assert (controls["part_of"].readout_format, controls["p1"].readout_format) == (".2f", ".4f")
+    assert [text for text, _ in controls["odd"].options] == [str(size) for size in range(1, 16, 2)]
     assert controls["one"].options == ("a", "b")
+    assert all(getattr(control, "continuous_update", True) for control in controls.values())
+    assert list(explorer.values.values()) == [5, 3, 0.5, -0.0048, 16, 5, "a"]
 
 
-@pytest.mark.parametrize("how", [5, (1, 2, 3), [], "abc"])
+def test_names_keep_their_case_and_show_their_units():
+    assert [label(name) for name in ("P1", "p1", "part_of", "yaw_deg", "baseline_error_pct", "px")] == [
+        "P1", "p1", "part of", "yaw (degrees)", "baseline error (%)", "px",
+    ]  # fmt: skip
+
+
+def test_help_is_the_docstrings_or_ones_own():
+    assert parameter_help(partial(draw, colour="red")) == {"block_size": "Edge of a block; it is odd."}
+    assert parameter_help(draw_sgbm).keys() >= {"condition", "num_disparities", "block_size", "P1", "P2"}
+    assert parameter_help(draw_paths)["row"] == parameter_help(draw_paths)["column"] == "The pixel, in the strip."
+    controls = explore(draw, help={"colour": "Of the paper."}, block_size=(5, 1, 9, 2), colour=["red"])._controls
+    assert [control.tooltip for control in controls.values()] == ["Edge of a block; it is odd.", "Of the paper."]
+    with pytest.raises(ValueError, match="help for size, but the controls are block_size"):
+        explore(draw, help={"size": "?"}, block_size=(5, 1, 9, 2))
+
+
+@pytest.mark.parametrize("how", [5, (1, 2, 3), [], "abc", (4, [1, 2]), (True, 0, 2, 1)])
 def test_refuses_controls(how):
     with pytest.raises(ValueError, match=r"'size' must be \(first, lowest, highest, step\) or a list of"):
         explore(draw, size=how)
+
+
+_PAGE_OF_A_MODEL = """async ([source, style]) => {
+  document.head.append(Object.assign(document.createElement("style"), { textContent: style }));
+  document.body.className = "stereolib-explorer";
+  const canvas = Object.assign(document.createElement("canvas"), { width: 30, height: 20 });
+  const jpeg = await new Promise((done) => canvas.toBlob(done, "image/jpeg"));
+  const frame = new Uint8Array(await jpeg.arrayBuffer()), told = {};
+  const values = { frames: [frame], captions: ["size 5"], quality: "full", alt: "", about: "", number: 1, painted: 0 };
+  window.change = (news) => { Object.assign(values, news); Object.keys(news).forEach((key) => told[key]?.()); };
+  const model = {
+    get: (name) => values[name], set: (name, value) => { values[name] = value; },
+    save_changes() {}, send() {}, off() {},
+    on: (name, call) => { told[name.replace("change:", "")] = call; },
+  };
+  const url = URL.createObjectURL(new Blob([source], { type: "text/javascript" }));
+  (await import(url)).default.render({ model, el: document.body });
+}"""
+
+
+@pytest.mark.skipif(chromium() is None, reason=NO_CHROMIUM)
+def test_page_dims_a_picture_that_is_not_of_the_values_shown():
+    sync_api = pytest.importorskip("playwright.sync_api")
+    with sync_api.sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=chromium(), args=["--no-sandbox"])
+        try:
+            page = browser.new_page()
+            page.evaluate(_PAGE_OF_A_MODEL, [(FOLDER / f"live_picture.{kind}").read_text() for kind in ("js", "css")])
+            opacity = "Number(getComputedStyle(document.querySelector('canvas')).opacity)"
+            page.wait_for_function(f"document.querySelector('canvas') && {opacity} === 1")
+            page.evaluate("change({ quality: 'waiting' })")
+            page.wait_for_function(f"{opacity} === 0.5")
+            page.evaluate("change({ quality: 'preview', captions: ['size 7'], number: 2 })")
+            page.wait_for_function(f"{opacity} === 1 && document.querySelector('figcaption').textContent === 'size 7'")
+            page.evaluate("change({ quality: 'refused', captions: ['not possible'], number: 3 })")
+            page.wait_for_function(f"{opacity} === 0.3")
+            assert page.locator("figcaption").inner_text() == "not possible"
+            assert page.locator("canvas").get_attribute("aria-label") == "not possible"
+        finally:
+            browser.close()

@@ -36,12 +36,15 @@ def test_two_executions_are_the_same_bytes(tmp_path: Path) -> None:
 def test_normalise_keeps_the_picture_beside_a_widget() -> None:
     view = {"application/vnd.jupyter.widget-view+json": {"model_id": "1"}}
     outputs = [
-        nbformat.v4.new_output("display_data", data=view | {"image/png": "AA==", "text/plain": "Image()"}),
+        nbformat.v4.new_output("display_data", data=view | {"image/png": "AA==", "text/plain": "1 < 2"}),
         nbformat.v4.new_output("display_data", data=view),
     ]
     notebook = new_notebook(cells=[new_code_cell("x", outputs=outputs)], metadata={"widgets": {}})
     cleaned = execution.normalise(notebook)
-    assert [sorted(output.data) for output in cleaned.cells[0].outputs] == [["image/png", "text/plain"]]
+    said, picture = cleaned.cells[0].outputs
+    assert sorted(picture.data) == ["image/png", "text/plain"]
+    assert said.data["text/html"].startswith("<p>1 &lt; 2</p>") and "Run this cell to move" in said.data["text/html"]
+    assert said.data["text/plain"].startswith("1 < 2\n")
     assert sorted(cleaned.metadata) == ["kernelspec", "language_info"]
     assert "version" not in cleaned.metadata.language_info
 

@@ -1,0 +1,94 @@
+"""The command ``stereolib explore``: the whole measurement on one page in the browser."""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import json
+import os
+import socket
+import subprocess
+import sys
+from importlib.resources import files
+from pathlib import Path
+
+from stereolib.cli.command import Command
+from stereolib.cli.errors import named
+
+_PAGE = "explore.ipynb"
+_FILES = "STEREOLIB_EXPLORE"  # of the environment: what the page looks at, as JSON
+_STRANGERS = ["@jupyter-notebook/lab-extension"]  # it needs parts that Voila has not
+_HOST = "127.0.0.1"
+_NOTES = """\
+The page shows the virtual rig, whose scene, cameras, laser and settings have sliders, every recording of the project,
+or your own pair. It is served on this machine alone, with a token, and asks for nothing from elsewhere. Ctrl-C ends it.
+It needs the extra "explore" (Voila): make explore installs it, or pip install 'stereolib[explore]'."""
+
+
+def _configure(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("pair", type=Path, nargs="*", metavar="LEFT RIGHT", help="an own pair, left one first")
+    parser.add_argument("--calibration", type=Path, metavar="FILE", help="calibration.json, for lengths")
+    parser.add_argument("--scan", type=Path, metavar="FILE", help="the laser, recorded at the same time")
+    parser.add_argument("--port", type=int, default=0, metavar="N", help="default: a free one")
+    parser.add_argument("--no-browser", action="store_true", help="print the address and open nothing")
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    environment = dict(os.environ)
+    if own := _checked(arguments):
+        environment[_FILES] = json.dumps(own)
+    if importlib.util.find_spec("voila") is None:
+        raise ValueError("explore needs Voila: run make explore, or pip install 'stereolib[explore]'")
+    here = files("stereolib.notebook")
+    # Voila looks for templates below voila/templates of these folders.
+    paths = [str(here), environment.get("JUPYTER_PATH", "")]
+    environment["JUPYTER_PATH"] = os.pathsep.join(filter(None, paths))
+    options = ["--template=stereolib", "--token", f"--Voila.ip={_HOST}", f"--port={arguments.port or _free_port()}"]
+    options.append(f"--VoilaConfiguration.extension_denylist={_STRANGERS}")
+    options += ["--no-browser"] if arguments.no_browser else []
+    return subprocess.call([sys.executable, "-m", "voila", str(here / _PAGE), *options], env=environment)
+
+
+def _free_port() -> int:
+    with socket.socket() as asked:
+        asked.bind((_HOST, 0))
+        return int(asked.getsockname()[1])
+
+
+def _checked(arguments: argparse.Namespace) -> dict[str, str]:
+    """Paths of an own pair by their names, each read once to be sure; empty if there is none."""
+    from stereolib.mapping import read_scan
+    from stereolib.matching import check_matchable
+    from stereolib.measurement import Instrument
+    from stereolib.rig import read_pair
+
+    if not arguments.pair:
+        if arguments.calibration or arguments.scan:
+            raise ValueError("--calibration and --scan belong to a pair: add LEFT RIGHT")
+        return {}
+    if len(arguments.pair) != 2:
+        raise ValueError(f"LEFT RIGHT are two pictures, got {len(arguments.pair)}")
+    left, right = arguments.pair
+    pair = read_pair(left, right)
+    check_matchable(*pair, (str(left), str(right)))
+    named_files = dict(zip(("left", "right"), arguments.pair, strict=True))
+    if arguments.calibration:
+        rectified = Instrument.load(arguments.calibration).rectified
+        with named(*arguments.pair):
+            rectified.rectify(*pair)
+        named_files["calibration"] = arguments.calibration
+    if arguments.scan:
+        read_scan(arguments.scan)
+        named_files["scan"] = arguments.scan
+    return {name: str(Path(path).resolve()) for name, path in named_files.items()}
+
+
+EXPLORE = Command(
+    name="explore",
+    summary="open the whole measurement in the browser, with a slider for everything",
+    example="stereolib explore left.jpg right.jpg --calibration rig/calibration.json --scan scan.bin",
+    run=_run,
+    configure=_configure,
+    notes=_NOTES,
+    interrupted="",
+)

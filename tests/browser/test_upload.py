@@ -1,0 +1,67 @@
+"""An own pair, uploaded: refused with its reason, or measured."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import pytest
+from support.browser import Page
+
+from stereolib.notebook.knobs import OWN
+from stereolib.virtual import recordings
+
+NAME = "conditions/texture"
+
+
+@pytest.fixture
+def files(tmp_path: Path) -> dict[str, Path]:
+    """A good pair with its calibration, and what is wrong with others."""
+    left, right = recordings.load_pair(NAME)
+    made = {name: tmp_path / f"{name}.png" for name in ("left", "right", "small", "text")}
+    for name, picture in (("left", left), ("right", right), ("small", right[::2, ::2])):
+        cv2.imwrite(str(made[name]), picture)
+    made["text"].write_text("no picture")
+    made["calibration"] = recordings.rectified().rig.save(tmp_path / "calibration.json")
+    made["wrong"] = tmp_path / "wrong.json"
+    made["wrong"].write_text('{"camera": 1}')
+    return made
+
+
+def upload(bench: Page, **chosen: Path) -> None:
+    bench.open_group("Own pair")
+    for name, path in chosen.items():
+        button = bench.page.get_by_role("button", name=name)
+        with bench.page.expect_file_chooser() as chooser:
+            button.click()
+        chooser.value.set_files(str(path))
+        bench.page.get_by_role("button", name=f"{name} (1)").wait_for()
+    bench.page.get_by_role("button", name="use this pair").click()
+
+
+@pytest.mark.parametrize(
+    ("wrong", "reason"),
+    [
+        ({"right": "text"}, "text.png"),
+        ({"right": "small"}, "small.png"),
+        ({"calibration": "wrong"}, "wrong.json"),
+    ],
+)
+def test_what_cannot_be_used_is_said(bench: Page, files: dict[str, Path], wrong: dict[str, str], reason: str) -> None:
+    chosen = {"left": files["left"], "right": files["right"]} | {name: files[bad] for name, bad in wrong.items()}
+    upload(bench, **chosen)
+    bench.page.locator(".stereolib-upload", has_text="Not used").wait_for(timeout=10_000)
+    bench.page.wait_for_function(
+        "reason => document.querySelector('.stereolib-upload').innerText.includes(reason)", arg=reason, timeout=10_000
+    )
+    assert OWN not in bench.page.locator(".stereolib-stories select option").all_inner_texts()
+    assert "Traceback" not in bench.text("upload")
+
+
+def test_a_good_pair_is_measured(bench: Page, files: dict[str, Path]) -> None:
+    upload(bench, left=files["left"], right=files["right"], calibration=files["calibration"])
+    bench.wait_for(f"source={OWN}")
+    bench.page.locator(".stereolib-results", has_text="unknown").wait_for()
+    assert bench.page.locator(".stereolib-stories select").input_value() == OWN
+    assert "30.0" in bench.text("results").partition("ground plane")[2].split("cm")[0]
+    assert bench.text("upload") == "" and not bench.problems

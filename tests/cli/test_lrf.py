@@ -57,12 +57,12 @@ def test_show_draws_the_readings_and_keeps_a_picture_that_is_there(
     assert f"{len(met)} of 360 beams" in capsys.readouterr().out
     (ax,) = figures[0].axes
     where = np.column_stack([np.radians(met), median[met]])
-    # where in the file each reading belongs, by the axes' own scale: there it is blue, and nowhere else
+    # where in the file each reading belongs, by the axes' own scale: there it is green, and nowhere else
     drawn = cv2.imread(str(picture)).astype(int)
     across, up = figures[0].transFigure.inverted().transform(ax.transData.transform(where)).T
     at = np.column_stack([(1 - up) * drawn.shape[0], across * drawn.shape[1]])
-    blue = np.argwhere(np.abs(drawn - [0xB2, 0x72, 0x00]).max(axis=2) < 60)
-    apart = np.hypot(*(at[:, None] - blue).transpose(2, 0, 1))
+    green = np.argwhere(np.abs(drawn - [0x73, 0x9E, 0x00]).max(axis=2) < 60)
+    apart = np.hypot(*(at[:, None] - green).transpose(2, 0, 1))
     assert (apart.min(axis=1) < 2).mean() > 0.97 and apart.min(axis=0).max() < 5  # labels hide a few
     # the axes' scale is a sensor's: beam 0 points up, angles run counter-clockwise, twice as far is twice as far out
     places = ax.transData.transform([[0, 0], [0, 1000], [0, 2000], [np.pi / 2, 1000]])

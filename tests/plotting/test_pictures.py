@@ -114,7 +114,8 @@ def test_epipolar_lines_stand_where_they_are_and_rows_are_dashed(ax):
     image, points = np.zeros((40, 60), np.uint8), np.array([[10.0, 12.0]])
     line = np.array([[5.0, 20.0], [30.0, 25.0]])
     plotting.plot_partners(image, points, [line], ax)
-    drawn, dashed = (one.get_xydata() for one in ax.lines)
+    drawn, dashed, near, far = (one.get_xydata() for one in ax.lines)
+    np.testing.assert_array_equal(np.vstack([near, far]), line)
     np.testing.assert_array_equal(drawn, line)
     np.testing.assert_array_equal(dashed, [[5, 12], [30, 12]])
     other = plotting.panels(1)[1][0]
@@ -158,7 +159,7 @@ def test_map_hatches_what_was_not_seen_and_ends_its_colours_where_told(ax):
     unseen[:, :3] = True
     where = np.linspace(0, 99, 5), np.linspace(0, 59, 4)
     plotting.plot_quantity(plotting.ImageQuantity(values, *where, (100, 60), "mm", unseen), ax, "map", high=4.0)
-    mesh, _, hatched = ax.collections
+    mesh, _, hatched, _ = ax.collections
     assert mesh.get_clim() == (0, 4)
     assert {float(text.get_text()) for text in ax.texts} <= {1.0, 2.0, 3.0}  # round numbers within the colours
     (outline,) = [path for path in hatched.get_paths() if len(path)]

@@ -11,6 +11,7 @@ from stereolib.notebook.knobs import MOTORCYCLE, State, from_text, knobs
 #: States in which a knob has something to change, where the first one has not.
 WHERE = {
     "disp12_max_diff": "uniqueness_ratio=0; speckle_window_size=0",
+    "speckle_window_size": "contrast=0.1; uniqueness_ratio=0; speckle_window_size=0",
     "speckle_range": "contrast=0.1; uniqueness_ratio=0",
     "kernel_px": "filter=dilation",
     "tolerance_px": "tolerance_px=5",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import doctest
 import re
 import statistics
+import tomllib
 
 import nbformat
 import numpy as np
@@ -79,7 +80,7 @@ def test_cells_are_small(chapter: str) -> None:
     sizes = [
         sum(bool(line.strip()) for line in cell.source.splitlines())
         for cell in cells(chapter)
-        if cell.cell_type == "code" and "parameters" not in cell.metadata.get("tags", [])
+        if cell.cell_type == "code" and not {"parameters", "hide-input"} & set(cell.metadata.get("tags", []))
     ]
     assert statistics.median(sizes) <= MOST_LINES
 
@@ -102,6 +103,14 @@ def test_pictures_have_a_text(chapter: str) -> None:
         for output in cell.get("outputs", []):
             if "image/png" in output.get("data", {}):
                 assert len(output.metadata.get("image/png", {}).get("alt", "")) > 40, cell.source
+
+
+def test_each_text_of_a_picture_has_its_picture() -> None:
+    code = "\n".join(
+        cell.source for chapter in CHAPTERS for folded in (False, True) for cell in cells(chapter, appendix=folded)
+    )
+    texts = tomllib.loads((ROOT / "stereolib" / "plotting" / "alt_texts.toml").read_text(encoding="utf-8"))
+    assert sorted(re.findall(r'(?:save|show)_figure\("(\w+)"', code)) == sorted(texts)
 
 
 @each_chapter

@@ -63,9 +63,9 @@ def _run(arguments: argparse.Namespace) -> int:
     check = check_calibration(rig, views, record=record)
     if arguments.picture:
         from stereolib.base import write_atomic
-        from stereolib.plotting import check_figure, save_figure
+        from stereolib.plotting import check_figure, show_figure
 
-        write_atomic(arguments.picture, save_figure(None, check_figure(check)).data)
+        write_atomic(arguments.picture, show_figure(None, check_figure(check)).data)
     for text in said_of(arguments.calibration, board.square_mm):
         print(f"warning: {text}", file=sys.stderr)
     print(json.dumps(_facts(check), indent=1, allow_nan=False) if arguments.json else wrapped(_lines(check)))

@@ -177,7 +177,7 @@ def _write(out: Path, recorded: RecordedMap, facts: dict[str, Any]) -> list[Path
 
     from stereolib.base import write_atomic
     from stereolib.mapping import map_solids, occupancy_grid, view_map, write_cloud, write_grid, write_mesh
-    from stereolib.plotting import panels, plot_top_view, save_figure
+    from stereolib.plotting import panels, plot_top_view, show_figure
 
     room, solids, points = recorded.room, map_solids(recorded.room), recorded.cloud()
     figure, ax = panels(1, width_in=_WIDTH_IN)
@@ -187,7 +187,7 @@ def _write(out: Path, recorded: RecordedMap, facts: dict[str, Any]) -> list[Path
     written = [
         write_atomic(out / "map.json", json.dumps(facts, indent=1, allow_nan=False) + "\n"),
         write_atomic(out / "objects.csv", _table(facts["objects"])),
-        write_atomic(out / "map.png", save_figure(None, figure).data),
+        write_atomic(out / "map.png", show_figure(None, figure).data),
         write_atomic(out / "view.png", view),
         *(write_mesh(out / f"map.{kind}", solids, overwrite=True) for kind in ("glb", "ply")),
     ]

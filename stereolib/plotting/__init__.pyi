@@ -30,7 +30,7 @@ from .matches import (
     plot_strips,
 )
 from .measurements import plot_error_curves, plot_height_attempt, plot_intervals
-from .output import figure_to_image, save_figure, save_table
+from .output import figure_to_image, save_figure, save_table, show_figure
 from .pictures import (
     ImageQuantity,
     color_disparity,
@@ -144,5 +144,6 @@ __all__ = [
     "plot_two_turns",
     "save_figure",
     "save_table",
+    "show_figure",
     "write_calibration_report",
 ]

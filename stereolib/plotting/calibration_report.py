@@ -30,7 +30,7 @@ from stereolib.calibration import (
     parameter_rows,
 )
 from stereolib.plotting.curves import plot_curves, plot_dots
-from stereolib.plotting.output import save_figure
+from stereolib.plotting.output import show_figure
 from stereolib.plotting.pictures import (
     ImageQuantity,
     plot_arrows,
@@ -102,7 +102,7 @@ def _escaped(value: Any) -> Any:
 
 def _embedded(figure: Figure) -> str:
     """Encode a figure for an HTML page."""
-    return base64.b64encode(save_figure(None, figure).data).decode("ascii")
+    return base64.b64encode(show_figure(None, figure).data).decode("ascii")
 
 
 def _corners(diagnosis: Diagnosis, files: Files) -> list[str]:

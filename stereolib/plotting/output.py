@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import base64
+import functools
 import io
+import tomllib
+from importlib import resources
 from typing import Any, TypeVar
 
 import cv2
@@ -39,20 +42,42 @@ class Picture:
 
 
 @default_style
-def save_figure(name: str | None, figure: Figure, *, alt: str = "", svg: bool = False) -> Picture:
-    """Write a figure as ``figures/<name>.png`` and show it.
+def save_figure(name: str, figure: Figure, *, svg: bool = False) -> Picture:
+    """Write a figure as ``figures/<name>.png`` and show it, with its text from ``alt_texts.toml``.
 
-    The PNG carries 256 colours, no date and no version, so that the same data make the same bytes.
+    The PNG carries 256 colours, no date and no version, so that the same data make the same bytes. Its ``Description``
+    says what there is to see.
+
+    Parameters
+    ----------
+    name : str
+    figure : matplotlib.figure.Figure
+    svg : bool
+        Write an SVG as well, for line art.
+
+    Returns
+    -------
+    Picture
+    """
+    picture = show_figure(name, figure)
+    write_atomic(figures_dir() / f"{name}.png", picture.data)
+    if svg:
+        drawing = io.BytesIO()
+        with matplotlib.rc_context({"svg.hashsalt": name, "svg.fonttype": "path"}):
+            figure.savefig(drawing, format="svg", metadata={"Date": None, "Creator": None})
+        write_atomic(figures_dir() / f"{name}.svg", drawing.getvalue())
+    return picture
+
+
+@default_style
+def show_figure(name: str | None, figure: Figure) -> Picture:
+    """Show a figure as `save_figure` does, and keep no file of it.
 
     Parameters
     ----------
     name : str or None
-        None only shows it.
+        Its entry in ``alt_texts.toml``; a figure without one has no text.
     figure : matplotlib.figure.Figure
-    alt : str
-        One or two sentences: what the reader should see. They stand in the PNG as its ``Description``.
-    svg : bool
-        Write an SVG as well, for line art.
 
     Returns
     -------
@@ -64,19 +89,17 @@ def save_figure(name: str | None, figure: Figure, *, alt: str = "", svg: bool = 
     figure.savefig(stream, format="png", dpi=DPI, facecolor="white")
     stream.seek(0)
     picture = _with_256_colours(Image.open(stream).convert("RGB"))
-    stream = io.BytesIO()
-    about = PngImagePlugin.PngInfo()
+    stream, about, alt = io.BytesIO(), PngImagePlugin.PngInfo(), _alt_texts().get(name or "", "")
     if alt:
         about.add_itxt("Description", alt)
     picture.save(stream, format="png", optimize=True, pnginfo=about)
-    if name:
-        write_atomic(figures_dir() / f"{name}.png", stream.getvalue())
-        if svg:
-            drawing = io.BytesIO()
-            with matplotlib.rc_context({"svg.hashsalt": name, "svg.fonttype": "path"}):
-                figure.savefig(drawing, format="svg", metadata={"Date": None, "Creator": None})
-            write_atomic(figures_dir() / f"{name}.svg", drawing.getvalue())
     return Picture(stream.getvalue(), alt)
+
+
+@functools.cache
+def _alt_texts() -> dict[str, str]:
+    with resources.files("stereolib.plotting").joinpath("alt_texts.toml").open("rb") as file:
+        return tomllib.load(file)
 
 
 def _with_256_colours(picture: Any) -> Any:

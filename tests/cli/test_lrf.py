@@ -47,8 +47,8 @@ def test_show_draws_the_readings_and_keeps_a_picture_that_is_there(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     figures: list[Any] = []
-    save = plotting.save_figure
-    monkeypatch.setattr(plotting, "save_figure", lambda name, figure: figures.append(figure) or save(name, figure))
+    save = plotting.show_figure
+    monkeypatch.setattr(plotting, "show_figure", lambda name, figure: figures.append(figure) or save(name, figure))
     picture = tmp_path / "room.png"
     assert commands.main(["lrf", "show", ROOM, "--turns", "3", "--output", str(picture)]) == 0
     turns = [turn.ranges_mm for turn in laser.turns(laser.decode(recordings.load_laser("lrf/room")))[:3]]

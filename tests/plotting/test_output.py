@@ -46,7 +46,7 @@ def test_svg_is_the_same_bytes_each_time(figures_in_temporary_folder):
 
 
 def test_without_a_name_nothing_is_written(figures_in_temporary_folder):
-    shown = plotting.save_figure(None, drawing())
+    shown = plotting.show_figure(None, drawing())
     assert not figures_in_temporary_folder.exists()
     bundle, metadata = shown._repr_mimebundle_()
     assert base64.b64decode(bundle["image/png"]) == shown.data
@@ -55,10 +55,11 @@ def test_without_a_name_nothing_is_written(figures_in_temporary_folder):
 
 
 def test_a_text_goes_with_the_picture(figures_in_temporary_folder):
-    shown = plotting.save_figure("told", drawing(), alt="Two lines cross at 0.7 m; the blue one is ours.")
-    assert shown._repr_mimebundle_()[1]["image/png"]["alt"].startswith("Two lines cross")
-    with Image.open(figures_in_temporary_folder / "told.png") as written:
-        assert written.text == {"Description": "Two lines cross at 0.7 m; the blue one is ours."}
+    told = "Rays from two cameras at the left meet in P, far to the right"
+    shown = plotting.save_figure("fig02", drawing())
+    assert shown._repr_mimebundle_()[1]["image/png"]["alt"].startswith(told)
+    with Image.open(figures_in_temporary_folder / "fig02.png") as written:
+        assert written.text["Description"].startswith(told)
 
 
 def test_table(figures_in_temporary_folder):
@@ -74,7 +75,7 @@ def test_colours_of_small_things_stay(figures_in_temporary_folder):
     ax.imshow(np.random.default_rng(0).normal(size=(300, 400)).cumsum(axis=1), cmap="viridis", extent=(0, 8, 0, 6))
     for k, color in enumerate((*COLORS, REFUSED)):
         ax.plot(k + 0.5, 3, "s", ms=4, color=color)
-    shown = np.array(Image.open(io.BytesIO(plotting.save_figure(None, figure).data)).convert("RGB"), int)
+    shown = np.array(Image.open(io.BytesIO(plotting.show_figure(None, figure).data)).convert("RGB"), int)
     for color in (*COLORS, REFUSED):
         wanted = np.array([int(color[k : k + 2], 16) for k in (1, 3, 5)])
         assert (np.abs(shown - wanted).max(axis=2) < 12).sum() > 20, color

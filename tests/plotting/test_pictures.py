@@ -169,7 +169,7 @@ def test_map_hatches_what_was_not_seen_and_ends_its_colours_where_told(ax):
 @pytest.mark.parametrize("values", [np.full((3, 3), np.nan), np.zeros((3, 3))])
 def test_map_of_nothing_and_of_a_constant(ax, values):
     plotting.plot_quantity(plotting.ImageQuantity(values, np.arange(3), np.arange(3), (3, 3), "px"), ax, "map")
-    plotting.save_figure(None, ax.figure)
+    plotting.show_figure(None, ax.figure)
     assert ax.get_title() == "map" and ax.get_xlim() == (-0.5, 2.5) and not ax.texts
     viridis = [33, 145, 140]  # its middle: the colours end where they begin
     inside = rendered(ax)[10:-10, 10:-10].reshape(-1, 3)
@@ -187,7 +187,7 @@ def test_arrows_are_drawn_where_they_are_and_their_means_stay(ax):
     np.testing.assert_allclose(np.mean(means.U), 0.1, atol=0.005)
     np.testing.assert_allclose(np.mean(means.V), 0.0, atol=0.005)
     plotting.plot_arrows(at[:1], np.full((1, 2), np.nan), (600, 400), ax)  # nothing to draw is no error
-    plotting.save_figure(None, ax.figure)
+    plotting.show_figure(None, ax.figure)
 
 
 def test_points_and_dots_are_where_they_were_given(ax):

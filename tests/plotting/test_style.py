@@ -41,7 +41,7 @@ def everything_drawn() -> list[bytes]:
     figure = drawing()
     bars, (ax,) = plotting.panels(1)
     plotting.plot_bars({"a": 1, "b": 2}, ax, xlabel="n", title="t")
-    return [plotting.save_figure(None, figure).data, plotting.figure_to_image(bars).tobytes()]
+    return [plotting.show_figure(None, figure).data, plotting.figure_to_image(bars).tobytes()]
 
 
 def test_the_users_matplotlibrc_does_not_show():

@@ -47,7 +47,7 @@ def answer(item):
 def write_notebook(folder, stem, drawn):
     """A notebook that asks a question and draws figures."""
     markdown = f"# {TITLES.get(stem, stem)}\n\n**The question:** what does [{stem}](x.ipynb) *ask*?\n"
-    code = "\n".join(f'save_figure("{name}", fig, alt=alt)' for name in drawn)
+    code = "\n".join(f'save_figure("{name}", fig)' for name in drawn)
     cells = [nbformat.v4.new_markdown_cell(markdown, id="a"), nbformat.v4.new_code_cell(code, id="b")]
     nbformat.write(nbformat.v4.new_notebook(cells=cells), folder / f"{stem}.ipynb")
 

@@ -1,4 +1,4 @@
-"""The command ``stereolib calibrate``: two folders of board pictures in, a rig and its report out."""
+"""The command ``stereolib calibrate``: pictures of a board in, a rig and its report out."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 from stereolib.base import counted
-from stereolib.cli.boards import add_board, board_of, pair_files
+from stereolib.cli.boards import add_board, add_recording, board_of
 from stereolib.cli.command import Command
 from stereolib.cli.errors import DONE, REFUSED
 from stereolib.cli.outputs import check_outputs
@@ -31,8 +31,7 @@ that a second run does not search again; delete that folder at will."""
 
 
 def _configure(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("left", type=Path, metavar="LEFT_DIR", help="pictures of the left camera, nothing else")
-    parser.add_argument("right", type=Path, metavar="RIGHT_DIR", help="of the right one, by the same names or numbers")
+    add_recording(parser)
     add_board(parser)
     parser.add_argument(
         "--model",
@@ -71,9 +70,9 @@ def _run(arguments: argparse.Namespace) -> int:
         find_in_files,
     )
     from stereolib.plotting import write_calibration_report
-    from stereolib.rig import formats
+    from stereolib.rig import find_pairs, formats
 
-    pairs = pair_files(arguments.left, arguments.right, least=MIN_PAIRS)
+    pairs = find_pairs(arguments.left, arguments.right, every=arguments.every, least=MIN_PAIRS)
     if arguments.model not in LENS_MODELS:  # before the boards are searched for
         raise ValueError(f"unknown lens model {arguments.model!r}; choose one of {', '.join(LENS_MODELS)}")
     for kind in others:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stereolib.base import plus_minus
-from stereolib.cli.boards import add_board, board_of, pair_files, said_of
+from stereolib.cli.boards import add_board, board_of, said_of
 from stereolib.cli.command import Command
 from stereolib.cli.errors import DONE, REFUSED, WRONG_INPUT
 from stereolib.cli.outputs import check_ending, check_outputs
@@ -38,7 +38,10 @@ with the virtual boards of this repository, calibrated on the first 24 pairs:
 
 def _configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
-        "pairs", type=Path, nargs="+", metavar="PAIR", help="left and right folder, or files left right left right ..."
+        "pairs",
+        nargs="+",
+        metavar="PAIR",
+        help="as for stereolib calibrate: folders, patterns, videos; or files left right left right ...",
     )
     add_board(parser)
     parser.add_argument("--calibration", type=Path, required=True, metavar="FILE", help="the rig's calibration.json")
@@ -74,13 +77,15 @@ def _run(arguments: argparse.Namespace) -> int:
     return {"recalibrate": REFUSED, "no verdict": WRONG_INPUT}.get(check.verdict, DONE)
 
 
-def _pairs(paths: Sequence[Path]) -> list[tuple[Path, Path]]:
-    """Files two by two, or those of two folders."""
-    folders = [path for path in paths if path.is_dir()]
-    if folders and len(paths) == len(folders) == 2:
-        return pair_files(*folders, least=1)
-    if folders:
-        raise ValueError(f"{folders[0]} is a folder: expected two of them, left and right, or files only")
+def _pairs(sources: Sequence[str]) -> Sequence[tuple[Path, Path]]:
+    """A recording of both cameras, one of each, or files two by two."""
+    from stereolib.rig import find_pairs
+
+    paths = [Path(source) for source in sources]
+    if len(sources) <= 2:
+        return find_pairs(*sources)
+    if folders := [path for path in paths if path.is_dir()]:
+        raise ValueError(f"{folders[0]} is a folder: expected one or two of them, or files only")
     if len(paths) % 2:
         raise ValueError(f"{paths[-1]} has no partner: expected left right left right ..., got {len(paths)} in all")
     pairs = list(zip(paths[::2], paths[1::2], strict=True))

@@ -1,17 +1,21 @@
 from .camera import Camera, distort
 from .formats import load_kalibr, load_opencv, load_rig, load_ros, save_kalibr, save_opencv, save_ros
-from .images import check_pair, read_image, read_pair, to_grey, to_light
+from .images import check_pair, image_size, read_image, read_pair, to_grey, to_light
 from .matlab_format import from_matlab_struct, to_matlab_struct
+from .pair_files import PairFile, find_pairs
 from .stereo_rig import RectifiedRig, StereoRig
 from .transforms import pose_left_world, rigid, skew
 
 __all__ = [
     "Camera",
+    "PairFile",
     "RectifiedRig",
     "StereoRig",
     "check_pair",
     "distort",
+    "find_pairs",
     "from_matlab_struct",
+    "image_size",
     "load_kalibr",
     "load_opencv",
     "load_rig",

@@ -18,6 +18,7 @@ _ENDS = (("JPEG", b"\xff\xd8\xff", b"\xff\xd9"), ("PNG", b"\x89PNG", b"IEND"))
 MAX_MEGAPIXELS = 100.0  # no webcam comes near; a few kB can claim a thousand times as much
 _GAMMA = 2.2  # of cameras' and screens' grey levels (sRGB, nearly)
 _LIGHT = ((np.arange(256) / 255) ** _GAMMA).astype(np.float32)
+_ORIENTATION, _ON_ITS_SIDE = 0x0112, (5, 6, 7, 8)  # of EXIF
 _FILTERING = Lock()  # warnings' filters belong to the whole process, pictures are read by several threads
 
 
@@ -54,6 +55,36 @@ def read_image(path: str | PathLike[str], *, grey: bool = False) -> UInt8:
         why = f"{path}: the picture has {image.dtype} samples, 8 bits are needed"
         raise ValueError(f"{why}: scale it to 0..255 and save it again")
     return to_grey(image) if grey else image  # by one formula, whatever the file's decoder would do
+
+
+def image_size(path: str | PathLike[str]) -> tuple[int, int]:
+    """Tell a picture's size from its first bytes, turned as its EXIF says.
+
+    Parameters
+    ----------
+    path : path
+
+    Returns
+    -------
+    (width, height), px
+
+    Raises
+    ------
+    ValueError
+        As `read_image`, which reads it whole where its header is not understood.
+    """
+    from PIL import Image
+
+    with _FILTERING, warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        try:
+            with Image.open(path) as image:
+                turned = image.getexif().get(_ORIENTATION, 1) in _ON_ITS_SIDE
+                return image.size[::-1] if turned else image.size
+        except (OSError, ValueError, Image.DecompressionBombError):
+            pass
+    height, width = read_image(path).shape[:2]
+    return width, height
 
 
 def read_pair(left: str | PathLike[str], right: str | PathLike[str], *, grey: bool = False) -> tuple[UInt8, UInt8]:

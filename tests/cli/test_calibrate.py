@@ -18,7 +18,7 @@ import pytest
 from stereolib.base import datasets, plus_minus
 from stereolib.calibration import LENS_MODELS, Charuco, wording
 from stereolib.cli import commands
-from stereolib.cli.boards import pair_files, parse_board
+from stereolib.cli.boards import parse_board
 from stereolib.cli.calibrate import CALIBRATE
 from stereolib.paper import paper_rig
 from stereolib.plotting import lens_shift_px, write_calibration_report
@@ -49,65 +49,6 @@ def make_files(folder: Path, *names: str) -> Path:
 
 def named(pairs: list[tuple[Path, Path]]) -> list[tuple[str, str]]:
     return [(a.name, b.name) for a, b in pairs]
-
-
-# --- which picture belongs to which
-
-
-@pytest.mark.parametrize(
-    ("left", "right", "expected"),
-    [
-        (["1", "2", "10"], ["1", "2", "10"], ["1 1", "2 2", "10 10"]),  # by number, not by letter
-        (["left01", "left02", "left03"], ["right01", "right02", "right03"], ["left01 right01", "left02 right02"]),
-        (["1_L", "2_L", "3_L"], ["3_R", "2_R", "1_R"], ["1_L 1_R", "2_L 2_R"]),
-        (["imgL1", "imgL2", "imgL3"], ["imgR1", "imgR2", "imgR3"], ["imgL1 imgR1", "imgL2 imgR2"]),
-        (["01", "02", "03"], ["1", "2", "3"], ["01 1", "02 2"]),
-        (["bright-1", "bright-2", "bright-3"], ["bright-1", "bright-2", "bright-3"], ["bright-1 bright-1"]),
-        (
-            ["104.2", "99.1", "250.7", "8.1", "9.1"],
-            ["104.3", "99.4", "251.0", "8.2", "9.2"],
-            ["8.1 8.2", "9.1 9.2", "99.1 99.4"],
-        ),
-    ],
-)
-def test_names_that_belong_together(left: list[str], right: list[str], expected: list[str], tmp_path: Path) -> None:
-    folders = [
-        make_files(tmp_path / side, *(f"{name}.png" for name in [*names, "998", "999"][:5]))
-        for side, names in (("a", left), ("b", right))
-    ]
-    (folders[0] / ".thumbs").write_text("hidden files are passed over")
-    (folders[0] / "old").mkdir()
-    pairs = named(pair_files(*folders, least=5))
-    assert len(pairs) == 5
-    assert [" ".join(name.removesuffix(".png") for name in pair) for pair in pairs][: len(expected)] == expected
-
-
-@pytest.mark.parametrize(
-    ("left", "right", "hints"),
-    [
-        ("1.png 2.png 3.png 4.png 9.png", "1.png 2.png 3.png 4.png 7.png 8.png",
-         ["without a partner in", "right: 9.png", "left: 7.png, 8.png", "Expected the same names"]),
-        ("1.png 2.png 3.png notes.txt Thumbs.db", "1.png 2.png 3.txt",
-         ["no readable images", "left: Thumbs.db, notes.txt; in ", "right: 3.txt. Expected only pictures"]),
-        ("1.png 2.png", "1.png 2.png", ["too few pairs, 2 (1.png, 2.png)", "at least 5"]),
-        ("1.png 01.png 2.png", "1.png 2.png 3.png", ["01.png, 1.png cannot be told apart"]),
-        ("", "1.png", ["left is empty"]),
-        (" ".join(f"{k}.png" for k in range(12)), "50.png", ["0.png, 1.png, 2.png", "and 4 more"]),
-    ],
-)  # fmt: skip
-def test_folders_that_do_not_fit_are_listed(left: str, right: str, hints: list[str], tmp_path: Path) -> None:
-    folders = [make_files(tmp_path / side, *names.split()) for side, names in (("left", left), ("right", right))]
-    with pytest.raises(ValueError) as caught:
-        pair_files(*folders, least=5)
-    assert not [hint for hint in hints if hint not in str(caught.value)], str(caught.value)
-
-
-def test_one_folder_twice_and_none(tmp_path: Path) -> None:
-    folder = make_files(tmp_path / "left", "1.png", "2.png", "3.png")
-    with pytest.raises(ValueError, match="given for both cameras"):
-        pair_files(folder, tmp_path / "left" / ".." / "left", least=5)
-    with pytest.raises(ValueError, match="nowhere is no folder"):
-        pair_files(folder, tmp_path / "nowhere", least=5)
 
 
 def test_board_in_inner_corners() -> None:

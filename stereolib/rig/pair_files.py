@@ -1,0 +1,218 @@
+"""Recorded pairs as people have them: two folders, one with both sides, patterns, side-by-side pictures, videos."""
+
+from __future__ import annotations
+
+import difflib
+import glob
+import re
+from collections.abc import Iterable, Sequence
+from os import PathLike
+from pathlib import Path
+from typing import NamedTuple
+
+from stereolib.rig.images import image_size
+from stereolib.rig.unpacked import VIDEOS, WIDE, unpack_halves, unpack_videos
+
+_SIDES = {"left": 0, "l": 0, "cam0": 0, "right": 1, "r": 1, "cam1": 1}
+_FOLDERS = (("left", "right"), ("l", "r"), ("cam0", "cam1"))
+_LISTED, _GUESSES = 8, 2
+_Key = tuple[tuple[bool, int, str], ...]
+_WORDS = re.compile(r"[Cc]am[01](?!\d)|\d+|[A-Z]?[a-z]+|[A-Z]+|[^\W\d_]+")
+
+
+class PairFile(NamedTuple):
+    """The two pictures of a pair."""
+
+    left: Path
+    right: Path
+
+
+def find_pairs(
+    left: str | PathLike[str], right: str | PathLike[str] | None = None, *, every: int | None = None, least: int = 1
+) -> list[PairFile]:
+    """Find the pairs of a recording and put them in the order of the numbers in their names.
+
+    Parameters
+    ----------
+    left : path
+        A folder with the left camera's pictures, a pattern (``"rig/*_l.png"``), a video or one picture. With no
+        `right`: a folder, pattern, video or picture that holds both sides, as
+
+        - names that tell the side: ``left01`` and ``right01``, ``L_3`` and ``R_3``, ``chessboard-L0`` and ``-R0``,
+          ``3_L`` and ``3_R``, ``Im_L_1`` and ``Im_R_1``, ``cam0_1`` and ``cam1_1``;
+        - folders ``left`` and ``right`` (or ``L`` and ``R``, ``cam0`` and ``cam1``);
+        - pictures or frames that are at least 2.2 times as wide as high: both sides beside each other, the left one
+          at the left.
+    right : path, optional
+        The same of the right camera. Names belong together if they agree but for the words of a side: ``03.png`` and
+        ``3.png``, too. Where none occurs on both sides (time stamps) and there are equally many, they are paired in
+        sorted order.
+    every : int, optional
+        Of a video: the sharpest of so many frames is taken; without it, at most 60 are.
+    least : int
+        Pairs that there must be.
+
+    Returns
+    -------
+    list of PairFile
+        Files. Halves and frames are written to a folder ``.stereolib_pairs`` beside their source, once.
+
+    Raises
+    ------
+    ValueError
+        If nothing is found, pictures have no partner, share a number, are too few, or differ in size. They are named,
+        a lonely one with the two likeliest partners.
+    """
+    if right is None:
+        pairs = _both_sides(str(left), every)
+    else:
+        if Path(left).resolve() == Path(right).resolve():
+            raise ValueError(f"{left} was given for both cameras: name it once if it holds both, else the right one's")
+        if all(_is_video(Path(side)) for side in (left, right)):
+            pairs = [PairFile(*files) for files in unpack_videos([Path(left), Path(right)], every)]
+        else:
+            sources = str(left), str(right)
+            a, b = map(_by_key, _pictures(*sources), sources)
+            pairs = _matched(a, b)
+    if len(pairs) < least:
+        raise ValueError(
+            f"too few pairs, {len(pairs)} ({_names(pair.left for pair in pairs)}): at least {least} with different "
+            f"tilts are needed, and 15 to 30 give a trustworthy rig"
+        )
+    _check_sizes(pairs)
+    return pairs
+
+
+def _both_sides(source: str, every: int | None) -> list[PairFile]:
+    """Pairs of one folder, pattern or video."""
+    if _is_video(Path(source)):
+        return [PairFile(*files) for files in unpack_videos([Path(source)], every)]
+    if folders := _side_folders(Path(source)):
+        named_left, named_right = map(_by_key, _pictures(*folders), folders)
+        return _matched(named_left, named_right)
+    (files,) = _pictures(source)
+    if all(_side(path) is None for path in files):
+        sizes = [image_size(path) for path in files]
+        if all(width >= WIDE * height for width, height in sizes):
+            return [PairFile(*halves) for halves in unpack_halves(files)]
+        raise ValueError(
+            f"{source} holds {len(files)} pictures whose names tell no side ({_names(files)}), and they are not both "
+            f"sides beside each other: name them left01.png, right01.png, or give two folders"
+        )
+    if unclear := [path for path in files if _side(path) is None]:
+        raise ValueError(f"{_names(unclear)} in {source}: neither of the left nor of the right camera by name")
+    left, right = ([path for path in files if _side(path) == side] for side in (0, 1))
+    return _matched(_by_key(left, source), _by_key(right, source), sides=("of the left camera", "of the right one"))
+
+
+def _is_video(path: Path) -> bool:
+    return path.suffix.lower() in VIDEOS
+
+
+def _side_folders(folder: Path) -> tuple[str, str] | None:
+    there = {path.name.lower(): str(path) for path in folder.iterdir() if path.is_dir()} if folder.is_dir() else {}
+    return next(((there[a], there[b]) for a, b in _FOLDERS if {a, b} <= set(there)), None)
+
+
+def _pictures(*sources: str) -> list[list[Path]]:
+    """Pictures of each folder, pattern or file, and nothing else."""
+    import cv2
+
+    found = [_files(source) for source in sources]
+    wrong = [[path for path in files if not cv2.haveImageReader(str(path))] for files in found]
+    if any(wrong):
+        others = "; in ".join(f"{source}: {_names(bad)}" for source, bad in zip(sources, wrong, strict=True) if bad)
+        raise ValueError(
+            f"files that are no readable images, in {others}. Expected only pictures (JPEG, PNG, ...): move the others "
+            f"away, copy damaged ones again"
+        )
+    return found
+
+
+def _files(source: str) -> list[Path]:
+    folder = Path(source)
+    if folder.is_dir():
+        files = [path for path in sorted(folder.iterdir()) if path.is_file() and not path.name.startswith(".")]
+        if not files:
+            raise ValueError(f"{source} is empty: expected the pictures of a camera")
+        return files
+    if folder.is_file():
+        return [folder]
+    if files := sorted(path for path in map(Path, glob.glob(source)) if path.is_file()):
+        return files
+    if glob.has_magic(source):
+        raise ValueError(f"{source}: no file has such a name")
+    raise ValueError(
+        f"{source}: no such file or folder: expected pictures, a folder of them, a pattern in quotes, or a video"
+    )
+
+
+def _words(path: Path) -> list[str]:
+    return [word.lower() for word in _WORDS.findall(path.stem)]
+
+
+def _side(path: Path) -> int | None:
+    """0 if the name tells the left side, 1 the right, None neither (or both)."""
+    words = _words(path)
+    told = {_SIDES[word] for word in words if word in _SIDES}
+    told = told or {_SIDES[side] for word in words for side in ("left", "right") if word.startswith(side)}
+    told = told or {_SIDES[side] for word in words for side in ("left", "right") if word.endswith(side)}
+    return told.pop() if len(told) == 1 else None
+
+
+def _key(path: Path) -> _Key:
+    """What is left of a name without the words of a side; numbers count as numbers."""
+    words = (re.sub("left|right", "", word) for word in _words(path) if word not in _SIDES)
+    return tuple((True, int(word), "") if word.isdecimal() else (False, 0, word) for word in words if word)
+
+
+def _by_key(files: Iterable[Path], source: str) -> tuple[str, dict[_Key, Path]]:
+    found: dict[_Key, list[Path]] = {}
+    for path in files:
+        found.setdefault(_key(path), []).append(path)
+    if twice := [path for paths in found.values() if len(paths) > 1 for path in paths]:
+        raise ValueError(f"{_names(twice)} cannot be told apart by name: expected one number or name for each picture")
+    return source, {key: paths[0] for key, paths in found.items()}
+
+
+def _matched(
+    left: tuple[str, dict[_Key, Path]],
+    right: tuple[str, dict[_Key, Path]],
+    sides: Sequence[str] | None = None,
+) -> list[PairFile]:
+    """Pairs by equal keys; what stays alone is named, with those it might belong to."""
+    (where_left, a), (where_right, b) = left, right
+    if sides is None and set(a).isdisjoint(b) and len(a) == len(b):
+        return [PairFile(a[one], b[other]) for one, other in zip(sorted(a), sorted(b), strict=True)]
+    where = sides or (f"in {where_left}", f"in {where_right}")
+    alone = [
+        f"without a partner {there}: {', '.join(_guess(mine[key], other) for key in sorted(lonely)[:_LISTED])}"
+        + (f" and {len(lonely) - _LISTED} more" if len(lonely) > _LISTED else "")
+        for mine, other, there in ((a, b, where[1]), (b, a, where[0]))
+        if (lonely := set(mine) - set(other))
+    ]
+    if alone:
+        raise ValueError(
+            f"pictures {'; '.join(alone)}. Expected the same names or numbers on both sides, as 01.png in each folder, "
+            f"or left01.png and right01.png: add the partner or move the odd one away"
+        )
+    return [PairFile(a[key], b[key]) for key in sorted(a)]
+
+
+def _guess(path: Path, others: dict[_Key, Path]) -> str:
+    nearest = difflib.get_close_matches(path.name, [other.name for other in others.values()], n=_GUESSES, cutoff=0.5)
+    return f"{path.name} ({' or '.join(nearest)}?)" if nearest else path.name
+
+
+def _check_sizes(pairs: list[PairFile]) -> None:
+    """Refuse pictures of several sizes before anything is searched in them."""
+    sizes = {path: image_size(path) for pair in pairs for path in pair}
+    usual = max(sorted(set(sizes.values())), key=list(sizes.values()).count)
+    if odd := [f"{path} is {w}x{h}" for path, (w, h) in sizes.items() if (w, h) != usual]:
+        shown = "".join(f"\n  {text}" for text in (*odd[:_LISTED], *["..."] * (len(odd) > _LISTED)))
+        raise ValueError(f"all pictures must have one size, most are {usual[0]}x{usual[1]}, but:{shown}")
+
+
+def _names(files: Iterable[Path]) -> str:
+    names = [path.name for path in files]
+    return ", ".join(names[:_LISTED]) + (f" and {len(names) - _LISTED} more" if len(names) > _LISTED else "")

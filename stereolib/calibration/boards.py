@@ -96,6 +96,10 @@ class Charuco:
             raise ValueError(f"{why}, got {self.marker_mm} and {self.square_mm}")
         if not hasattr(cv2.aruco, f"DICT_{self.dictionary}"):
             raise ValueError(f"unknown ArUco dictionary {self.dictionary!r}; one is called 5X5_100")
+        needed = (self.columns + 1) * (self.rows + 1) // 2
+        if needed > (there := len(cv2.aruco.getPredefinedDictionary(self._number).bytesList)):
+            board = f"a board of {self.columns}x{self.rows} inner corners"
+            raise ValueError(f"{board} needs {needed} markers, {self.dictionary} has {there}: choose a larger one")
 
     @property
     def points_mm(self) -> Float32:
@@ -103,9 +107,13 @@ class Charuco:
         return _grid(self.columns, self.rows, self.square_mm, self.square_mm)
 
     @property
+    def _number(self) -> int:
+        return int(getattr(cv2.aruco, f"DICT_{self.dictionary}"))
+
+    @property
     def printed(self) -> Any:
         """The board as `cv2.aruco` has it, for example to print it with its ``generateImage``."""
-        dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, f"DICT_{self.dictionary}"))
+        dictionary = cv2.aruco.getPredefinedDictionary(self._number)
         squares = self.columns + 1, self.rows + 1
         board = cv2.aruco.CharucoBoard(squares, float(self.square_mm), float(self.marker_mm), dictionary)
         board.setLegacyPattern(self.legacy)

@@ -8,6 +8,7 @@ from typing import NoReturn
 
 from stereolib import __version__
 from stereolib.cli.bake import BAKE
+from stereolib.cli.board import BOARD
 from stereolib.cli.calibrate import CALIBRATE
 from stereolib.cli.calibrate_laser import CALIBRATE_LASER
 from stereolib.cli.check import CHECK
@@ -21,7 +22,7 @@ from stereolib.cli.map import MAP
 from stereolib.cli.measure import MEASURE
 from stereolib.cli.reproduce import REPRODUCE
 
-COMMANDS = (REPRODUCE, EXPLORE, BAKE, DATA, DISPARITY, LRF, CALIBRATE, CHECK, CALIBRATE_LASER, MEASURE, MAP)
+COMMANDS = (REPRODUCE, EXPLORE, BAKE, DATA, DISPARITY, LRF, BOARD, CALIBRATE, CHECK, CALIBRATE_LASER, MEASURE, MAP)
 
 
 class _Parser(argparse.ArgumentParser):

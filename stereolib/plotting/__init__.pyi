@@ -1,3 +1,4 @@
+from .board_sheet import PAPERS_MM, board_sheet, board_words, largest_square_mm
 from .calibration_report import lens_shift_px, write_calibration_report
 from .calibration_views import (
     plot_boards_in_space,
@@ -72,15 +73,19 @@ __all__ = [
     "LASER",
     "OURS",
     "PAPER",
+    "PAPERS_MM",
     "REFUSED",
     "RIVAL",
     "TRUTH",
     "Exhibit",
     "ImageQuantity",
+    "board_sheet",
+    "board_words",
     "check_figure",
     "color_disparity",
     "color_error",
     "figure_to_image",
+    "largest_square_mm",
     "lens_shift_px",
     "mark_pixels",
     "panels",

@@ -81,8 +81,6 @@ def write_sums(folder: Path) -> None:
     ----------
     folder : Path
     """
-    files = sorted(
-        p for p in folder.rglob("*") if p.is_file() and p.suffix in _SUFFIXES
-    )
+    files = sorted(p for p in folder.rglob("*") if p.is_file() and p.suffix in _SUFFIXES)
     lines = [f"{hashlib.sha256(read_bytes(p)).hexdigest()}  {p.relative_to(folder).as_posix()}\n" for p in files]
     write_atomic(folder / "SHA256SUMS", "".join(lines))

@@ -10,6 +10,7 @@ import numpy as np
 from stereolib.base import read_bytes
 from stereolib.laser.framing import PACKET_BYTES
 from stereolib.laser.scans import check_firmware, turns
+from stereolib.laser.text_streams import read_text_stream
 from stereolib.laser.xv11 import Readings, decode
 
 _LEAST_SHARE = 0.05  # of a file's bytes in intact packets; by chance it is 1e-5, spoilt recordings keep far more
@@ -42,7 +43,7 @@ def read_recording(path: str | PathLike[str]) -> Readings:
 
 
 def decode_recording(data: bytes, source: str) -> Readings:
-    """Decode the bytes of a recording, and refuse what is none.
+    """Decode the bytes of a recording, or the lines of one that came as text, and refuse what is none.
 
     Parameters
     ----------
@@ -57,7 +58,7 @@ def decode_recording(data: bytes, source: str) -> Readings:
     Raises
     ------
     ValueError
-        If there are no bytes, hardly any packet is intact, or both firmwares are mixed.
+        If there are no bytes, hardly any packet is intact, both firmwares are mixed, or the sensor only greets.
 
     Examples
     --------
@@ -70,6 +71,13 @@ file, or was recorded at a wrong baud rate (not 115200)
     if not data:
         raise ValueError(f"{source} is empty: check the sensor's power and wiring, that its motor turns; record again")
     readings = decode(data)
+    if not len(readings):
+        try:
+            readings = read_text_stream(data) or readings
+        except ValueError as error:
+            raise ValueError(f"{source}: {error}") from None
+        if len(readings):
+            return readings
     within = len(data) - readings.skipped_bytes - PACKET_BYTES * readings.bad_checksum
     if within < _LEAST_SHARE * len(data):
         why = f"intact packets hold only {within} of its bytes"

@@ -26,6 +26,7 @@ from stereolib.base import check_target, write_atomic
 from stereolib.laser.framing import PACKET_BYTES
 from stereolib.laser.recordings import read_recording
 from stereolib.laser.scans import LaserScan, turns
+from stereolib.laser.text_streams import read_text_stream
 from stereolib.laser.xv11 import BAUD, PACKETS_PER_TURN, RPM_LIMITS, Decoder, Readings, decode, join_readings
 
 _SILENCE_S = 2.0  # a turning sensor sends every 2 ms; adapters hold bytes back for some 20
@@ -65,12 +66,13 @@ def open_lidar(port: str, timeout_s: float = _SILENCE_S, partial: bool = False) 
     RuntimeWarning
         Whenever the motor leaves 180..349 rpm.
     """
-    decoder, pending, inside = Decoder(), decode(b""), True
+    decoder, pending, inside, heard = Decoder(), decode(b""), True, b""
     start_s, (low, high) = time.monotonic(), RPM_LIMITS
     with closing(read_chunks(port, timeout_s)) as chunks:
         for chunk in chunks:
             pending = join_readings([pending[:], decoder.feed(chunk)])
-            _check_packets(port, decoder.totals)
+            heard = (heard + chunk)[-_CHUNK_BYTES:]
+            _check_packets(port, decoder.totals, heard)
             ends = np.flatnonzero(np.diff(pending.index.astype(int)) <= 0) + 1
             if not len(ends):
                 continue
@@ -150,7 +152,7 @@ def read_chunks(port: str, timeout_s: float = _SILENCE_S) -> Generator[bytes, No
     except (serial.SerialException, OSError, ValueError) as error:
         raise LidarError(_why_not_open(port, error)) from error
     with device:
-        last_s = time.monotonic()
+        last_s, heard = time.monotonic(), b""
         while True:
             try:
                 chunk = device.read(_CHUNK_BYTES)
@@ -158,12 +160,13 @@ def read_chunks(port: str, timeout_s: float = _SILENCE_S) -> Generator[bytes, No
                 why = "the adapter was unplugged or the other end closed. What came before is kept"
                 raise LidarError(f"{port} went away ({error}): {why}; plug it in and start again") from error
             if chunk:
-                last_s = time.monotonic()
+                last_s, heard = time.monotonic(), (heard + chunk)[-_CHUNK_BYTES:]
                 yield chunk
             elif time.monotonic() - last_s > timeout_s:
                 wiring = "see that the sensor has power, that its TX goes to the adapter's RX"
                 motor = "that its motor turns at about 300 rpm (it is silent below 180)"
-                raise LidarError(f"{port} sent nothing for {timeout_s:g} s: {wiring}, and {motor}")
+                said = _said(heard) or f"{wiring}, and {motor}"
+                raise LidarError(f"{port} sent nothing{' more' * bool(heard)} for {timeout_s:g} s: {said}")
 
 
 def _why_not_open(port: str, error: Exception) -> str:
@@ -186,12 +189,21 @@ def _ports_found() -> str:
     return ", ".join(ports) or "none; plug the USB adapter in and see that its driver is loaded"
 
 
-def _check_packets(port: str, totals: dict[str, int]) -> None:
+def _said(heard: bytes) -> str:
+    """What letters on a port mean, and the remedy; "" where there are none."""
+    try:
+        readings = read_text_stream(heard)
+    except ValueError as error:
+        return str(error)
+    return "" if readings is None else "the board prints distances as text: switch it to raw bytes (ShowRaw, HideDist)"
+
+
+def _check_packets(port: str, totals: dict[str, int], heard: bytes) -> None:
     if totals["good"] and totals["old_turns"]:
         raise LidarError(f"{port} mixes packets of two firmwares: connect one sensor at a time")
     wrong = totals["skipped_bytes"] + PACKET_BYTES * totals["bad_checksum"]
     if wrong > _GIVE_UP_BYTES and not totals["good"] + totals["old_turns"]:
-        why = f"another device, or a wrong baud rate (the sensor needs {BAUD} baud, 8N1, 3.3 V)"
+        why = _said(heard) or f"another device, or a wrong baud rate (the sensor needs {BAUD} baud, 8N1, 3.3 V)"
         raise LidarError(f"{port} sends bytes but no XV-11 packet in {wrong} of them: {why}. {_ports_found()}")
 
 

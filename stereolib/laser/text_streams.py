@@ -31,7 +31,7 @@ _READING = re.compile(
 _SPEED = re.compile(r"^\s*ROTATION_SPEED[^,]*,\s*(?P<hz>\d+(?:\.\d+)?)", re.IGNORECASE)
 _GREETING = re.compile(r"Piccolo Laser|#\s*Spin|Neato Robotics|LastCal", re.IGNORECASE)
 _MOTOR = (
-    "the sensor greets and waits for its motor: drive it to 240 to 360 turns a minute (some 3 V at its two wires, or "
+    "the sensor greets and waits for its motor: drive it at about 300 turns a minute (some 3 V at its two wires, or "
     "PWM), and feed the sensor itself with the voltage that its version wants, 5 V for most"
 )
 
@@ -63,7 +63,7 @@ def read_text_stream(data: bytes) -> Readings | None:
     >>> read_text_stream(b"Piccolo Laser Distance Scanner\\n#Spin...press ESC")  # doctest: +ELLIPSIS
     Traceback (most recent call last):
     ...
-    ValueError: the sensor greets and waits for its motor: drive it to 240 to 360 turns a minute...
+    ValueError: the sensor greets and waits for its motor: drive it at about 300 turns a minute...
     """
     if not _is_text(data):
         return None

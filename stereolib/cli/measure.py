@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,7 +17,7 @@ from stereolib.cli.told import object_details, object_facts, object_title, wrapp
 
 if TYPE_CHECKING:
     from stereolib.base import UInt8
-    from stereolib.measurement import Floor, Measurement
+    from stereolib.measurement import Floor, Instrument, Measurement
     from stereolib.rig import RectifiedRig
 
 _FLOOR_STD = (1.0, 0.2)  # mm, degrees: what a ruler and a phone's level tell
@@ -50,6 +51,13 @@ def _configure(parser: argparse.ArgumentParser) -> None:
         f"floor is seen; taken as right to {_FLOOR_STD[0]:g} mm and {_FLOOR_STD[1]:g} degrees, or to what is added "
         "(HEIGHT,PITCH,STD,STD). --floor=450,-20 looks down by 20 degrees",
     )
+    parser.add_argument(
+        "--between",
+        nargs=2,
+        type=_pixel,
+        metavar="X,Y",
+        help="only this, without a floor: how far the points at two pixels of LEFT, columns and rows, lie apart",
+    )
     parser.add_argument("--output", type=Path, metavar="PNG", help="default: LEFT's name with _measured.png, here")
     parser.add_argument("--picture", dest="output", type=Path, help=argparse.SUPPRESS)  # what it was called
     parser.add_argument("--force", action="store_true", help="replace the picture if it is there")
@@ -71,6 +79,14 @@ def _run(arguments: argparse.Namespace) -> int:
     instrument, files = Instrument.load(arguments.calibration), (arguments.left, arguments.right)
     pair = read_pair(*files)
     check_matchable(*pair, (str(files[0]), str(files[1])))
+    if arguments.between:
+        with named(*files):
+            drawn, facts, told = between(pair, arguments.between, instrument)
+        write_atomic(picture, cv2.imencode(".png", drawn)[1].tobytes())
+        facts |= {"warnings": said_of(arguments.calibration), "picture": str(picture)}
+        lines = [told, *(f"warning: {text}" for text in facts["warnings"]), f"picture: {picture}"]
+        print(json.dumps(facts, indent=1, allow_nan=False) if arguments.json else "\n".join(lines))
+        return DONE
     scan = None if arguments.scan is None else read_scan(arguments.scan)
     floor = None if arguments.floor is None else floor_by_hand(instrument.rectified, arguments.floor)
     with named(*files):
@@ -85,6 +101,32 @@ def _run(arguments: argparse.Namespace) -> int:
     if not arguments.json:
         print(f"picture: {picture}")
     return DONE if any(entry["height_mm"] or entry["width_mm"] for entry in facts["objects"]) else REFUSED
+
+
+def between(
+    pair: tuple[UInt8, UInt8], pixels: Sequence[tuple[float, float]], instrument: Instrument
+) -> tuple[UInt8, dict[str, Any], str]:
+    """A picture with the line between two pixels, its length as facts and as a sentence."""
+    from stereolib.measurement import Views, draw_length, find_surface, match_views, measure_between
+
+    views = Views.of(*pair, instrument.rectified)
+    map_px = match_views(views)
+    one, other = (find_surface(views, map_px, at) for at in instrument.rectified.rectify_points(pixels, "left"))
+    found = measure_between(one, other, instrument.rectified, instrument.uncertainty)
+    facts: dict[str, Any] = {"length_mm": found.length_mm, "std_mm": found.std_mm}
+    facts |= {"points_mm": found.points_mm.tolist(), "disparity_px": [one.disparity_px, other.disparity_px]}
+    depths = " and ".join(f"{depth:.0f} mm" for depth in found.depth_mm)
+    told = f"{found.length_mm:.1f} ± {found.std_mm:.1f} mm (one standard deviation), at depths of {depths}"
+    return draw_length(pair[0], pixels, f"{found.length_mm:.1f} mm"), facts, told
+
+
+def _pixel(text: str) -> tuple[float, float]:
+    """Column and row of ``X,Y``."""
+    try:
+        column, row = (float(part) for part in text.split(","))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is not X,Y: a column and a row, as 320,240") from None
+    return column, row
 
 
 def _floor(text: str) -> tuple[float, ...]:

@@ -8,17 +8,19 @@ from .laser_on_floor import LaserOnFloor
 from .measure import Measurement, measure_objects
 from .measured_object import SIZE_NAMES, MeasuredObject
 from .missing_floor import NoFloor, find_floor, why_no_floor
-from .overlay import OBJECT_RGB, draw_objects
+from .overlay import OBJECT_RGB, draw_length, draw_objects
 from .plane_alignment import AlignedPair, CannotMeasure
 from .reasons import Reason, Source, Why
 from .regions import ObjectRegion, find_objects
 from .rows import RowOffset
+from .two_points import Between, SurfacePoint, find_surface, match_views, measure_between
 from .views import Views
 
 __all__ = [
     "OBJECT_RGB",
     "SIZE_NAMES",
     "AlignedPair",
+    "Between",
     "Box",
     "CannotMeasure",
     "Face",
@@ -35,6 +37,7 @@ __all__ = [
     "RowOffset",
     "Side",
     "Source",
+    "SurfacePoint",
     "SystematicUncertainty",
     "Views",
     "Why",
@@ -42,12 +45,16 @@ __all__ = [
     "attempt_height",
     "check_disparity_map",
     "corner_width_mm",
+    "draw_length",
     "draw_objects",
     "find_floor",
     "find_objects",
+    "find_surface",
     "fit_floor",
     "floor_from_pose",
     "floor_tolerance_px",
+    "match_views",
+    "measure_between",
     "measure_objects",
     "pixel_rays",
     "save_laser_pose",

@@ -82,6 +82,30 @@ def draw_objects(measured: Measurement, *, scan: bool = True, names: Sequence[st
     return picture
 
 
+def draw_length(left: UInt8, pixels: Sequence[tuple[float, float]], text: str) -> UInt8:
+    """Draw a line between two pixels, and a text at its middle.
+
+    Parameters
+    ----------
+    left : (H, W) or (H, W, 3) uint8
+    pixels : two of (column, row), px
+    text : str
+
+    Returns
+    -------
+    (H, W, 3) uint8
+    """
+    picture = cv2.cvtColor(left, cv2.COLOR_GRAY2BGR) if left.ndim == 2 else left.copy()
+    ends = np.array(pixels, float)
+    whole = np.rint(np.clip(ends, -_FAR_PX, _FAR_PX)).astype(int).tolist()
+    cv2.line(picture, whole[0], whole[1], (255, 255, 255), 3, cv2.LINE_AA)
+    cv2.line(picture, whole[0], whole[1], OBJECT_RGB[0][::-1], 1, cv2.LINE_AA)
+    for end in whole:
+        cv2.drawMarker(picture, end, OBJECT_RGB[1][::-1], cv2.MARKER_CROSS, 15, 2, cv2.LINE_AA)
+    _label(picture, text, np.tile(ends.mean(axis=0), (2, 1)), OBJECT_RGB[0][::-1], [])
+    return picture
+
+
 def _pixels(floor: Floor, points_mm: Float64, z_mm: float) -> Float64:
     return floor.pixels(np.column_stack([points_mm, np.full(len(points_mm), z_mm)]))
 

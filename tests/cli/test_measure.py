@@ -12,6 +12,7 @@ from support.instruments import LIDAR, RECT, SENSOR
 
 from stereolib.cli import commands
 from stereolib.measurement import Instrument, floor_from_pose, save_laser_pose
+from stereolib.paper import paper_rig
 from stereolib.rig import StereoRig
 from stereolib.virtual import Webcam, laser_boards, recordings, render, walk
 
@@ -67,6 +68,23 @@ def test_a_floor_by_hand_that_the_pictures_contradict_is_said(files, capsys):
         run(files, f"--floor={height:.1f},{pitch + off_deg:.2f}", "--json", "--force")
         warnings = json.loads(capsys.readouterr().out)["warnings"]
         assert any("--floor contradicts the pictures" in text for text in warnings) is said
+
+
+def test_between_two_pixels_without_a_floor(files, capsys):
+    for side, image in zip(("left", "right"), recordings.load_pair("conditions/texture"), strict=True):
+        cv2.imwrite(str(files / f"{side}.png"), image)
+    setup = recordings.setup()
+    marks_mm = np.array([[700.0, 0.0, z] for z in (20.0, 280.0)])  # on the cube's near edge
+    words = [f"{u:.1f},{v:.1f}" for u, v in paper_rig().left.project(marks_mm @ setup[:3, :3].T + setup[:3, 3])]
+    assert run(files, "--between", *words, "--json", "--force") == 0
+    facts = json.loads(capsys.readouterr().out)
+    assert facts["length_mm"] == pytest.approx(260, abs=2 * facts["std_mm"]) and 0 < facts["std_mm"] < 3
+    assert np.linalg.norm(np.subtract(*facts["points_mm"])) == pytest.approx(facts["length_mm"])
+    assert run(files, "--between", *words, "--force") == 0 and "at depths of" in capsys.readouterr().out
+    assert run(files, "--between", "5,5", "9999,5", "--force") == 2 and "outside the picture" in capsys.readouterr().err
+    with pytest.raises(SystemExit):
+        run(files, "--between", "5;5", "6,6")
+    assert "is not X,Y" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(("text", "why"), [("85", "is not HEIGHT,PITCH"), ("-3,8", "above 0 mm"), ("85,95", "between")])

@@ -1,0 +1,229 @@
+"""Two pixels to a length: what lies between two clicks, with no floor and no box assumed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from stereolib.base import Float32, Float64
+from stereolib.matching import SGBMParams, compute_disparity
+from stereolib.measurement.instrument import SystematicUncertainty
+from stereolib.measurement.plane_alignment import CannotMeasure, align
+from stereolib.measurement.views import Views
+from stereolib.rig import RectifiedRig
+
+_NEAREST_PX = 2  # of a pixel at an outline: the nearer surface within it is meant
+_AROUND_PX = 12  # half edge of the windows in which the surface is looked for: around the pixel, and beside it
+_SHIFTS = tuple((u, v) for u in (0, -1, 1) for v in (0, -1, 1))
+_PREFER = 0.1  # by how much worse a window may fit for each step that it is nearer
+_ROUNDS = 4  # of the fit, in which pixels come and go
+_OFF_PX = 1.0  # from the surface, beyond which a disparity belongs to another one
+_FIRST_OFF_PX = 3.0  # the same, before the plane is known: of steep faces
+_LEAST_SHARE = 0.5  # of a window's pixels that lie on its plane
+_LEAST_STD_PX = 0.04  # of a disparity: what neither the pictures nor the matcher show, as a surface that is not plane
+_MOST_STD_PX = 0.7  # beyond which nothing is said
+_CLICK_STD_PX = 1 / np.sqrt(12)  # of a pixel that was named by its whole column and row
+
+
+@dataclass(frozen=True, eq=False)
+class SurfacePoint:
+    """A point of a surface, by its pixel.
+
+    Attributes
+    ----------
+    pixel : (2,) float64
+        Column and row in the rectified left picture, px.
+    disparity_px, std_px : float
+        Of the surface there, and its standard deviation.
+    """
+
+    pixel: Float64
+    disparity_px: float
+    std_px: float
+
+
+@dataclass(frozen=True, eq=False)
+class Between:
+    """What lies between two points.
+
+    Attributes
+    ----------
+    points_mm : (2, 3) float64
+        In the rectified left camera's frame.
+    length_mm, std_mm : float
+        The standard deviation holds the matcher's scatter, a whole pixel's width in the clicks, and what the
+        calibration leaves open.
+    """
+
+    points_mm: Float64
+    length_mm: float
+    std_mm: float
+
+    @property
+    def depth_mm(self) -> Float64:
+        """Of both points. (2,), mm."""
+        return self.points_mm[:, 2]
+
+
+def find_surface(views: Views, disparity_px: Float32, pixel: npt.ArrayLike) -> SurfacePoint:
+    """Find the surface at a pixel: the nearer one, at an outline.
+
+    Parameters
+    ----------
+    views : Views
+    disparity_px : (H, W) float
+        Of its left picture, as `match_views` finds it, px; NaN where nothing was matched.
+    pixel : (2,) array_like, px
+        Column and row in the rectified left picture.
+
+    Returns
+    -------
+    SurfacePoint
+
+    Raises
+    ------
+    ValueError
+        If the pixel is outside the picture, nothing was matched there, or the pictures show too little to be sure.
+
+    Notes
+    -----
+    A plane ``d = a u + b v + c`` through the disparities of a window around the pixel, or of one of eight beside it, of
+    which the best plane is taken: on an edge that of one face. Least squares, with those left out that are off by more
+    than 1 px; then both pictures are aligned over it (`align`). The variance at the pixel is that of the alignment,
+    plus the square of what it moved, plus ``0.04^2``.
+
+    References
+    ----------
+    Kanade, Okutomi: A stereo matching algorithm with an adaptive window. IEEE PAMI 16 (1994), doi:10.1109/34.310690.
+    """
+    at = np.asarray(pixel, np.float64)
+    height, width = disparity_px.shape
+    u, v = (int(np.rint(c)) if np.isfinite(c) else -1 for c in at)
+    if not (0 <= u < width and 0 <= v < height):
+        raise ValueError(f"pixel {at[0]:.0f},{at[1]:.0f} is outside the picture of {width}x{height}, once rectified")
+    where = f"pixel {u},{v} of the rectified picture"
+    near = disparity_px[_around(v, _NEAREST_PX, height), _around(u, _NEAREST_PX, width)]
+    if not np.isfinite(near).any():
+        raise ValueError(f"nothing was matched at {where}: choose one with texture that both cameras see")
+    tried = (_fit_plane(disparity_px, at, shift, float(np.nanmax(near))) for shift in _SHIFTS)
+    if not (planes := [plane for plane in tried if plane is not None]):
+        raise ValueError(f"hardly anything was matched around {where}: choose one on a larger surface")
+    best = min(planes, key=lambda plane: plane.rms_px)
+    try:
+        fit = align(views.pair, best.columns, best.rows, best.sides, best.parameters)
+    except CannotMeasure as error:
+        raise ValueError(f"{where}: {error}") from None
+    found = float(fit.parameters[2])
+    std = float(np.sqrt(fit.covariance[2, 2] + (found - best.parameters[2]) ** 2 + _LEAST_STD_PX**2))
+    if not std < _MOST_STD_PX:
+        raise ValueError(f"{where}: too little texture around it to tell its depth: choose another one, or more light")
+    return SurfacePoint(at, found, std)
+
+
+class _Plane(NamedTuple):
+    """Pixels of a window and the plane through their disparities: the last parameter is its value at the pixel."""
+
+    parameters: Float64
+    rms_px: float
+    columns: Float64
+    rows: Float64
+    sides: Float64
+
+
+def _fit_plane(disparity_px: Float32, at: Float64, shift: tuple[int, int], start_px: float) -> _Plane | None:
+    """The plane in a window beside or around a pixel; None where hardly anything fits it there."""
+    u, v = np.rint(at).astype(int) + np.multiply(shift, _AROUND_PX)
+    window = _around(v, _AROUND_PX, disparity_px.shape[0]), _around(u, _AROUND_PX, disparity_px.shape[1])
+    rows, columns = (grid.ravel().astype(float) for grid in np.mgrid[window])
+    d = disparity_px[window].ravel()
+    sides = np.column_stack([columns - at[0], rows - at[1], np.ones(d.size)])
+    plane, off_px = np.array([0.0, 0.0, start_px]), _FIRST_OFF_PX
+    for _ in range(_ROUNDS):
+        on = np.abs(d - sides @ plane) < off_px
+        if on.sum() < _LEAST_SHARE * d.size:
+            return None
+        plane, off_px = np.linalg.lstsq(sides[on], d[on], rcond=None)[0], _OFF_PX
+    if abs(plane[2] - start_px) > _FIRST_OFF_PX:
+        return None
+    rms = float(np.sqrt(np.mean((d[on] - sides[on] @ plane) ** 2)))
+    return _Plane(plane, rms * (1 + _PREFER * np.abs(shift).sum()), columns[on], rows[on], sides[on])
+
+
+def _around(at: int, by: int, most: int) -> slice:
+    return slice(max(at - by, 0), min(at + by + 1, most))
+
+
+def measure_between(
+    one: SurfacePoint, other: SurfacePoint, rectified: RectifiedRig, uncertainty: SystematicUncertainty | None = None
+) -> Between:
+    """Measure how far two points lie apart.
+
+    Parameters
+    ----------
+    one, other : SurfacePoint
+    rectified : RectifiedRig
+    uncertainty : SystematicUncertainty, optional
+        What the calibration leaves open.
+
+    Returns
+    -------
+    Between
+
+    Raises
+    ------
+    ValueError
+        If a disparity is not positive: such a point lies nowhere.
+
+    Notes
+    -----
+    ``X = (u - c_x) B / d, Y = (v - c_y) B / d, Z = f B / d`` (`RectifiedRig`); derivatives of the length by central
+    differences.
+    """
+    for point in (one, other):
+        if not point.disparity_px > 0:
+            u, v = point.pixel
+            raise ValueError(
+                f"pixel {u:.0f},{v:.0f} has a disparity of {point.disparity_px:.1f} px: too far to measure"
+            )
+    known = (uncertainty or SystematicUncertainty()).covariance
+    K = rectified.P1[:, :3]
+
+    def points(values: Float64) -> Float64:
+        u, v, d = values[:6].reshape(2, 3).T
+        f, B, offset = values[6] + rectified.f_px, values[7] + rectified.baseline_mm, values[8]
+        depth = f * B / (d - offset)
+        return np.column_stack([(u - K[0, 2]) / f * depth, (v - K[1, 2]) / f * depth, depth])
+
+    def length(values: Float64) -> float:
+        return float(np.linalg.norm(np.subtract(*points(values))))
+
+    at = np.array([*one.pixel, one.disparity_px, *other.pixel, other.disparity_px, 0.0, 0.0, 0.0])
+    covariance = np.zeros((9, 9))
+    each = [_CLICK_STD_PX, _CLICK_STD_PX, one.std_px, _CLICK_STD_PX, _CLICK_STD_PX, other.std_px]
+    covariance[:6, :6], covariance[6:, 6:] = np.diag(np.square(each)), known
+    steps = 1e-3 * np.eye(9)
+    slope = np.array([(length(at + step) - length(at - step)) / 2e-3 for step in steps])
+    return Between(points(at), length(at), float(np.sqrt(slope @ covariance @ slope)))
+
+
+def match_views(views: Views) -> Float32:
+    """Match a pair in full size, in a window that holds what the half size saw.
+
+    Parameters
+    ----------
+    views : Views
+
+    Returns
+    -------
+    (H, W) float32, px
+        NaN where nothing was matched.
+    """
+    seen = views.disparity_px[np.isfinite(views.disparity_px)]
+    most = float(seen.max(initial=0.0))
+    room = (views.left.shape[1] - 16) // 16 * 16
+    return compute_disparity(
+        views.left, views.right, SGBMParams(min(max(64, 16 * -(-int(most + 8) // 16)), room), mode="hh"), whole=True
+    )

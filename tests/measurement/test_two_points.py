@@ -1,0 +1,97 @@
+"""Lengths between two pixels, against the virtual rig's truth."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from stereolib.base import Float64
+from stereolib.measurement import (
+    SurfacePoint,
+    SystematicUncertainty,
+    Views,
+    find_surface,
+    match_views,
+    measure_between,
+)
+from stereolib.virtual import Truth, recordings
+
+RECTIFIED = recordings.rectified()
+
+
+def seen(name: str) -> tuple[Views, np.ndarray, Truth]:
+    views = Views.of(*recordings.load_pair(name), RECTIFIED)
+    return views, match_views(views), recordings.load_truth(name)
+
+
+def pairs_of_pixels(truth: Truth, count: int) -> Float64:
+    """Of the cube, in random pairs."""
+    on = np.argwhere(np.isfinite(truth.disparity_px) & truth.visible & (truth.box == 1))[:, ::-1]
+    return on[np.random.default_rng(3).integers(len(on), size=(count, 2))].astype(float)
+
+
+def off_and_std(name: str, count: int = 80) -> Float64:
+    """Errors of lengths and their deviations, mm, of those that are not refused."""
+    views, map_px, truth = seen(name)
+    found = []
+    for pixels in pairs_of_pixels(truth, count):
+        ends = [SurfacePoint(at, float(truth.disparity_px[int(at[1]), int(at[0])]), 0.0) for at in pixels]
+        true_mm = measure_between(*ends, RECTIFIED).length_mm
+        try:
+            told = measure_between(*(find_surface(views, map_px, at) for at in pixels), RECTIFIED)
+        except ValueError:
+            continue
+        found.append((told.length_mm - true_mm, told.std_mm))
+    return np.array(found).reshape(-1, 2)
+
+
+@pytest.mark.parametrize(
+    ("name", "least", "typical_mm"),
+    [("conditions/texture", 60, 0.3), ("conditions/glare", 30, 0.6), ("series/coarse_1000", 60, 1.0)],
+)
+def test_lengths_on_the_cube(name: str, least: int, typical_mm: float) -> None:
+    off, std = off_and_std(name).T
+    assert len(off) >= least and np.median(np.abs(off)) < typical_mm
+    assert np.mean(np.abs(off) < 1.96 * std) >= 0.9
+    assert np.median(std) < 3 * typical_mm  # and not by saying nothing
+
+
+@pytest.mark.parametrize(("name", "most"), [("conditions/plain", 2), ("conditions/poor_light", 30)])
+def test_what_shows_too_little_is_refused(name: str, most: int) -> None:
+    off, std = off_and_std(name).T
+    assert len(off) <= most and (np.abs(off) < 3 * std).all()
+
+
+def test_the_edge_of_the_cube_between_two_marks() -> None:
+    views, map_px, _ = seen("conditions/texture")
+    setup = recordings.setup()
+    top_and_foot = np.array([(700.0, 0.0, z) for z in (20.0, 280.0)])
+    seen_mm = (top_and_foot @ setup[:3, :3].T + setup[:3, 3]) @ RECTIFIED.R1.T
+    pixels = seen_mm @ RECTIFIED.P1[:, :3].T
+    found = measure_between(*(find_surface(views, map_px, at[:2] / at[2]) for at in pixels), RECTIFIED)
+    assert found.length_mm == pytest.approx(260.0, abs=2 * found.std_mm) and found.std_mm < 3
+
+
+def test_the_calibration_widens_the_interval() -> None:
+    one, other = SurfacePoint(np.array([300.0, 200]), 80.0, 0.05), SurfacePoint(np.array([300.0, 400]), 80.0, 0.05)
+    bare = measure_between(one, other, RECTIFIED)
+    known = measure_between(one, other, RECTIFIED, SystematicUncertainty(baseline_mm=0.01 * RECTIFIED.baseline_mm))
+    assert known.length_mm == bare.length_mm
+    assert known.std_mm == pytest.approx(np.hypot(bare.std_mm, 0.01 * bare.length_mm), rel=1e-3)
+
+
+def test_what_cannot_be_told() -> None:
+    views, map_px, _ = seen("conditions/texture")
+    with pytest.raises(ValueError, match=r"pixel 900,10 is outside the picture of 640x480"):
+        find_surface(views, map_px, (900, 10))
+    with pytest.raises(ValueError, match="outside the picture"):
+        find_surface(views, map_px, (np.nan, 10))
+    with pytest.raises(ValueError, match="nothing was matched at pixel 300,200"):
+        find_surface(views, np.full_like(map_px, np.nan), (300, 200))
+    lonely = np.full_like(map_px, np.nan)
+    lonely[200, 300] = 50
+    with pytest.raises(ValueError, match="hardly anything was matched around pixel 300,200"):
+        find_surface(views, lonely, (300, 200))
+    far = SurfacePoint(np.array([10.0, 10.0]), -0.5, 0.1)
+    with pytest.raises(ValueError, match=r"pixel 10,10 has a disparity of -0.5 px: too far"):
+        measure_between(far, far, RECTIFIED)

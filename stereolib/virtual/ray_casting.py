@@ -24,7 +24,8 @@ _CONE_SPARE = 1e-5  # of a cosine: more than rounding takes
 _LEAST_PATTERN, _MOST_PATTERN = 0.05, 1.95  # of the mean reflectance: a texture never turns black or glows
 _INK = 0.05  # reflectance of a board's black squares, of the paper's
 _GLARE_SPOTS = 5  # points of an area light that glare is taken from
-_FRESNEL = 0.04  # reflectance of glossy paint met head on
+FRESNEL = 0.04  # reflectance of glossy paint met head on
+LEAST_ROUGHNESS = 1e-6  # its fourth power: a perfect mirror would have no glare to sample
 
 
 @dataclass(frozen=True, eq=False)
@@ -433,7 +434,7 @@ def _radiance(
         if bounce and material.gloss:
             cos = -toward @ normal
             mirrored = toward + 2 * cos[:, None] * normal
-            fresnel = material.gloss * (_FRESNEL + (1 - _FRESNEL) * (1 - cos) ** 5)
+            fresnel = material.gloss * (FRESNEL + (1 - FRESNEL) * (1 - cos) ** 5)
             reflected = _radiance(scene, points, mirrored, pixel_rad, 1, bounce=False)
             light[at] += (fresnel * (1 - material.roughness))[:, None] * reflected
     return light
@@ -507,9 +508,9 @@ def _ggx(to_light: Float64, normal: Float64, to_eye: Float64, material: Material
     half /= np.maximum(np.linalg.norm(half, axis=1, keepdims=True), 1e-6)
     nl, nv, nh = (np.maximum(x @ normal, 1e-3) for x in (to_light, to_eye, half))
     vh = np.maximum((to_eye * half).sum(axis=1), 0)
-    a2 = material.roughness**4 + 1e-6
+    a2 = material.roughness**4 + LEAST_ROUGHNESS
     spread = a2 / (np.pi * (nh * nh * (a2 - 1) + 1) ** 2)
-    fresnel = material.gloss * (_FRESNEL + (1 - _FRESNEL) * (1 - vh) ** 5)
+    fresnel = material.gloss * (FRESNEL + (1 - FRESNEL) * (1 - vh) ** 5)
     k = a2**0.5 / 2
     shadowing = nl * nv / ((nl * (1 - k) + k) * (nv * (1 - k) + k))
     return np.where(to_light @ normal > 0, spread * fresnel * shadowing / (4 * nv), 0)

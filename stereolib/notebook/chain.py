@@ -24,6 +24,7 @@ from stereolib.matching import (
     check_matchable,
     compute_disparity,
     compute_disparity_guided,
+    dilate,
     expected_disparity,
     motorcycle_view,
     score,
@@ -39,7 +40,7 @@ from stereolib.measurement import (
     attempt_in,
     measure_views,
 )
-from stereolib.notebook.knobs import FILTERS, MATCHERS, MOTORCYCLE, OWN, VIRTUAL, WINDOWS, State
+from stereolib.notebook.knobs import DILATION, FILTERS, MATCHERS, MOTORCYCLE, OWN, VIRTUAL, WINDOWS, State
 from stereolib.paper import HeightResult, height_by_maximum
 from stereolib.rig import Camera, RectifiedRig, StereoRig, read_pair
 from stereolib.virtual import (
@@ -186,7 +187,7 @@ def idle(state: State) -> frozenset[str]:
     Examples
     --------
     >>> sorted(idle(State(filter="dilation")) ^ idle(State()))
-    ['kernel_px']
+    ['kernel_px', 'kernel_shape']
     """
     scans = state.source in (VIRTUAL, *recordings.pairs()) or (state.source == OWN and bool(state.own[3]))
     is_emulated = scans and state.source != OWN and not state.source.startswith("room/")
@@ -203,6 +204,7 @@ def idle(state: State) -> frozenset[str]:
         ("matcher",): not narrows,
         _OF_SGBM: narrows or state.matcher == MATCHERS[0] or state.filter == "left_right",
         ("kernel_px",): state.filter not in _WITHOUT_KERNEL,
+        ("kernel_shape",): state.filter == DILATION,
     }
     return frozenset(name for names, turns_something in turned.items() if not turns_something for name in names)
 
@@ -394,13 +396,15 @@ def disparity(state: State) -> Float32:
     return compute_disparity_guided(*pair(state), expected, state.sgbm, margin_px=_MARGIN_PX)
 
 
-@step("filter", "kernel_px", after=(disparity,))
+@step("filter", "kernel_px", "kernel_shape", after=(disparity,))
 def filtered(state: State) -> Float32:
     """The map after the filter."""
     if state.filter == FILTERS[0]:
         return disparity(state)
     left, right = pair(state)
     size = state.kernel_px if not state.half else max(3, state.kernel_px // 4 * 2 + 1)
+    if state.filter == DILATION:
+        return dilate(disparity(state), size, shape=state.kernel_shape)
     mirrored = None
     if state.filter == "left_right":
         mirrored = compute_disparity(right[:, ::-1].copy(), left[:, ::-1].copy(), state.sgbm)[:, ::-1]

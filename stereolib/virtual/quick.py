@@ -208,8 +208,8 @@ class _Face:
 class _View:
     """Rays from an eye, or from its mirror image behind a face: then they begin where they leave the face.
 
-    `rays` (3, N) with third row 1 are turned into the world by `R`; `length` (N,) is theirs, and they begin `begin` (N,)
-    times that away from the eye.
+    `rays` (3, N) with third row 1 are turned into the world by `R`; `length` (N,) is theirs, and they begin `begin`
+    (N,) times that away from the eye.
     """
 
     eye: Float64

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from collections import OrderedDict
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from copy import deepcopy
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -85,18 +85,24 @@ class Step(Generic[_Made]):
         self.knobs: tuple[str, ...] = tuple(
             dict.fromkeys([name for step in after for name in step.knobs] + list(knobs))
         )
-        self._made: OrderedDict[tuple[object, ...], _Made] = OrderedDict()
-        self._one_at_a_time = threading.Lock()  # a click asks while the pictures are being drawn
+        self._made: OrderedDict[tuple[object, ...], Future[_Made]] = OrderedDict()
+        self._looking = threading.Lock()  # a click asks while the pictures are being drawn
 
     def __call__(self, state: State) -> _Made:
         key = tuple(getattr(state, name) for name in self.knobs)
-        with self._one_at_a_time:
-            if key not in self._made:
-                self._made[key] = self.make(state)
-                while len(self._made) > _KEPT:
-                    self._made.popitem(last=False)
+        with self._looking:
+            is_new = key not in self._made
+            made = self._made.setdefault(key, Future())
             self._made.move_to_end(key)
-            return self._made[key]
+            while len(self._made) > _KEPT:
+                self._made.popitem(last=False)
+        if is_new:
+            try:
+                made.set_result(self.make(state))
+            except BaseException as error:
+                self._made.pop(key, None)
+                made.set_exception(error)
+        return made.result()
 
 
 def step(*knobs: str, after: tuple[Step[Any], ...] = ()) -> Callable[[Callable[[State], _Made]], Step[_Made]]:
@@ -459,27 +465,33 @@ def measured(state: State) -> Measurement | str:
         return str(error)
 
 
+_TWO = ThreadPoolExecutor(2, "chain")
+_LOOK_UP_S = 0.02
 _LONG = ((taken, known, scan), (quality, measured, ground_plane))  # those of a row need nothing of each other
 
 
 def is_made(state: State, is_old: Callable[[], bool]) -> bool:
-    """Take the long steps of a state, two at a time, and stop where nobody wants it any more.
+    """Take the long steps of a state, two at a time, and wait no longer where nobody wants it any more.
 
     Parameters
     ----------
     state : State
     is_old : callable
-        Asked before the pictures and before what is done with them.
+        Asked again and again; what is under way then ends unseen.
 
     Returns
     -------
     bool
         Whether all were taken.
     """
-    with ThreadPoolExecutor(2) as two:
-        for together in _LONG:
-            if is_old():
-                return False
-            for made in [two.submit(one, state) for one in together]:
-                made.result()
+    for together in _LONG:
+        made = [_TWO.submit(one, state) for one in together]
+        while wait(made, _LOOK_UP_S).not_done and not is_old():
+            pass
+        if is_old():
+            for one in made:
+                one.cancel()
+            return False
+        for one in made:
+            one.result()
     return True

@@ -13,7 +13,7 @@ from stereolib.base import Float64, Floats, UInt8
 from stereolib.matching import pixel_cost
 from stereolib.measurement import OBJECT_RGB, MeasuredObject, Measurement, draw_objects
 from stereolib.notebook import chain
-from stereolib.notebook.knobs import State
+from stereolib.notebook.knobs import BEST, State
 from stereolib.paper import HeightResult
 from stereolib.plotting import LASER, OURS, PAPER, REFUSED, TRUTH, color_disparity, color_error, figure_to_image, panels
 
@@ -221,7 +221,9 @@ def result_line(state: State) -> str:
 
 
 def _warnings(state: State) -> list[str]:
-    """What the measurement says of the rig, without what the bench knows itself."""
+    """What the measurement says of the rig, without what the bench knows itself, and what takes long."""
+    if state.half and state.matcher == BEST:
+        return [f'half size for now: the matcher "{BEST}" computes the full one for some seconds …']
     measured = None if state.half else chain.measured(state)
     texts = measured.warnings if isinstance(measured, Measurement) else ()
     return [text for text in texts if not text.startswith(_NOT_CALIBRATED)]

@@ -12,7 +12,8 @@ from stereolib.matching import SMOOTHING_METHODS, SGBMParams
 Value: TypeAlias = float | int | str | bool
 VIRTUAL, OWN, MOTORCYCLE = "virtual rig", "own pair", "motorcycle (Middlebury)"
 WINDOWS = ("all disparities", "around the laser's")
-MATCHERS = ("sgbm", "paper", "fast", "best")
+BEST = "best"
+MATCHERS = ("sgbm", "paper", "fast", BEST)
 FILTERS = ("none", *SMOOTHING_METHODS)
 DILATION, KERNELS = "dilation", ("rect", "ellipse", "cross")
 _SUM_LIMIT, _LEAST_ROOM = 32767, 88  # as of `SGBMParams.room`

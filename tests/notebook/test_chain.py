@@ -66,12 +66,47 @@ def test_only_what_depends_on_the_knob_is_done_again(counted, turned, again):
 
 
 def test_long_steps_are_taken_once_and_given_up_when_a_newer_state_came(counted):
-    state, asked = replace(State(), distance_mm=910), iter((False, True))
-    assert not chain.is_made(state, lambda: next(asked))
+    state = replace(State(), distance_mm=910)
+    assert not chain.is_made(state, lambda: counted["taken"] + counted["known"] == 2)
     assert counted["taken"] == counted["known"] == 1 and counted["matched"] == counted["measured"] == 0
     assert chain.is_made(state, lambda: False)
     assert draw_panels(state) and result_line(state)
     assert max(counted.values()) == 1 and counted["measured"] == counted["ground_plane"] == counted["views"] == 1
+
+
+def test_a_long_step_holds_up_no_preview(counted, monkeypatch):
+    """While the full map is computed, half sizes are shown, and a newer state does not wait for its end."""
+    begun, go_on, made = threading.Event(), threading.Event(), chain.matched.make
+
+    def slow(state):
+        if not state.half:
+            begun.set()
+            assert go_on.wait(20)
+        return made(state)
+
+    monkeypatch.setattr(chain.matched, "make", slow)
+    state = replace(TEXTURE, uniqueness_ratio=13)
+    try:
+        assert not chain.is_made(state, begun.is_set)
+        assert draw_panels(replace(state, half=True)) and counted["matched"] == 1
+    finally:
+        go_on.set()
+    assert chain.is_made(state, lambda: False) and counted["matched"] == 2
+
+
+def test_a_step_that_fails_is_tried_again(counted, monkeypatch):
+    made, tries = chain.matched.make, iter((True, False))
+
+    def once(state):
+        if next(tries):
+            raise ValueError("too narrow")
+        return made(state)
+
+    monkeypatch.setattr(chain.matched, "make", once)
+    state = replace(TEXTURE, half=True, uniqueness_ratio=12)
+    with pytest.raises(ValueError, match="too narrow"):
+        chain.filtered(state)
+    assert chain.filtered(state).shape == (240, 320) and counted["matched"] == 1
 
 
 def test_two_cameras_at_once_have_the_noise_that_one_after_the_other_has():

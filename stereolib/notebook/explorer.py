@@ -263,7 +263,10 @@ class _Upload:
             own = tuple(paths[name] for name in _UPLOADS)
             chain.check_own(own)
         except (ValueError, OSError) as error:
-            self._said.value = _sentence(f"Not used: {error}", "b00020")
+            told = str(error)
+            for path in filter(None, paths.values()):
+                told = told.replace(path, Path(path).name)  # the visitor knows no other
+            self._said.value = _sentence(f"Not used: {told}", "b00020")
             return
         self._said.value = ""
         self._take(own)

@@ -13,10 +13,8 @@ from importlib.resources import files
 from pathlib import Path
 
 from stereolib.cli.command import Command
-from stereolib.cli.errors import named
 
 _PAGE = "explore.ipynb"
-_FILES = "STEREOLIB_EXPLORE"  # of the environment: what the page looks at, as JSON
 _STRANGERS = ["@jupyter-notebook/lab-extension"]  # it needs parts that Voila has not
 _HOST = "127.0.0.1"
 _NOTES = """\
@@ -34,9 +32,12 @@ def _configure(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    environment = dict(os.environ)
-    if own := _checked(arguments):
-        environment[_FILES] = json.dumps(own)
+    from stereolib.notebook.chain import OWN_FILES
+    from stereolib.reproduction import ONE_THREAD
+
+    environment = ONE_THREAD | dict(os.environ)  # the page has threads of its own, for both cameras
+    if own := _own_pair(arguments):
+        environment[OWN_FILES] = json.dumps(own)
     if importlib.util.find_spec("voila") is None:
         raise ValueError("explore needs Voila: run make explore, or pip install 'stereolib[explore]'")
     here = files("stereolib.notebook")
@@ -55,32 +56,19 @@ def _free_port() -> int:
         return int(asked.getsockname()[1])
 
 
-def _checked(arguments: argparse.Namespace) -> dict[str, str]:
-    """Paths of an own pair by their names, each read once to be sure; empty if there is none."""
-    from stereolib.mapping import read_scan
-    from stereolib.matching import check_matchable
-    from stereolib.measurement import Instrument
-    from stereolib.rig import read_pair
+def _own_pair(arguments: argparse.Namespace) -> tuple[str, ...]:
+    """Paths of an own pair, tried once to be sure: as `check_own` takes them; empty if there is none."""
+    from stereolib.notebook.chain import check_own
 
     if not arguments.pair:
         if arguments.calibration or arguments.scan:
             raise ValueError("--calibration and --scan belong to a pair: add LEFT RIGHT")
-        return {}
+        return ()
     if len(arguments.pair) != 2:
         raise ValueError(f"LEFT RIGHT are two pictures, got {len(arguments.pair)}")
-    left, right = arguments.pair
-    pair = read_pair(left, right)
-    check_matchable(*pair, (str(left), str(right)))
-    named_files = dict(zip(("left", "right"), arguments.pair, strict=True))
-    if arguments.calibration:
-        rectified = Instrument.load(arguments.calibration).rectified
-        with named(*arguments.pair):
-            rectified.rectify(*pair)
-        named_files["calibration"] = arguments.calibration
-    if arguments.scan:
-        read_scan(arguments.scan)
-        named_files["scan"] = arguments.scan
-    return {name: str(Path(path).resolve()) for name, path in named_files.items()}
+    files = (*arguments.pair, arguments.calibration, arguments.scan)
+    check_own(tuple(str(file or "") for file in files))
+    return tuple(str(file.resolve()) if file else "" for file in files)
 
 
 EXPLORE = Command(

@@ -2,10 +2,10 @@ from .box import Box, Side
 from .disparity_map import add_outliers, check_disparity_map, pixel_rays
 from .faces import Face
 from .floor import Floor, FloorLimits, fit_floor, floor_from_pose, floor_tolerance_px
-from .height_attempt import HeightAttempt, attempt_height, corner_width_mm
+from .height_attempt import HeightAttempt, attempt_height, attempt_in, corner_width_mm
 from .instrument import Instrument, SystematicUncertainty, save_laser_pose
 from .laser_on_floor import LaserOnFloor
-from .measure import Measurement, measure_objects
+from .measure import Measurement, measure_objects, measure_views
 from .measured_object import SIZE_NAMES, MeasuredObject
 from .missing_floor import NoFloor, find_floor, why_no_floor
 from .overlay import OBJECT_RGB, draw_length, draw_objects
@@ -43,6 +43,7 @@ __all__ = [
     "Why",
     "add_outliers",
     "attempt_height",
+    "attempt_in",
     "check_disparity_map",
     "corner_width_mm",
     "draw_length",
@@ -56,6 +57,7 @@ __all__ = [
     "match_views",
     "measure_between",
     "measure_objects",
+    "measure_views",
     "pixel_rays",
     "save_laser_pose",
     "why_no_floor",

@@ -110,7 +110,28 @@ def attempt_height(
     ValueError
         If pictures and rig do not fit together.
     """
-    views = Views.of_rectified(left, right)
+    return attempt_in(Views.of_rectified(left, right), rectified, floor=floor, uncertainty=uncertainty)
+
+
+def attempt_in(
+    views: Views,
+    rectified: RectifiedRig,
+    *,
+    floor: Floor | None = None,
+    uncertainty: SystematicUncertainty | None = None,
+) -> HeightAttempt:
+    """Attempt what `attempt_height` does in a pair that is prepared already.
+
+    Parameters
+    ----------
+    views : Views
+    rectified, floor, uncertainty
+        As for `attempt_height`.
+
+    Returns
+    -------
+    HeightAttempt
+    """
     attempt = HeightAttempt(views.left, views.right, views.disparity_px)
     try:
         floor = floor or find_floor(views, rectified)

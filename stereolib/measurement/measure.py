@@ -106,8 +106,31 @@ def measure_objects(
     ValueError
         If pictures and calibration do not fit together.
     """
-    views, warnings = Views.of(left, right, instrument.rectified), list[str]()
-    regions, no_floor = list[ObjectRegion](), ""
+    return measure_views(Views.of(left, right, instrument.rectified), scan, instrument, floor=floor)
+
+
+def measure_views(
+    views: Views, scan: LaserScan | None, instrument: Instrument, *, floor: Floor | None = None
+) -> Measurement:
+    """Measure what `measure_objects` does in a pair that is prepared already.
+
+    Parameters
+    ----------
+    views : Views
+        Of the instrument's cameras.
+    scan, instrument, floor
+        As for `measure_objects`.
+
+    Returns
+    -------
+    Measurement
+
+    Raises
+    ------
+    CannotMeasure
+        As `measure_objects` does.
+    """
+    warnings, regions, no_floor = list[str](), list[ObjectRegion](), ""
     try:
         floor = floor or find_floor(views, instrument.rectified)
         regions = find_objects(views.disparity_px, floor)

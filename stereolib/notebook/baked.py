@@ -41,11 +41,9 @@ class Baked:
     draw : callable
         Takes the knobs and what is fixed by name; returns picture and text.
     knobs : dict of str to (first, values)
-        What can be turned, and where it begins. One to three.
+        What can be turned, and where it begins. One or two.
     fixed : dict of str to object
         Further arguments.
-    is_wide : bool
-        Of several panels with words in them: on a telephone it keeps its size and is pushed sideways.
     """
 
     stem: str
@@ -54,7 +52,6 @@ class Baked:
     draw: Drawing
     knobs: dict[str, tuple[Any, Sequence[Any]]]
     fixed: dict[str, Any] = field(default_factory=dict)
-    is_wide: bool = False
 
     @property
     def file(self) -> str:
@@ -82,8 +79,7 @@ PAGES = (
         "same?",
         first_drawings.draw_two_pictures,
         {"baseline_mm": (100, (50, 100, 150, 200, 400)), "distance_mm": (700, (500, 700, 1000, 1400, 2000))},
-        {"focal_length_px": 730},
-        is_wide=True,
+        {"focal_length_px": 730, "columns": 2},
     ),
     Baked(
         "01_calibration",
@@ -109,7 +105,6 @@ PAGES = (
         matching_drawings.draw_prices,
         {"P1": (8, (1, 4, 8, 16, 24)), "P2": (32, (26, 32, 64, 100, 150))},
         {"condition": "glare"},
-        is_wide=True,
     ),
     Baked(
         "04_dilation",
@@ -117,16 +112,15 @@ PAGES = (
         "Which filter leaves the least of the cube wrong or missing? The paper dilates.",
         matching_drawings.draw_dilation,
         {"method": ("dilation", tuple(SMOOTHING_METHODS)), "size_px": (9, (5, 9))},
-        {"condition": "poor_light"},
-        is_wide=True,
+        {"condition": "poor_light", "with_truth": False},
     ),
     Baked(
         "05_lrf",
         "05. The laser",
         "More turns take noise away. What do they do about a reading that is always too long?",
         laser_drawings.draw_sweep,
-        {"noise": (1.0, (0.0, 1.0, 2.0, 4.0)), "turns": (5, (1, 5, 20)), "bias_mm": (0.0, (0.0, 15.0))},
-        {"albedo": 0.45, "distance_mm": 700, "yaw_deg": 45},
+        {"turns": (1, (1, 2, 5, 10, 30)), "bias_mm": (0.0, (0.0, 15.0, 30.0))},
+        {"noise": 2.0, "albedo": 0.45, "distance_mm": 700, "yaw_deg": 45},
     ),
     Baked(
         "06_height",

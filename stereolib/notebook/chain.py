@@ -5,7 +5,10 @@ from __future__ import annotations
 import threading
 from collections import OrderedDict
 from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor, wait
+from copy import deepcopy
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
@@ -21,14 +24,23 @@ from stereolib.matching import (
     check_matchable,
     compute_disparity,
     compute_disparity_guided,
+    dilate,
     expected_disparity,
     motorcycle_view,
     score,
     smooth,
     stereo_pipeline,
 )
-from stereolib.measurement import CannotMeasure, HeightAttempt, Instrument, Measurement, attempt_height, measure_objects
-from stereolib.notebook.knobs import FILTERS, MATCHERS, MOTORCYCLE, OWN, VIRTUAL, WINDOWS, State
+from stereolib.measurement import (
+    CannotMeasure,
+    HeightAttempt,
+    Instrument,
+    Measurement,
+    Views,
+    attempt_in,
+    measure_views,
+)
+from stereolib.notebook.knobs import DILATION, FILTERS, MATCHERS, MOTORCYCLE, OWN, VIRTUAL, WINDOWS, State
 from stereolib.paper import HeightResult, height_by_maximum
 from stereolib.rig import Camera, RectifiedRig, StereoRig, read_pair
 from stereolib.virtual import (
@@ -43,6 +55,8 @@ from stereolib.virtual import (
     render_truth,
 )
 
+#: Name of the environment variable in which ``stereolib explore`` hands over an own pair, as JSON.
+OWN_FILES = "STEREOLIB_EXPLORE"
 _Made = TypeVar("_Made")
 _KEPT = 6  # results of a step
 _MARGIN_PX = 8  # searched around what the laser predicts
@@ -71,18 +85,24 @@ class Step(Generic[_Made]):
         self.knobs: tuple[str, ...] = tuple(
             dict.fromkeys([name for step in after for name in step.knobs] + list(knobs))
         )
-        self._made: OrderedDict[tuple[object, ...], _Made] = OrderedDict()
-        self._one_at_a_time = threading.Lock()  # a click asks while the pictures are being drawn
+        self._made: OrderedDict[tuple[object, ...], Future[_Made]] = OrderedDict()
+        self._looking = threading.Lock()  # a click asks while the pictures are being drawn
 
     def __call__(self, state: State) -> _Made:
         key = tuple(getattr(state, name) for name in self.knobs)
-        with self._one_at_a_time:
-            if key not in self._made:
-                self._made[key] = self.make(state)
-                while len(self._made) > _KEPT:
-                    self._made.popitem(last=False)
+        with self._looking:
+            is_new = key not in self._made
+            made = self._made.setdefault(key, Future())
             self._made.move_to_end(key)
-            return self._made[key]
+            while len(self._made) > _KEPT:
+                self._made.popitem(last=False)
+        if is_new:
+            try:
+                made.set_result(self.make(state))
+            except BaseException as error:
+                self._made.pop(key, None)
+                made.set_exception(error)
+        return made.result()
 
 
 def step(*knobs: str, after: tuple[Step[Any], ...] = ()) -> Callable[[Callable[[State], _Made]], Step[_Made]]:
@@ -131,10 +151,14 @@ def check_own(files: tuple[str, ...]) -> None:
         If one cannot be read.
     """
     left, right, calibration, scan_file = files
-    pair = read_pair(left, right)
-    check_matchable(*pair, (Path(left).name, Path(right).name))
+    pictures, names = read_pair(left, right), (Path(left).name, Path(right).name)
+    check_matchable(*pictures, names)
     if calibration:
-        Instrument.load(calibration).rectified.rectify(*pair)
+        rectified = Instrument.load(calibration).rectified
+        try:
+            rectified.rectify(*pictures)
+        except ValueError as error:
+            raise ValueError(f"{' and '.join(names)} do not fit {Path(calibration).name}: {error}") from error
     if scan_file:
         read_scan(Path(scan_file))
 
@@ -169,7 +193,7 @@ def idle(state: State) -> frozenset[str]:
     Examples
     --------
     >>> sorted(idle(State(filter="dilation")) ^ idle(State()))
-    ['kernel_px']
+    ['kernel_px', 'kernel_shape']
     """
     scans = state.source in (VIRTUAL, *recordings.pairs()) or (state.source == OWN and bool(state.own[3]))
     is_emulated = scans and state.source != OWN and not state.source.startswith("room/")
@@ -186,6 +210,7 @@ def idle(state: State) -> frozenset[str]:
         ("matcher",): not narrows,
         _OF_SGBM: narrows or state.matcher == MATCHERS[0] or state.filter == "left_right",
         ("kernel_px",): state.filter not in _WITHOUT_KERNEL,
+        ("kernel_shape",): state.filter == DILATION,
     }
     return frozenset(name for names, turns_something in turned.items() if not turns_something for name in names)
 
@@ -261,8 +286,9 @@ def taken(state: State) -> Taken:
     if state.source == VIRTUAL:
         finer = 2.0 if state.half else 1.0  # four pixels in one: half the noise
         webcam = Webcam(full_well_e=6000 * (finer / state.noise) ** 2, read_noise_e=12 * finer / state.noise)
-        rng = np.random.default_rng(_SEED)
-        left, right = (webcam.shoot(state.light * side, rng) for side in light(state))
+        rays = [state.light * side for side in light(state)]
+        with ThreadPoolExecutor(2) as both:
+            left, right = both.map(webcam.shoot, rays, map(deepcopy, _noise(rays[0].shape)))
         return Taken(left, _brighter(right, state.exposure_ev), true_rig(state))
     if state.source == MOTORCYCLE:
         view = motorcycle_view()
@@ -273,6 +299,14 @@ def taken(state: State) -> Taken:
         return _smaller(Taken(*read_pair(left_file, right_file), rig), state.half)
     left, right = recordings.load_pair(state.source)
     return _smaller(Taken(left, _brighter(right, state.exposure_ev), recordings.rectified().rig), state.half)
+
+
+@lru_cache(maxsize=4)
+def _noise(shape: tuple[int, ...]) -> tuple[np.random.Generator, np.random.Generator]:
+    """What draws the noise of both cameras: the right one's begins where that of the left picture ends."""
+    left, right = (np.random.default_rng(_SEED) for _ in range(2))
+    right.standard_normal(shape, np.float32)
+    return left, right
 
 
 def _brighter(picture: UInt8, stops: float) -> UInt8:
@@ -349,30 +383,34 @@ def scan(state: State) -> LaserScan | None:
     return average(turns(decode(data)))
 
 
-@step("matcher", "window", "num_disparities", *_OF_SGBM, after=(pair, scan, pose))
-def disparity(state: State) -> Float32:
-    """The map as the matcher gives it."""
-    return _match(state, *pair(state))
-
-
-def _match(state: State, left: UInt8, right: UInt8) -> Float32:
-    turn, rectified = scan(state), rectified_rig(state)
-    if state.window != WINDOWS[0] and turn is not None and rectified is not None and state.source != OWN:
-        expected = expected_disparity(turn, rectified, pose(state), recordings.LASER_POSE)
-        return compute_disparity_guided(left, right, expected, state.sgbm, margin_px=_MARGIN_PX)
+@step("matcher", "num_disparities", *_OF_SGBM, after=(pair,))
+def matched(state: State) -> Float32:
+    """The map as the matcher gives it without the laser."""
     if state.matcher == MATCHERS[0]:
-        return compute_disparity(left, right, state.sgbm)
+        return compute_disparity(*pair(state), state.sgbm)
     count = state.sgbm.num_disparities
-    return stereo_pipeline(state.matcher, -(-count // 32) * 32)(left, right).disparity_px
+    return stereo_pipeline(state.matcher, -(-count // 32) * 32)(*pair(state)).disparity_px
 
 
-@step("filter", "kernel_px", after=(disparity,))
+@step("window", after=(matched, scan, pose))
+def disparity(state: State) -> Float32:
+    """The map as the matcher gives it, where the laser narrows its window, or everywhere."""
+    turn, rectified = scan(state), rectified_rig(state)
+    if state.window == WINDOWS[0] or turn is None or rectified is None or state.source == OWN:
+        return matched(state)
+    expected = expected_disparity(turn, rectified, pose(state), recordings.LASER_POSE)
+    return compute_disparity_guided(*pair(state), expected, state.sgbm, margin_px=_MARGIN_PX)
+
+
+@step("filter", "kernel_px", "kernel_shape", after=(disparity,))
 def filtered(state: State) -> Float32:
     """The map after the filter."""
     if state.filter == FILTERS[0]:
         return disparity(state)
     left, right = pair(state)
     size = state.kernel_px if not state.half else max(3, state.kernel_px // 4 * 2 + 1)
+    if state.filter == DILATION:
+        return dilate(disparity(state), size, shape=state.kernel_shape)
     mirrored = None
     if state.filter == "left_right":
         mirrored = compute_disparity(right[:, ::-1].copy(), left[:, ::-1].copy(), state.sgbm)[:, ::-1]
@@ -401,41 +439,59 @@ def recipe(state: State) -> HeightResult | str:
 
 
 @step(after=(rectified_rig,))
+def views(state: State) -> Views | None:
+    """The pair, prepared to be measured in; None where nothing is known of the cameras."""
+    rectified, shot = rectified_rig(state), taken(state)
+    return Views.of(shot.left, shot.right, rectified) if rectified else None
+
+
+@step(after=(views,))
 def ground_plane(state: State) -> HeightAttempt | None:
     """The height from floor, faces and edges of the pair; None where nothing is known of the cameras."""
-    rectified = rectified_rig(state)
-    return attempt_height(*pair(state), rectified) if rectified else None
+    prepared, rectified = views(state), rectified_rig(state)
+    return attempt_in(prepared, rectified) if prepared and rectified else None
 
 
-@step(after=(rectified_rig, scan))
+@step(after=(views, scan))
 def measured(state: State) -> Measurement | str:
     """All objects from the pair and the scan, or why there are none."""
-    rectified, shot = rectified_rig(state), taken(state)
-    if rectified is None:
+    prepared, rectified = views(state), rectified_rig(state)
+    if prepared is None or rectified is None:
         return "no calibration"
     lidar = Instrument.load(state.own[2]).lidar if state.source == OWN else None
     try:
-        return measure_objects(shot.left, shot.right, scan(state), Instrument(rectified, lidar))
+        return measure_views(prepared, scan(state), Instrument(rectified, lidar))
     except CannotMeasure as error:
         return str(error)
 
 
+_TWO = ThreadPoolExecutor(2, "chain")
+_LOOK_UP_S = 0.02
+_LONG = ((taken, known, scan), (quality, measured, ground_plane))  # those of a row need nothing of each other
+
+
 def is_made(state: State, is_old: Callable[[], bool]) -> bool:
-    """Take the long steps of a state one by one, and stop where nobody wants it any more.
+    """Take the long steps of a state, two at a time, and wait no longer where nobody wants it any more.
 
     Parameters
     ----------
     state : State
     is_old : callable
-        Asked before each step.
+        Asked again and again; what is under way then ends unseen.
 
     Returns
     -------
     bool
         Whether all were taken.
     """
-    for one in (taken, known, scan, filtered, ground_plane, measured):
+    for together in _LONG:
+        made = [_TWO.submit(one, state) for one in together]
+        while wait(made, _LOOK_UP_S).not_done and not is_old():
+            pass
         if is_old():
+            for one in made:
+                one.cancel()
             return False
-        one(state)
+        for one in made:
+            one.result()
     return True

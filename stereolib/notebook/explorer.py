@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 from html import escape
 from pathlib import Path
@@ -29,8 +29,6 @@ from stereolib.notebook.latest import Latest
 from stereolib.notebook.live_picture import LivePicture
 from stereolib.notebook.stories import STORIES, Story
 
-#: Name of the environment variable in which ``stereolib explore`` names its files, as JSON.
-FILES = "STEREOLIB_EXPLORE"
 _UPLOADS = ("left", "right", "calibration", "scan")
 _STYLE = Path(__file__).with_name("explorer.css")
 _Pointed: TypeAlias = tuple[State, tuple[tuple[int, int], ...]]
@@ -265,7 +263,10 @@ class _Upload:
             own = tuple(paths[name] for name in _UPLOADS)
             chain.check_own(own)
         except (ValueError, OSError) as error:
-            self._said.value = _sentence(f"Not used: {error}", "b00020")
+            told = str(error)
+            for path in filter(None, paths.values()):
+                told = told.replace(path, Path(path).name)  # the visitor knows no other
+            self._said.value = _sentence(f"Not used: {told}", "b00020")
             return
         self._said.value = ""
         self._take(own)
@@ -287,8 +288,7 @@ def open_bench() -> Bench:
     -------
     Bench
     """
-    named: Mapping[str, str] = json.loads(os.environ.get(FILES, "{}"))
-    return Bench(tuple(named.get(name, "") for name in _UPLOADS) if named else ())
+    return Bench(tuple(json.loads(os.environ.get(chain.OWN_FILES, "[]"))))
 
 
 def _control(knob: Knob, first: Any) -> Any:

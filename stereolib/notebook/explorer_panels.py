@@ -13,12 +13,12 @@ from stereolib.base import Float64, Floats, UInt8
 from stereolib.matching import pixel_cost
 from stereolib.measurement import OBJECT_RGB, MeasuredObject, Measurement, draw_objects
 from stereolib.notebook import chain
-from stereolib.notebook.knobs import State
+from stereolib.notebook.knobs import BEST, State
 from stereolib.paper import HeightResult
 from stereolib.plotting import LASER, OURS, PAPER, REFUSED, TRUTH, color_disparity, color_error, figure_to_image, panels
 
 WIDTH = 560  # of a shown picture, px
-_BAR, _LABELS = 14, 46  # widths of a colour bar and of its numbers, px
+_BAR, _LABELS = 14, 60  # widths of a colour bar and of its numbers, px
 _ERROR_PX = 4.0  # where the colours of an error end
 _AHEAD_MM, _ASIDE_MM = (-150.0, 2050.0), (-1250.0, 1250.0)  # what is seen from above
 _INTERVAL = 1.96
@@ -115,11 +115,7 @@ def _above(state: State) -> UInt8:
         _line(picture, np.array([[_AHEAD_MM[0], mm], [_AHEAD_MM[1], mm]]), (225, 225, 225))
     eye = np.array([[0.0, 0.0], [2000.0, 840.0], [2000.0, -840.0]])
     _line(picture, eye[[1, 0, 2]], (190, 190, 190))
-    _write(picture, "cameras and laser", _placed(eye[:1])[0] + [8, 14], 0.4)
-    turn = chain.scan(state)
-    if turn is not None:
-        for u, v in _placed(points_of(state)):
-            cv2.circle(picture, (int(u), int(v)), 2, _bgr(LASER), -1, cv2.LINE_AA)
+    _write(picture, "cameras and laser", _placed(eye[:1])[0] + [10, 18], 0.6)
     for outline in _true_outlines(state):
         _line(picture, np.vstack([outline, outline[:1]]), _bgr(TRUTH), 1)
     measured = None if state.half else chain.measured(state)
@@ -127,6 +123,9 @@ def _above(state: State) -> UInt8:
         for k, entry in enumerate(measured.objects):
             color = OBJECT_RGB[k % len(OBJECT_RGB)][::-1]
             _line(picture, np.vstack([entry.outline_mm, entry.outline_mm[:1]]), color, 2)
+    if chain.scan(state) is not None:
+        for u, v in _placed(points_of(state)):
+            cv2.circle(picture, (int(u), int(v)), 2, _bgr(LASER), -1, cv2.LINE_AA)
     return picture
 
 
@@ -183,7 +182,7 @@ def _with_bar(picture: UInt8, low: float, high: float, *, is_error: bool) -> UIn
     for share in np.linspace(0, 1, 5):
         row = round((1 - share) * (height - 1))
         cv2.line(labels, (0, row), (4, row), (60, 60, 60), 1)
-        _write(labels, f"{low + share * (high - low):g}", (7, int(np.clip(row + 4, 11, height - 3))), 0.42)
+        _write(labels, f"{low + share * (high - low):g}", (7, int(np.clip(row + 6, 14, height - 3))), 0.6)
     return np.hstack([picture, np.full((height, 6, 3), 255, np.uint8), bar, labels])
 
 
@@ -221,7 +220,9 @@ def result_line(state: State) -> str:
 
 
 def _warnings(state: State) -> list[str]:
-    """What the measurement says of the rig, without what the bench knows itself."""
+    """What the measurement says of the rig, without what the bench knows itself, and what takes long."""
+    if state.half and state.matcher == BEST:
+        return [f'half size for now: the matcher "{BEST}" computes the full one for some seconds …']
     measured = None if state.half else chain.measured(state)
     texts = measured.warnings if isinstance(measured, Measurement) else ()
     return [text for text in texts if not text.startswith(_NOT_CALIBRATED)]
@@ -248,7 +249,7 @@ def _fused_text(state: State) -> str:
 
 def _sizes(entry: MeasuredObject) -> str:
     parts = [
-        f"{size / 10:.1f} ± {_INTERVAL * std / 10:.1f}" if np.isfinite(size) else "?"
+        f"{size / 10:.2f} ± {_INTERVAL * std / 10:.2f}" if np.isfinite(size) else "?"
         for size, std in zip(entry.size_mm, entry.std_mm, strict=True)
     ]
     return " x ".join(parts) + " cm"

@@ -10,10 +10,11 @@ from stereolib.base import Float64, UInt8
 
 _SIZE = 640, 480  # of both pictures, px
 _SIDE_MM, _CAMERA_UP_MM = 300.0, 150.0
+_PANEL_IN = 9.5 / 3  # width of a panel
 _POST_MM = 1500.0, 4000.0  # a post far behind the box: to the right, forward
 
 
-def draw_two_pictures(baseline_mm: int, focal_length_px: int, distance_mm: int) -> tuple[UInt8, str]:
+def draw_two_pictures(baseline_mm: int, focal_length_px: int, distance_mm: int, columns: int = 3) -> tuple[UInt8, str]:
     """Notebook 00: a box and a far post as two level pinhole cameras see them, and from above.
 
     Parameters
@@ -24,6 +25,8 @@ def draw_two_pictures(baseline_mm: int, focal_length_px: int, distance_mm: int) 
         Of both cameras. The longer, the larger and narrower the view.
     distance_mm : int
         From the cameras to the box's near edge.
+    columns : int
+        Panels beside each other.
 
     Returns
     -------
@@ -32,7 +35,9 @@ def draw_two_pictures(baseline_mm: int, focal_length_px: int, distance_mm: int) 
     """
     from stereolib.plotting import figure_to_image, panels
 
-    figure, axes = panels(3, width_in=9.5, aspect=0.9)
+    figure, axes = panels(columns, -(-3 // columns), width_in=columns * _PANEL_IN, aspect=0.9)
+    for empty in axes[3:]:
+        empty.remove()
     middle_mm = baseline_mm / 2
     for name, ax, at_mm in (("left", axes[0], 0.0), ("right", axes[1], float(baseline_mm))):
         _draw_picture(ax, focal_length_px, distance_mm, at_mm, middle_mm)

@@ -12,8 +12,10 @@ from stereolib.matching import SMOOTHING_METHODS, SGBMParams
 Value: TypeAlias = float | int | str | bool
 VIRTUAL, OWN, MOTORCYCLE = "virtual rig", "own pair", "motorcycle (Middlebury)"
 WINDOWS = ("all disparities", "around the laser's")
-MATCHERS = ("sgbm", "paper", "fast", "best")
+BEST = "best"
+MATCHERS = ("sgbm", "paper", "fast", BEST)
 FILTERS = ("none", *SMOOTHING_METHODS)
+DILATION, KERNELS = "dilation", ("rect", "ellipse", "cross")
 _SUM_LIMIT, _LEAST_ROOM = 32767, 88  # as of `SGBMParams.room`
 _DECIMALS = 6  # more than any step has
 _HALF_STEPS = 16  # OpenCV's search windows are multiples
@@ -201,6 +203,9 @@ class State:
     pre_filter_cap: int = _slider(63, 1, 63, 1, "Matcher", "gradient cap", "Stronger gradients count as this one.")
     # Filter
     filter: str = _menu(FILTERS, FILTERS[0], "Filter", "filter", "What becomes of the map: the paper dilates it.")
+    kernel_shape: str = _menu(
+        KERNELS, KERNELS[0], "Filter", "kernel's shape", "Of the dilation: a rectangle, an ellipse or a cross."
+    )
     kernel_px: int = _menu(tuple(range(3, 32, 2)), 9, "Filter", "kernel (px)", "Edge of the filter's window.")
     # Method
     tolerance_px: float = _slider(

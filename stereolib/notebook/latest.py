@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 import traceback
 from collections.abc import Callable
 from functools import partial
@@ -10,6 +11,7 @@ from typing import Any, Generic, TypeVar
 
 _Value = TypeVar("_Value")
 _REST_S = 0.12  # so long without a new value, and the finger rests
+_LEAST_REST = 0.25  # share of it that is left to the finger after what was quickly shown
 
 
 class Latest(Generic[_Value]):
@@ -22,7 +24,7 @@ class Latest(Generic[_Value]):
     full : callable
         Shows it well, when the finger rests; takes a function beside it that tells whether a newer value has come.
     rest_s : float
-        How long without a new value is a rest.
+        How long without a new value is a rest; a quarter of it at least follows what was quickly shown.
 
     Examples
     --------
@@ -44,7 +46,7 @@ class Latest(Generic[_Value]):
         self._quick, self._full, self._rest_s = quick, full, rest_s
         self._asked: list[_Value] = []
         self._generation, self._done = 0, 0
-        self._changed = threading.Condition()
+        self._changed, self._asked_at_s = threading.Condition(), 0.0
         self._thread: threading.Thread | None = None
 
     def ask(self, value: _Value) -> None:
@@ -56,6 +58,7 @@ class Latest(Generic[_Value]):
         """
         with self._changed:
             self._asked, self._generation = [value], self._generation + 1
+            self._asked_at_s = time.monotonic()
             if self._thread is None or not self._thread.is_alive():
                 self._thread = threading.Thread(target=self._run, daemon=True, name="latest")
                 self._thread.start()
@@ -84,7 +87,8 @@ class Latest(Generic[_Value]):
             is_old = partial(self._is_past, generation)
             self._safely(self._quick, value)
             with self._changed:
-                if self._changed.wait_for(is_old, self._rest_s):
+                rested_s = time.monotonic() - self._asked_at_s
+                if self._changed.wait_for(is_old, max(self._rest_s - rested_s, _LEAST_REST * self._rest_s)):
                     continue
             self._safely(self._full, value, is_old)
             with self._changed:

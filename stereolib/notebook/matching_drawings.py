@@ -117,7 +117,7 @@ def draw_prices(P1: int, P2: int, condition: str = "texture", column: int = 330,
     params = SGBMParams(128, p1=25 * P1, p2=25 * P2)
     found = compute_disparity(left, right, params)
     cost, true_px = pixel_cost(left, right, (column, row), params), truth_px[row, column]
-    figure, axes = panels(2, width_in=9, aspect=0.75)
+    figure, axes = panels(1, 2, width_in=4.5, aspect=0.75)
     axes[0].imshow(color_disparity(found, 0, 160)[..., ::-1])
     axes[0].plot(column, row, "o", mfc="none", mec="white", ms=10, mew=2)
     axes[0].set(title=f"disparity, P1 = {P1}, P2 = {P2}", xlabel="column (px)", ylabel="row (px)")
@@ -205,7 +205,7 @@ def draw_surface(distance_mm: float, contrast: float, scale_mm: float, light: fl
     return np.hstack([left, color_disparity(disparity, 0, 192)]), text
 
 
-def draw_dilation(condition: str, method: str, size_px: int) -> tuple[UInt8, str]:
+def draw_dilation(condition: str, method: str, size_px: int, with_truth: bool = True) -> tuple[UInt8, str]:
     """Notebook 04: the truth, one of Fig. 4's maps, and what a filter makes of it, with the errors on the cube.
 
     Parameters
@@ -216,6 +216,8 @@ def draw_dilation(condition: str, method: str, size_px: int) -> tuple[UInt8, str
         Which filter.
     size_px : int
         Edge of the filter's window.
+    with_truth : bool
+        Whether the true map stands beside the others.
 
     Returns
     -------
@@ -233,7 +235,8 @@ def draw_dilation(condition: str, method: str, size_px: int) -> tuple[UInt8, str
     text += f"{done.filled_pct:.0f} % are filled, {done.wrong2_pct:.0f} % of them wrongly; "
     text += f"good pixels move by {done.shift_px:+.2f} px"
     part = slice(90, 470), slice(118, 560)
-    figure = plot_repairs({"as matched": before, method: after}, truth_px, cube, part, columns=3)
+    maps_px = {"as matched": before, method: after}
+    figure = plot_repairs(maps_px, truth_px, cube, part, columns=len(maps_px) + with_truth, with_truth=with_truth)
     figure.set_dpi(110)
     return figure_to_image(figure), text
 

@@ -15,7 +15,7 @@ from stereolib import paper
 from stereolib.base import UInt8
 from stereolib.matching import SGBMParams
 from stereolib.notebook import chain
-from stereolib.notebook.knobs import FILTERS, MATCHERS, OWN, WINDOWS, State, to_text
+from stereolib.notebook.knobs import DILATION, FILTERS, MATCHERS, OWN, WINDOWS, State, to_text
 from stereolib.plotting import color_disparity
 from stereolib.virtual import recordings
 
@@ -85,6 +85,8 @@ def _map_lines(state: State) -> list[str]:
         lines.append(
             f'disparity_px = smooth(disparity_px, "left_right", size_px={state.kernel_px}, right_px={flipped})'
         )
+    elif state.filter == DILATION:
+        lines.append(f"disparity_px = dilate(disparity_px, {state.kernel_px}, shape={state.kernel_shape!r})")
     elif state.filter != FILTERS[0]:
         lines.append(f"disparity_px = smooth(disparity_px, {state.filter!r}, size_px={state.kernel_px}, image=left)")
     return lines
@@ -94,6 +96,7 @@ _PLACES = {
     "replace": "dataclasses",
     "SGBMParams": "stereolib.matching",
     "compute_disparity": "stereolib.matching",
+    "dilate": "stereolib.matching",
     "smooth": "stereolib.matching",
     "stereo_pipeline": "stereolib.matching",
     "Instrument": "stereolib.measurement",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -136,7 +136,7 @@ def plot_repairs(
     part: tuple[slice, slice],
     *,
     columns: int = 7,
-    errors_only: bool = False,
+    with_truth: bool = True,
 ) -> Figure:
     """Draw the true map and what several methods made of it, each with its error and its bad-2 beneath.
 
@@ -151,8 +151,8 @@ def plot_repairs(
         Rows and columns that are shown.
     columns : int
         Methods beside each other.
-    errors_only : bool
-        Draw the errors without the maps and the truth, with a line around the pixels that are counted.
+    with_truth : bool
+        Begin with the truth.
 
     Returns
     -------
@@ -163,9 +163,7 @@ def plot_repairs(
         told = f"bad-2 {score(disparity, truth_px, where).bad2_pct:.0f} %" if name in maps_px else ""
         pictures = disparity[part], np.where(where, disparity - truth_px, np.nan)[part]
         exhibits.append(Exhibit(name.replace("_", "\n", 1).replace("_", " "), pictures, told))
-    if errors_only:
-        bare = [replace(one, pictures=one.pictures[1:], outline=where[part]) for one in exhibits[1:]]
-        return plot_gallery(bare, {"error": "error"}, columns=columns)
+    exhibits = exhibits if with_truth else exhibits[1:]
     return plot_gallery(exhibits, {"map": "disparity", "error": "error"}, columns=columns, disparity_px=(20, 110))
 
 

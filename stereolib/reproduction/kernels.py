@@ -6,8 +6,9 @@ import os
 import platform
 from pathlib import Path
 
-# Notebooks run beside each other: each keeps to one thread, which also fixes the order of every sum.
-_ONE_THREAD = {
+#: Environment variables that keep numpy and its like to one thread each, which also fixes the order of every sum: for
+#: processes that run beside each other, or have threads of their own.
+ONE_THREAD = {
     f"{library}_THREADS": "1" for library in ("OMP_NUM", "OPENBLAS_NUM", "MKL_NUM", "VECLIB_MAXIMUM", "NUMEXPR_NUM")
 }
 #: The kernels of OpenBLAS (numpy's, scipy's and the older one in OpenCV's wheel) that every processor with AVX2 has.
@@ -50,7 +51,7 @@ def kernel_environment(figures_dir: str | os.PathLike[str]) -> dict[str, str]:
     return (
         _one_processor()
         | user
-        | _ONE_THREAD
+        | ONE_THREAD
         | {
             "STEREOLIB_FIGURES": str(Path(figures_dir).resolve()),
             "PYTHONHASHSEED": "0",

@@ -1,14 +1,17 @@
 """Pictures for sliders: what `render` draws with one ray a pixel and points of light, in single precision.
 
 A plane at a time instead of a ray at a time: each face is met by the rays that can meet it, its texture and its light
-are computed in its own two coordinates, shadows only where a box can throw one.
+are computed in its own two coordinates, shadows only where a box can throw one. What a glossy face mirrors is what the
+eye's mirror image sees through it.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import TypeAlias
 
 import numpy as np
 
@@ -16,8 +19,10 @@ from stereolib.base import Bools, Float32, Float64, Floats, Ints
 from stereolib.rig import Camera, StereoRig, rigid
 from stereolib.virtual.ray_casting import (
     EPS_MM,
+    FRESNEL,
     LEAST_COSINE,
     LEAST_COSINE_OF_PRINT,
+    LEAST_ROUGHNESS,
     LIGHT_AT_MM,
     aim,
     blocked,
@@ -38,7 +43,7 @@ def render_quickly(scene: Scene, rig: StereoRig, T_left_world: Float64) -> tuple
     Parameters
     ----------
     scene : Scene
-        With gloss in it, or with a camera outside its room, it is drawn by `render`.
+        With a camera outside its room, it is drawn by `render`.
     rig : StereoRig
     T_left_world : (4, 4) array
         Where the left camera stands.
@@ -58,7 +63,7 @@ def render_quickly(scene: Scene, rig: StereoRig, T_left_world: Float64) -> tuple
     ((480, 640, 3), dtype('float32'))
     """
     poses = T_left_world, rigid(rig.R, rig.T) @ T_left_world
-    draw = _draw if _is_plain(scene, poses) else _draw_exactly
+    draw = _draw if _is_inside(scene, poses) else _draw_exactly
     with ThreadPoolExecutor(2) as both:
         left, right = both.map(draw, (scene, scene), (rig.left, rig.right), poses)
     return left, right
@@ -68,10 +73,8 @@ def _draw_exactly(scene: Scene, camera: Camera, T_camera_world: Float64) -> Floa
     return render(scene, camera, T_camera_world, samples=1, light_samples=1)
 
 
-def _is_plain(scene: Scene, poses: tuple[Float64, Float64]) -> bool:
-    """Whether nothing is glossy, and the cameras stand inside whatever is a room."""
-    if any(material.gloss for box in scene.boxes for material in box.materials):
-        return False
+def _is_inside(scene: Scene, poses: tuple[Float64, Float64]) -> bool:
+    """Whether the cameras stand inside whatever is a room."""
     rooms = [box for box in scene.boxes if box.inside]
     return all((np.abs(_within(box, _eye(T))) < np.array(box.size_mm) / 2).all() for box in rooms for T in poses)
 
@@ -138,6 +141,10 @@ def _touched(along_v: Float64, nodes: Bools, along_u: Float64) -> Bools:
     return np.asarray((along_v != 0).astype(float) @ nodes @ (along_u != 0).T.astype(float) > 0)
 
 
+#: Places on a face: u, v, and how far from the eye along its ray, each (N,).
+_Place: TypeAlias = tuple[Float32, Float32, Float32]
+
+
 @dataclass(frozen=True, eq=False)
 class _Seen:
     """What each pixel sees, (H, W): its surface (6 * box + face, or -1), where on it, and how far along its ray."""
@@ -146,6 +153,10 @@ class _Seen:
     u: Float32
     v: Float32
     along: Float32
+
+    def flat(self) -> _Seen:
+        """The same, (H * W,)."""
+        return _Seen(self.surface.reshape(-1), self.u.reshape(-1), self.v.reshape(-1), self.along.reshape(-1))
 
     def keep(self, nearer: Bools, surface: Ints | int, u: Float32, v: Float32, along: Float32) -> None:
         """Put what is nearer before what was seen."""
@@ -193,34 +204,76 @@ class _Face:
         return np.asarray(local @ T[:3, :3].T + T[:3, 3])
 
 
+@dataclass(frozen=True, eq=False)
+class _View:
+    """Rays from an eye, or from its mirror image behind a face: then they begin where they leave the face.
+
+    `rays` (3, N) with third row 1 are turned into the world by `R`; `length` (N,) is theirs, and they begin `begin`
+    (N,) times that away from the eye.
+    """
+
+    eye: Float64
+    R: Float64
+    rays: Float32
+    length: Float32
+    begin: Float32 | None = None
+
+    def directions(self, box: Box) -> Float32:
+        """Of the rays in the frame of a box, in the shape of `rays`."""
+        turn = (box.T_world_box[:3, :3].T @ self.R).astype(np.float32)
+        return np.asarray((turn @ self.rays.reshape(3, -1)).reshape(self.rays.shape))
+
+    def mirrored(self, face: _Face, at: Ints, along: Float32) -> _View:
+        """Some of the rays from where a face mirrors them, so far along each."""
+        normal = face.front * face.box.T_world_box[:3, face.axis]
+        above = float(face.above_mm(_within(face.box, self.eye)))
+        R = (np.eye(3) - 2 * np.outer(normal, normal)) @ self.R
+        return _View(self.eye - 2 * above * normal, R, self.rays[:, at], self.length[at], along)
+
+
 def _draw(scene: Scene, camera: Camera, T_camera_world: Float64) -> Floats:
-    lens, eye = _lens(camera), _eye(T_camera_world)
-    seen = _look(scene, lens, T_camera_world)
-    surface = seen.surface.reshape(-1)
-    u, v, distance = (plane.reshape(-1) for plane in (seen.u, seen.v, seen.along * lens.length))
-    picture = np.zeros((len(surface), 3), np.float32)
-    for number in np.flatnonzero(np.bincount(surface + 1)[1:]).tolist():
-        at, face = np.flatnonzero(surface == number), _Face(scene.boxes[number // 6], number % 6)
-        here = u[at], v[at]
-        light = _light(scene, face, *here)
-        light *= _pattern(face, *here, distance[at], _within(face.box, eye), float(1 / camera.K[0, 0]))
-        picture[at] = light[:, None] * np.array(face.material.color_bgr, np.float32)
+    lens = _lens(camera)
+    view = _View(_eye(T_camera_world), T_camera_world[:3, :3].T, lens.rays, lens.length)
+    seen = _look(scene, view, [_window(box, lens, T_camera_world) for box in scene.boxes])
+    flat = _View(view.eye, view.R, view.rays.reshape(3, -1), view.length.reshape(-1))
+    picture = _colours(scene, flat, seen.flat(), float(1 / camera.K[0, 0]))
     return picture.reshape(*seen.surface.shape, 3)
 
 
-def _look(scene: Scene, lens: _Lens, T_camera_world: Float64) -> _Seen:
-    shape, eye = lens.length.shape, _eye(T_camera_world)
+def _colours(scene: Scene, view: _View, seen: _Seen, pixel_rad: float) -> Float32:
+    """What comes along the rays of a view, (N, 3): of mirrored ones without what is mirrored again."""
+    picture = np.zeros((len(seen.surface), 3), np.float32)
+    distance = seen.along * view.length
+    covered = (distance if view.begin is None else (seen.along - view.begin) * view.length) * pixel_rad
+    for number in np.flatnonzero(np.bincount(seen.surface + 1)[1:]).tolist():
+        at, face = np.flatnonzero(seen.surface == number), _Face(scene.boxes[number // 6], number % 6)
+        place, eye = (seen.u[at], seen.v[at], distance[at]), _within(face.box, view.eye)
+        light, glare = _light(scene, face, place, eye)
+        light *= _pattern(face, place, eye, covered[at])
+        shown = light[:, None] * np.array(face.material.color_bgr, np.float32)
+        if face.material.gloss:
+            shown += glare[:, None]
+            if view.begin is None:
+                behind = view.mirrored(face, at, seen.along[at])
+                there = [None if box is face.box and not box.inside else (slice(None),) for box in scene.boxes]
+                mirror = _fresnel(face.material, float(face.above_mm(eye)) / place[2]) * (1 - face.material.roughness)
+                shown += mirror[:, None] * _colours(scene, behind, _look(scene, behind, there), pixel_rad)
+        picture[at] = shown
+    return picture
+
+
+def _look(scene: Scene, view: _View, windows: Sequence[tuple[slice, ...] | None]) -> _Seen:
+    """What the rays of a view meet; each box is looked for in its window, if it has one."""
+    shape = view.length.shape
     nothing = np.full(shape, -1, np.int16), *np.zeros((2, *shape), np.float32), np.full(shape, np.inf, np.float32)
     seen = _Seen(*nothing)
-    for index, box in enumerate(scene.boxes):
-        window = _window(box, lens, T_camera_world)
+    for index, (box, window) in enumerate(zip(scene.boxes, windows, strict=True)):
         if window is not None:
             part = _Seen(seen.surface[window], seen.u[window], seen.v[window], seen.along[window])
-            turn = (T_camera_world[:3, :3] @ box.T_world_box[:3, :3]).T.astype(np.float32)
-            rays = lens.rays[:, *window]
-            directions = (turn @ rays.reshape(3, -1)).reshape(rays.shape)
+            begin = None if view.begin is None else view.begin[window]
+            near = _View(view.eye, view.R, view.rays[:, *window], view.length[window], begin)
             meet = _meet_room if box.inside else _meet_box
-            meet(part, 6 * index, box, _within(box, eye).tolist(), directions)
+            meet(part, 6 * index, box, near)
     return seen
 
 
@@ -247,9 +300,9 @@ def _corners(box: Box) -> Float64:
     return np.asarray(signs * box.size_mm @ box.T_world_box[:3, :3].T + box.T_world_box[:3, 3])
 
 
-def _meet_room(seen: _Seen, first: int, box: Box, eye: list[float], directions: Float32) -> None:
+def _meet_room(seen: _Seen, first: int, box: Box, view: _View) -> None:
     """Where rays from within meet the walls: at the nearest of three planes."""
-    x, y, z = directions
+    eye, (x, y, z) = _within(box, view.eye).tolist(), view.directions(box)
     with np.errstate(divide="ignore"):
         ways = [(np.copysign(s / 2, d) - e) / d for s, e, d in zip(box.size_mm, eye, (x, y, z), strict=True)]
     along = np.minimum(np.minimum(ways[0], ways[1]), ways[2])
@@ -260,8 +313,10 @@ def _meet_room(seen: _Seen, first: int, box: Box, eye: list[float], directions: 
     seen.keep(along < seen.along, first + face, u, v, along)
 
 
-def _meet_box(seen: _Seen, first: int, box: Box, eye: list[float], directions: Float32) -> None:
+def _meet_box(seen: _Seen, first: int, box: Box, view: _View) -> None:
     """Where rays meet the faces that look at the eye, three at most."""
+    eye, directions = _within(box, view.eye).tolist(), view.directions(box)
+    begin = EPS_MM if view.begin is None else view.begin
     for axis, (a, b) in enumerate(_ALONG):
         half_mm = box.size_mm[axis] / 2
         if abs(eye[axis]) <= half_mm:
@@ -270,27 +325,27 @@ def _meet_box(seen: _Seen, first: int, box: Box, eye: list[float], directions: F
             along = (float(np.copysign(half_mm, eye[axis])) - eye[axis]) / directions[axis]
             u, v = eye[a] + along * directions[a], eye[b] + along * directions[b]
             met = (np.abs(u) < box.size_mm[a] / 2) & (np.abs(v) < box.size_mm[b] / 2)
-        met &= (along > EPS_MM) & (along < seen.along)
+        met &= (along > begin) & (along < seen.along)
         seen.keep(met, first + 2 * axis + int(eye[axis] > 0), u, v, along)
 
 
-def _pattern(face: _Face, u: Float32, v: Float32, distance: Float32, eye: Float64, pixel_rad: float) -> Floats | float:
-    """Relative reflectance at places on a face, (N,)."""
-    material, above = face.material, float(face.above_mm(eye))
+def _pattern(face: _Face, place: _Place, eye: Float64, covered: Float32) -> Floats | float:
+    """Relative reflectance at places on a face, (N,); `covered` is the width of a pixel there, held across its ray."""
+    material, above, (u, v, distance) = face.material, float(face.above_mm(eye)), place
     if material.checker:
         cos = np.maximum(above / distance, LEAST_COSINE_OF_PRINT)
         slopes = ((x - float(eye[axis])) / distance / cos for x, axis in zip((u, v), face.along, strict=True))
-        wide_u, wide_v = (distance * pixel_rad * np.sqrt(1 + slope * slope) for slope in slopes)
+        wide_u, wide_v = (covered * np.sqrt(1 + slope * slope) for slope in slopes)
         return checkered(material.checker, u, v, (wide_u, wide_v))
     if not material.contrast:
         return 1.0
-    width = distance * pixel_rad / np.sqrt(np.maximum(above / distance, LEAST_COSINE))
-    return textured(material, face.number, u, v, width)
+    return textured(material, face.number, u, v, covered / np.sqrt(np.maximum(above / distance, LEAST_COSINE)))
 
 
-def _light(scene: Scene, face: _Face, u: Float32, v: Float32) -> Float32:
-    """Diffuse light that falls on places of a face, (N,)."""
-    light = np.full(len(u), scene.ambient, np.float32)
+def _light(scene: Scene, face: _Face, place: _Place, eye: Float64) -> tuple[Float32, Float32]:
+    """Diffuse light that falls on places of a face, and glare from there into an eye, each (N,)."""
+    u, v, _ = place
+    light, glare = np.full(len(u), scene.ambient, np.float32), np.zeros(len(u), np.float32)
     (a, b), T = face.along, face.box.T_world_box
     for lamp in scene.lights:
         stands, shines = _within(face.box, np.array(lamp.position_mm)), (aim(lamp) @ T[:3, :3]).tolist()
@@ -304,7 +359,30 @@ def _light(scene: Scene, face: _Face, u: Float32, v: Float32) -> Float32:
                 if box is not face.box and not box.inside:
                     falls[_shadow(box, face, u, v, lamp)] = 0
             light += falls
-    return light
+            if face.material.gloss:
+                glare += falls * _glare(face, place, eye, (-du, -dv, above), np.sqrt(square))
+    return light, glare
+
+
+def _glare(face: _Face, place: _Place, eye: Float64, lamp: tuple[Float32, Float32, float], reach: Float32) -> Float32:
+    """Glare for each unit of light that falls, ``D F G / (4 n.v n.l)`` as in `render`; `lamp` as seen from there."""
+    (u, v, distance), (a, b), material = place, face.along, face.material
+    nl, nv = lamp[2] / reach, float(face.above_mm(eye)) / distance
+    eye_u, eye_v = ((float(eye[axis]) - x) / distance for axis, x in ((a, u), (b, v)))
+    half = lamp[0] / reach + eye_u, lamp[1] / reach + eye_v, nl + nv
+    aside = half[0] * half[0] + half[1] * half[1]
+    square = aside + half[2] * half[2]
+    vh = np.maximum((eye_u * half[0] + eye_v * half[1] + nv * half[2]) / np.sqrt(square), 0)
+    a2 = material.roughness**4 + LEAST_ROUGHNESS
+    spread = a2 / np.pi * np.square(square / (aside + a2 * half[2] * half[2]))
+    k = a2**0.5 / 2
+    return np.asarray(spread * _fresnel(material, vh) / (4 * (nl * (1 - k) + k) * (nv * (1 - k) + k)))
+
+
+def _fresnel(material: Material, cos: Float32) -> Float32:
+    """Share of the light that gloss sends back, met at this angle."""
+    lost = 1 - cos
+    return np.asarray(material.gloss * (FRESNEL + (1 - FRESNEL) * np.square(np.square(lost)) * lost))
 
 
 def _shadow(box: Box, face: _Face, u: Float32, v: Float32, lamp: Light) -> Ints:

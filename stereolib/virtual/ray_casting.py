@@ -24,7 +24,8 @@ _CONE_SPARE = 1e-5  # of a cosine: more than rounding takes
 _LEAST_PATTERN, _MOST_PATTERN = 0.05, 1.95  # of the mean reflectance: a texture never turns black or glows
 _INK = 0.05  # reflectance of a board's black squares, of the paper's
 _GLARE_SPOTS = 5  # points of an area light that glare is taken from
-_FRESNEL = 0.04  # reflectance of glossy paint met head on
+FRESNEL = 0.04  # reflectance of glossy paint met head on
+LEAST_ROUGHNESS = 1e-6  # its fourth power: a perfect mirror would have no glare to sample
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,19 +170,17 @@ def render_truth(scene: Scene, rectified: RectifiedRig, T_left_world: Float64) -
     camera, (width, height) = rectified.left, rectified.size
     T_rect_world = rigid(rectified.R1, np.zeros(3)) @ T_left_world
     R, origin = T_rect_world[:3, :3], -T_rect_world[:3, :3].T @ T_rect_world[:3, 3]
+    rays, length = _pixel_rays(camera.K.tobytes(), camera.dist.tobytes(), camera.size)
     right_origin = origin + R.T @ [rectified.baseline_mm, 0.0, 0.0]
     depth, visible = np.empty((height, width)), np.empty((height, width), bool)
     box = np.empty((height, width), int)
     for top in range(0, height, _BAND_ROWS):
         band = slice(top, min(top + _BAND_ROWS, height))
-        pixels = np.stack(np.meshgrid(np.arange(width), np.arange(height)[band]), -1).reshape(-1, 2)
-        rays = camera.rays(pixels)
-        length = np.linalg.norm(rays, axis=1)
-        directions = (rays / length[:, None]) @ R
+        directions = rays[band].reshape(-1, 3) @ R
         distance, surface = _nearest(scene, origin, directions)
         distance = np.where(surface >= 0, distance, np.nan)
         points = origin + distance[:, None] * directions + EPS_MM * _facing(scene, surface)
-        depth[band] = (distance / length).reshape(-1, width)
+        depth[band] = distance.reshape(-1, width) / length[band]
         visible[band] = ~blocked(scene.boxes, points, right_origin).reshape(-1, width)
         box[band] = np.where(surface >= 0, surface // 6, -1).reshape(-1, width)
     disparity = rectified.f_px * rectified.baseline_mm / depth
@@ -230,6 +229,15 @@ def _rays_of_lens(K: bytes, dist: bytes, size: tuple[int, int], samples: int) ->
     return np.asarray(rays / np.linalg.norm(rays, axis=1, keepdims=True))
 
 
+@lru_cache(maxsize=4)
+def _pixel_rays(K: bytes, dist: bytes, size: tuple[int, int]) -> tuple[Float64, Float64]:
+    """Unit rays through the middles of all pixels (H, W, 3) and how long they are to depth 1 (H, W), camera frame."""
+    camera, (width, height) = Camera(np.frombuffer(K).reshape(3, 3), np.frombuffer(dist), size), size
+    rays = camera.rays(np.stack(np.meshgrid(np.arange(width), np.arange(height)), -1).reshape(-1, 2))
+    length = np.linalg.norm(rays, axis=1)
+    return (rays / length[:, None]).reshape(height, width, 3), length.reshape(height, width)
+
+
 def _slabs(box: Box, origins: Floats, directions: Floats) -> tuple[Floats, Floats, Floats, Floats]:
     """Entry and exit distance of each ray (N,), and the box-frame origins and directions (3, N)."""
     R, centre = box.T_world_box[:3, :3].astype(directions.dtype), box.T_world_box[:3, 3]
@@ -238,8 +246,13 @@ def _slabs(box: Box, origins: Floats, directions: Floats) -> tuple[Floats, Float
     half = (np.array(box.size_mm, directions.dtype) / 2)[:, None]
     inverse = 1 / np.where(d == 0, d.dtype.type(1e-9), d)  # a ray along a face meets its slab far away, not nowhere
     middle, spread = -o * inverse, half * np.abs(inverse)
-    entry, leave = (middle - spread).max(axis=0), (middle + spread).min(axis=0)
+    entry, leave = _of_three(np.maximum, middle - spread), _of_three(np.minimum, middle + spread)
     return entry, leave, o, d
+
+
+def _of_three(larger: np.ufunc, planes: Floats) -> Floats:
+    """Maximum or minimum of three planes (3, N): what ``larger.reduce`` gives, in a fraction of its time."""
+    return np.asarray(larger(larger(planes[0], planes[1]), planes[2]))
 
 
 def _cone(box: Box, apex: Floats) -> tuple[Float64, float]:
@@ -252,7 +265,7 @@ def _cone(box: Box, apex: Floats) -> tuple[Float64, float]:
 
 def _turned(vectors: Floats, R: Floats) -> Floats:
     """``R.T @ v`` of vectors (N, 3), as (3, N). Written out: faster than BLAS here, and the same on every processor."""
-    x, y, z = vectors.T
+    x, y, z = np.ascontiguousarray(vectors.T)
     return np.stack([a * x + b * y + c * z for a, b, c in R.T])
 
 
@@ -271,10 +284,16 @@ def _nearest(scene: Scene, origins: Float64, directions: Float64) -> tuple[Float
         distance[at] = t[met]
         local = (o if o.shape[1] == 1 else o[:, met]) + t[met] * d[:, met]
         local /= np.array(box.size_mm, local.dtype)[:, None]
-        axis = np.abs(local).argmax(axis=0)
-        side = local[axis, np.arange(len(at))] > 0
-        surface[at] = 6 * index + 2 * axis + side
+        surface[at] = 6 * index + _face_of(local)
     return distance, surface
+
+
+def _face_of(local: Floats) -> Ints:
+    """Faces 0 to 5 of places (3, N) on a box, in its sizes."""
+    x, y, z = np.abs(local)
+    at_z = z > np.maximum(x, y)
+    faces: Ints = np.where(at_z, 4 + (local[2] > 0), np.where(y > x, 2 + (local[1] > 0), local[0] > 0))
+    return faces
 
 
 def _maybe_met(box: Box, origins: Float64, directions: Float64) -> tuple[slice | Ints, Float64]:
@@ -415,7 +434,7 @@ def _radiance(
         if bounce and material.gloss:
             cos = -toward @ normal
             mirrored = toward + 2 * cos[:, None] * normal
-            fresnel = material.gloss * (_FRESNEL + (1 - _FRESNEL) * (1 - cos) ** 5)
+            fresnel = material.gloss * (FRESNEL + (1 - FRESNEL) * (1 - cos) ** 5)
             reflected = _radiance(scene, points, mirrored, pixel_rad, 1, bounce=False)
             light[at] += (fresnel * (1 - material.roughness))[:, None] * reflected
     return light
@@ -489,9 +508,9 @@ def _ggx(to_light: Float64, normal: Float64, to_eye: Float64, material: Material
     half /= np.maximum(np.linalg.norm(half, axis=1, keepdims=True), 1e-6)
     nl, nv, nh = (np.maximum(x @ normal, 1e-3) for x in (to_light, to_eye, half))
     vh = np.maximum((to_eye * half).sum(axis=1), 0)
-    a2 = material.roughness**4 + 1e-6
+    a2 = material.roughness**4 + LEAST_ROUGHNESS
     spread = a2 / (np.pi * (nh * nh * (a2 - 1) + 1) ** 2)
-    fresnel = material.gloss * (_FRESNEL + (1 - _FRESNEL) * (1 - vh) ** 5)
+    fresnel = material.gloss * (FRESNEL + (1 - FRESNEL) * (1 - vh) ** 5)
     k = a2**0.5 / 2
     shadowing = nl * nv / ((nl * (1 - k) + k) * (nv * (1 - k) + k))
     return np.where(to_light @ normal > 0, spread * fresnel * shadowing / (4 * nv), 0)

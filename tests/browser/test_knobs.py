@@ -14,6 +14,7 @@ WHERE = {
     "speckle_window_size": "contrast=0.1; uniqueness_ratio=0; speckle_window_size=0",
     "speckle_range": "contrast=0.1; uniqueness_ratio=0",
     "kernel_px": "filter=dilation",
+    "kernel_shape": "filter=dilation",
     "tolerance_px": "tolerance_px=5",
 }
 #: What is chosen from a menu, where its last entry is slow.

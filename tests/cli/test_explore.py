@@ -11,7 +11,7 @@ import pytest
 
 from stereolib.base import data_path
 from stereolib.cli import commands
-from stereolib.notebook.explorer import FILES
+from stereolib.notebook.chain import OWN_FILES
 from stereolib.virtual import recordings
 
 PAIR = [str(data_path(f"virtual/conditions/texture_{side}.jpg")) for side in ("left", "right")]
@@ -31,10 +31,10 @@ def run(*words):
 
 
 def test_no_file_opens_the_virtual_rig_on_this_machine_alone(served, monkeypatch):
-    monkeypatch.delenv(FILES, raising=False)
+    monkeypatch.delenv(OWN_FILES, raising=False)
     assert run("--no-browser", "--port", "8765") == 0
     ((words, environment),) = served
-    assert FILES not in environment
+    assert OWN_FILES not in environment
     assert {"--port=8765", "--no-browser", "--token", "--Voila.ip=127.0.0.1"} <= set(words)
     assert any(word.endswith("explore.ipynb") for word in words)
 
@@ -44,7 +44,7 @@ def test_own_pair_is_handed_over_with_whole_paths(served, tmp_path, monkeypatch)
     monkeypatch.chdir(tmp_path)
     assert run(*PAIR, "--calibration", "rig.json") == 0
     ((words, environment),) = served
-    assert json.loads(environment[FILES]) == {"left": PAIR[0], "right": PAIR[1], "calibration": str(rig.resolve())}
+    assert json.loads(environment[OWN_FILES]) == [*PAIR, str(rig.resolve()), ""]
     assert "--no-browser" not in words
 
 

@@ -14,7 +14,7 @@ from stereolib.measurement import Measurement
 from stereolib.notebook import chain
 from stereolib.notebook.explorer_panels import draw_panels, result_line
 from stereolib.notebook.knobs import FILTERS, MOTORCYCLE, OWN, VIRTUAL, State, knobs
-from stereolib.virtual import recordings
+from stereolib.virtual import Webcam, recordings
 
 TEXTURE = State(source="conditions/texture")
 STEPS = {name: step for name, step in vars(chain).items() if isinstance(step, chain.Step)}
@@ -49,7 +49,7 @@ def own(tmp_path, *, calibration=True, size=(640, 480)):
     [
         ({"tolerance_px": 9.0}, {"recipe"}),
         ({"filter": "median"}, {"filtered", "recipe", "quality"}),
-        ({"uniqueness_ratio": 20}, {"disparity", "filtered", "recipe", "quality"}),
+        ({"uniqueness_ratio": 20}, {"matched", "disparity", "filtered", "recipe", "quality"}),
         ({"turns": 9}, {"scan", "measured", "disparity", "filtered", "recipe", "quality"}),
     ],
 )
@@ -63,6 +63,59 @@ def test_only_what_depends_on_the_knob_is_done_again(counted, turned, again):
             step(replace(state, **turned))
     assert {name for name, count in counted.items() if count == 2} == again
     assert set(counted.values()) == {1, 2}
+
+
+def test_long_steps_are_taken_once_and_given_up_when_a_newer_state_came(counted):
+    state = replace(State(), distance_mm=910)
+    assert not chain.is_made(state, lambda: counted["taken"] + counted["known"] == 2)
+    assert counted["taken"] == counted["known"] == 1 and counted["matched"] == counted["measured"] == 0
+    assert chain.is_made(state, lambda: False)
+    assert draw_panels(state) and result_line(state)
+    assert max(counted.values()) == 1 and counted["measured"] == counted["ground_plane"] == counted["views"] == 1
+
+
+def test_a_long_step_holds_up_no_preview(counted, monkeypatch):
+    """While the full map is computed, half sizes are shown, and a newer state does not wait for its end."""
+    begun, go_on, made = threading.Event(), threading.Event(), chain.matched.make
+
+    def slow(state):
+        if not state.half:
+            begun.set()
+            assert go_on.wait(20)
+        return made(state)
+
+    monkeypatch.setattr(chain.matched, "make", slow)
+    state = replace(TEXTURE, uniqueness_ratio=13)
+    try:
+        assert not chain.is_made(state, begun.is_set)
+        assert draw_panels(replace(state, half=True)) and counted["matched"] == 1
+    finally:
+        go_on.set()
+    assert chain.is_made(state, lambda: False) and counted["matched"] == 2
+
+
+def test_a_step_that_fails_is_tried_again(counted, monkeypatch):
+    made, tries = chain.matched.make, iter((True, False))
+
+    def once(state):
+        if next(tries):
+            raise ValueError("too narrow")
+        return made(state)
+
+    monkeypatch.setattr(chain.matched, "make", once)
+    state = replace(TEXTURE, half=True, uniqueness_ratio=12)
+    with pytest.raises(ValueError, match="too narrow"):
+        chain.filtered(state)
+    assert chain.filtered(state).shape == (240, 320) and counted["matched"] == 1
+
+
+def test_two_cameras_at_once_have_the_noise_that_one_after_the_other_has():
+    state, rng = State(noise=2, exposure_ev=0.0), np.random.default_rng(4)
+    webcam = Webcam(full_well_e=6000 / 4, read_noise_e=12 / 2)
+    chain.taken.make(state)  # what draws the noise is kept, and not used up
+    taken = chain.taken.make(state)
+    for shot, light in zip((taken.left, taken.right), chain.light(state), strict=True):
+        np.testing.assert_array_equal(shot, webcam.shoot(light, rng))
 
 
 def test_results_are_forgotten_at_last(counted):
@@ -148,6 +201,9 @@ def test_own_files_are_checked(tmp_path):
     cv2.imwrite(str(small), cv2.imread(good[1])[::2, ::2])
     with pytest.raises(ValueError, match=r"small\.png"):
         chain.check_own((good[0], str(small), "", ""))
+    cv2.imwrite(str(tmp_path / "other.png"), cv2.imread(good[0])[::2, ::2])
+    with pytest.raises(ValueError, match=r"other\.png and small\.png do not fit calibration\.json: .*320"):
+        chain.check_own((str(tmp_path / "other.png"), str(small), good[2], ""))
 
 
 def test_idle_knobs_change_nothing_and_the_others_are_offered():

@@ -84,3 +84,9 @@ def test_result_line_is_safe_html():
     assert "<script" not in result_line(TEXTURE)
     nothing = replace(TEXTURE, constant_rows=200, min_disparity=96, num_disparities=16)
     assert "the paper" in result_line(nothing)
+
+
+def test_what_takes_seconds_is_said_while_it_does():
+    state = State(source="conditions/texture", matcher="best", num_disparities=16, half=True)
+    assert "half size for now" in result_line(state)
+    assert "half size for now" not in result_line(replace(state, matcher="fast"))

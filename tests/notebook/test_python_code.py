@@ -34,7 +34,7 @@ def states(tmp_path_factory):
         "pipeline": State(source="series/fine_700", matcher="fast", filter="closing"),
         "virtual rig": State(distance_mm=800, gloss=0.3, baseline_mm=110, exposure_ev=0.5),
         "laser's window": State(window="around the laser's", laser_yaw_deg=1.0),
-        "own pair": State(source=OWN, own=(*files, rig, ""), filter="dilation"),
+        "own pair": State(source=OWN, own=(*files, rig, ""), filter="dilation", kernel_shape="cross"),
         "own pair, wrong baseline": State(source=OWN, own=(*files, rig, ""), baseline_pct=2.0),
         "own pair, rectified": State(source=OWN, own=(*files, "", ""), block_size=9),
         "motorcycle": State(source=MOTORCYCLE, num_disparities=64),

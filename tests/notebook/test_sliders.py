@@ -179,7 +179,8 @@ _PAGE_OF_A_MODEL = """async ([source, style]) => {
   const canvas = Object.assign(document.createElement("canvas"), { width: 30, height: 20 });
   const jpeg = await new Promise((done) => canvas.toBlob(done, "image/jpeg"));
   const frame = new Uint8Array(await jpeg.arrayBuffer()), told = {};
-  const values = { frames: [frame], captions: ["size 5"], quality: "full", alt: "", about: "", number: 1, painted: 0 };
+  const values = { frames: [frame], captions: ["size 5"], quality: "full", alt: "", about: "", number: 1, painted: 0,
+                   cross: [] };
   window.change = (news) => { Object.assign(values, news); Object.keys(news).forEach((key) => told[key]?.()); };
   const model = {
     get: (name) => values[name], set: (name, value) => { values[name] = value; },

@@ -12,6 +12,7 @@ from stereolib.notebook import chain
 from stereolib.notebook.knobs import knobs
 from stereolib.notebook.stories import STORIES
 from stereolib.paper import height_by_maximum, printed_value
+from stereolib.virtual import recordings
 
 STORY = {story.name: story for story in STORIES}
 
@@ -80,14 +81,15 @@ def test_too_high():
 
 def test_accident():
     state = STORY["30 cm by accident"].state
-    reads, share, less, more = numbers("30 cm by accident")
-    assert abs(reads - 30) < 1 and less < reads - 3 and more > reads + 2
-    whole = chain.recipe(replace(state, tolerance_px=60))
-    part = chain.recipe(state)
-    assert share == pytest.approx(100 * (part.foot_row - part.top_row) / (whole.foot_row - whole.top_row), abs=1)
-    assert [less, more] == pytest.approx(
-        [recipe_cm(replace(state, tolerance_px=5.5 + by)) for by in (-1, 1)], abs=0.051
-    )
+    near, right, reads, specks, without = numbers("30 cm by accident")
+    assert state.source == "series/medium_900" and chain.true_scene(state).boxes[1].size_mm[2] == 300
+    counted, truth = chain.filtered(state)[: -state.constant_rows], recordings.load_truth(state.source)
+    row, column = np.unravel_index(np.nanargmax(counted), counted.shape)
+    assert truth.box[row, column] == 0 and (truth.box[row] == 1).any()  # beside the box
+    assert [near, right] == pytest.approx([counted[row, column], truth.disparity_px[row, column]], abs=0.51)
+    assert reads == 30 and recipe_cm(state) == pytest.approx(30, abs=0.051)
+    assert without == pytest.approx(recipe_cm(replace(state, speckle_window_size=int(specks))), abs=0.051)
+    assert without < reads - 20
 
 
 def test_dilation():

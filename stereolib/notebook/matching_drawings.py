@@ -160,8 +160,6 @@ def draw_sgbm(
     picture : (H, W, 3) uint8, blue-green-red
     text : str
     """
-    from stereolib.plotting import color_disparity
-
     left, right, disparity_px, cube = _condition(condition)
     _check_prices(P1, P2)
     area = block_size**2
@@ -169,7 +167,7 @@ def draw_sgbm(
     disparity = compute_disparity(left, right, params)
     quality = score(disparity, disparity_px, cube)
     text = f"bad 2 on the cube: {quality.bad2_pct:.1f} %; matched: {quality.density_pct:.0f} %; "
-    return np.hstack([left, color_disparity(disparity, 0, 128)]), text + f"columns lost at the left: {num_disparities}"
+    return _picture_and_map(left, disparity, 128), text + f"columns lost at the left: {num_disparities}"
 
 
 def draw_surface(distance_mm: float, contrast: float, scale_mm: float, light: float) -> tuple[UInt8, str]:
@@ -192,7 +190,6 @@ def draw_surface(distance_mm: float, contrast: float, scale_mm: float, light: fl
     text : str
     """
     from stereolib import virtual
-    from stereolib.plotting import color_disparity
     from stereolib.virtual import recordings
 
     lights, disparity_px, cube = _surface(distance_mm, contrast, scale_mm)
@@ -201,8 +198,18 @@ def draw_surface(distance_mm: float, contrast: float, scale_mm: float, light: fl
     disparity = compute_disparity(left, right, SGBMParams(192), whole=True)
     quality = score(disparity, disparity_px, cube)
     text = f"largest disparity of the cube {disparity_px[cube].max():.1f} px; "
-    text += f"bad 2: {quality.bad2_pct:.1f} %; matched: {quality.density_pct:.0f} %; yellow: 192 px"
-    return np.hstack([left, color_disparity(disparity, 0, 192)]), text
+    text += f"bad 2: {quality.bad2_pct:.1f} %; matched: {quality.density_pct:.0f} %"
+    return _picture_and_map(left, disparity, 192), text
+
+
+def _picture_and_map(left: UInt8, disparity_px: Floats, high: float) -> UInt8:
+    """A left picture beside its disparity map, whose colours end at `high`."""
+    from stereolib.plotting import figure_to_image, panels, plot_disparity, plot_image
+
+    figure, axes = panels(2, width_in=7, aspect=0.75)
+    plot_image(left, axes[0], "left picture")
+    plot_disparity(disparity_px, axes[1], "its disparity map", high=high).axes.set_ylabel("")
+    return figure_to_image(figure)
 
 
 def draw_dilation(condition: str, method: str, size_px: int, with_truth: bool = True) -> tuple[UInt8, str]:

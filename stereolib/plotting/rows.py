@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 
 from stereolib.base import Floats, UInt8
 from stereolib.plotting.pictures import plot_image
-from stereolib.plotting.style import COLORS, default_style, image_axes
+from stereolib.plotting.style import COLORS, TRUTH, default_style, image_axes
 from stereolib.rig import to_grey
 
 _CROP_PX = (61, 37)  # columns and rows of a magnified crop
@@ -115,7 +115,7 @@ def plot_partners(image: UInt8, points_px: Floats, lines_px: Sequence[Floats], a
     points_px : (N, 2) float, px
     lines_px : sequence of N (M, 2) float, px
         Drawn in place of the points, and the points' own rows dashed; empty draws the points. The first point of each
-        line that the image shows is a dot, its last one a ring.
+        line that the image shows is a dot, its last one a ring; numbers tell how many rows each lies below its row.
     ax : matplotlib.axes.Axes
     title : str
 
@@ -127,12 +127,15 @@ def plot_partners(image: UInt8, points_px: Floats, lines_px: Sequence[Floats], a
     colors = [COLORS[k % len(COLORS)] for k in range(len(points_px))]
     for point, line, color in zip(points_px, lines_px, colors, strict=False):
         x, y = np.asarray(line, float).T
-        ax.plot(x, y, color=color, lw=2.2)
-        ax.plot([np.nanmin(x), np.nanmax(x)], [point[1]] * 2, "--", color=color, lw=1.4)
+        ax.plot(x, y, color=color, lw=1.6)
+        ax.plot([np.nanmin(x), np.nanmax(x)], [point[1]] * 2, "--", color=TRUTH, lw=0.9)
         inside = (x >= 0) & (x < image.shape[1]) & (y >= 0) & (y < image.shape[0])
         ends = np.flatnonzero(inside)
         for at, filled in zip((*ends[:1], *ends[-1:]), (color, "white"), strict=False):
             ax.plot(x[at], y[at], "o", ms=7, color=filled, mec=color, mew=1.6, zorder=3)
+            side = ("right", -6) if at == ends[-1] else ("left", 6)
+            words = f"{round(float(y[at] - point[1]), 1) + 0.0:+.1f}".replace("+0.0", "0.0")
+            ax.annotate(words, (x[at], y[at]), (side[1], 4), textcoords="offset points", ha=side[0], fontsize=8)
     for point, color in zip([] if len(lines_px) else points_px, colors, strict=False):
         ax.plot(*point, "o", ms=8, color=color, mec="white", mew=0.8)
     return image_axes((image.shape[1], image.shape[0]), ax, title)

@@ -43,7 +43,7 @@ def test_sliders_say_what_the_library_measures(condition: str) -> None:
     before = compute_disparity(*pair, SGBMParams(128, 5))
     quality = score(before, truth.disparity_px, cube)
     picture, text = draw_sgbm(condition, 128, 5, 10)
-    assert picture.shape == (480, 1280, 3) and f"{quality.bad2_pct:.1f} %" in text
+    assert picture.ndim == 3 and f"{quality.bad2_pct:.1f} %" in text
     picture, text = draw_dilation(condition, "closing", 9)
     done = score_repair(before, close(before, 9), truth.disparity_px, cube)
     assert picture.ndim == 3 and f"{done.shift_px:+.2f} px" in text

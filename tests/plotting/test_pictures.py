@@ -118,6 +118,7 @@ def test_epipolar_lines_stand_where_they_are_and_rows_are_dashed(ax):
     np.testing.assert_array_equal(np.vstack([near, far]), line)
     np.testing.assert_array_equal(drawn, line)
     np.testing.assert_array_equal(dashed, [[5, 12], [30, 12]])
+    assert [text.get_text() for text in ax.texts] == ["+8.0", "+13.0"]
     other = plotting.panels(1)[1][0]
     plotting.plot_partners(image, points, [], other)
     np.testing.assert_array_equal(other.lines[0].get_xydata(), points)

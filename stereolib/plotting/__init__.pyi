@@ -52,6 +52,7 @@ from .rows import plot_partners, plot_row_crops, plot_row_test, plot_rows
 from .side_views import (
     plot_camera_heights,
     plot_edge_depths,
+    plot_expected_ray,
     plot_face_end,
     plot_floor_rays,
     plot_laser_triangle,
@@ -109,6 +110,7 @@ __all__ = [
     "plot_epipolar_plane",
     "plot_error_curves",
     "plot_errors",
+    "plot_expected_ray",
     "plot_face_end",
     "plot_floor_rays",
     "plot_gallery",

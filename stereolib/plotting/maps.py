@@ -142,13 +142,12 @@ def plot_top_view(
         _ellipse(item.position_mm, times**2 * np.nan_to_num(item.position_covariance), ax, color)
         sizes = " x ".join(f"{v / 10:.1f}" if np.isfinite(v) else "?" for v in item.size_mm)
         ax.plot([], [], "s", color=color, label=f"{name}  {sizes} cm")
-        top = outline[:, 1].max() if len(outline) else item.position_mm[1]
+        right = outline[:, 0].max() if len(outline) else item.position_mm[0]
         ax.annotate(
             name,
-            (float(item.position_mm[0]), float(top)),
-            (0, 3),
-            ha="center",
-            va="bottom",
+            (float(right), float(item.position_mm[1])),
+            (3, 0),
+            va="center",
             textcoords="offset points",
             weight="bold",
             color=color,
@@ -260,25 +259,27 @@ def plot_occupancy(grid: OccupancyGrid, ax: Axes, title: str = "") -> Axes:
 
 
 @default_style
-def plot_sizes(labels: Sequence[str], series: Mapping[str, tuple[Float64, Float64]], ax: Axes) -> Axes:
+def plot_sizes(labels: Sequence[str], series: Mapping[str, tuple[Any, ...]], ax: Axes) -> Axes:
     """Draw errors of sizes with bars of 1.96 standard deviations, one row a size; the truth is the line at zero.
 
     Parameters
     ----------
     labels : sequence of str
         One a size.
-    series : mapping of str to (errors, standard deviations), mm
-        At most three, each with one value a size.
+    series : mapping of str to (errors, standard deviations) or (errors, standard deviations, open), mm
+        At most three, each with one value a size; where ``open`` is true the dot is empty.
     ax : matplotlib.axes.Axes
 
     Returns
     -------
     matplotlib.axes.Axes
     """
-    for k, (name, (errors_mm, std_mm)) in enumerate(series.items()):
+    for k, (name, (errors_mm, std_mm, *hollow)) in enumerate(series.items()):
         rows = np.arange(len(labels)) + _ROW_STEP * (k - (len(series) - 1) / 2)
         look: dict[str, Any] = {"fmt": "o", "ms": 5, "lw": 2, "capsize": 3, "color": _SERIES_COLORS[k], "label": name}
         ax.errorbar(errors_mm, rows, xerr=1.96 * np.asarray(std_mm), **look)
+        for empty in hollow:
+            ax.plot(errors_mm[empty], rows[empty], "o", ms=3, color="white", zorder=3)
         ax.axvline(0, color="0.4", lw=0.8)
     ax.set_yticks(np.arange(len(labels)), labels)
     ax.set(ylim=(len(labels) - 0.4, -0.6), xlabel="error (mm)")

@@ -50,6 +50,39 @@ def plot_laser_triangle(ax: Axes) -> Axes:
 
 
 @default_style
+def plot_expected_ray(ax: Axes) -> Axes:
+    """Draw a pixel's ray from the side, and the two surfaces that it can meet: the floor, what the laser met. No scale.
+
+    Parameters
+    ----------
+    ax : matplotlib.axes.Axes
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+    """
+    h, X, floor, step = 1.0, 2.9, 3.9, 1.25
+    down = step * h / floor
+    ax.axhline(0, color="0.3", lw=2)
+    ax.plot([0, X], [1.3, 1.3], color=LASER, lw=1.2, ls="--", label="laser's beam")
+    ax.plot([X, X], [0, 1.6], color=LASER, lw=3, label="what it met, upright")
+    ax.plot([0, X], [h, h * (1 - X / floor)], color=OURS, lw=1.8, label="ray of a pixel")
+    ax.plot([X, floor], [h * (1 - X / floor), 0], color=OURS, lw=1.2, ls=":")
+    ax.plot(0, h, "s", color=OURS, ms=9)
+    ax.plot(step, h - down, "o", color=OURS, ms=7)
+    ax.plot([0, step, step], [h, h, h - down], color="0.4", lw=1, ls=":")
+    _length(ax, (-0.2, 0), (-0.2, h), "$h$", (-9, 0))
+    _length(ax, (0, -0.13), (X, -0.13), "$X$", (0, -9))
+    for text, place in (("$D_x$", (0.7, 1.1)), ("$-D_z$", (step + 0.33, h - down / 2))):
+        ax.text(*place, text, fontsize=12, ha="center", va="center")
+    ax.annotate("depth 1", (step, h - down), (-6, -16), textcoords="offset points", fontsize=10, ha="center")
+    ax.set(xlim=(-0.6, floor + 0.2), ylim=(-0.42, 2.25), title="from the side; not to scale")
+    ax.legend(frameon=False, fontsize=9, loc="upper left")
+    ax.set_axis_off()
+    return ax
+
+
+@default_style
 def plot_face_end(setup: CubeSetup, axes: Any, *, turned_deg: float = 0.0) -> None:
     """Draw a laser's beams on the faces of a cube that stands edge-on, to scale, and large where one face ends.
 

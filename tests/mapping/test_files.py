@@ -297,6 +297,8 @@ def test_top_view_draws_what_the_map_holds(found):
     np.testing.assert_array_equal(shown.get_array(), grid.cells)
     assert shown.get_extent()[0] == grid.origin_mm[0] and shown.origin == "lower"
     assert len(plot_scans(found.stations, axes[2]).collections) == 5
-    sizes = plot_sizes(["a", "b"], {"x": (np.array([1.0, -2]), np.array([1.0, 1]))}, axes[3])
+    errors, empty = np.array([1.0, -2]), np.array([False, True])
+    sizes = plot_sizes(["a", "b"], {"x": (errors, np.array([1.0, 1]), empty)}, axes[3])
     assert [t.get_text() for t in sizes.get_yticklabels()] == ["a", "b"]
+    assert [list(line.get_xdata()) for line in sizes.lines if line.get_color() == "white"] == [[-2.0]]
     assert figure_to_image(figure).shape[2] == 3

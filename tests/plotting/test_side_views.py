@@ -25,6 +25,19 @@ def test_ray_of_a_low_camera_meets_the_floor_behind_it():
     assert places[0][0] > 70 and places[1][0] < 0
 
 
+def test_ray_goes_straight_past_depth_one_and_the_surface_to_the_floor():
+    ax = plotting.plot_expected_ray(plotting.panels(1)[1][0])
+    ray, hidden = (
+        line.get_xydata() for line in ax.lines if line.get_color() == plotting.OURS and len(line.get_xdata()) == 2
+    )
+    (at_depth_one,) = (line.get_xydata()[0] for line in ax.lines if line.get_marker() == "o")
+    np.testing.assert_allclose(hidden[0], ray[1])
+    for point in (at_depth_one, ray[1]):
+        np.testing.assert_allclose(np.interp(point[0], *np.array([ray[0], hidden[1]]).T), point[1])
+    assert hidden[1][1] == 0
+    assert {"$h$", "$X$", "$D_x$", "$-D_z$", "depth 1"} <= {text.get_text() for text in ax.texts}
+
+
 def test_end_of_a_face_is_half_way_between_two_beams():
     setup = paper.paper_setup()
     _, axes = plotting.panels(2)

@@ -114,7 +114,7 @@ def plot_face_end(setup: CubeSetup, axes: Any, *, turned_deg: float = 0.0) -> No
     middle = (last + missing) / 2
     axes[1].plot(*missing, "o", mfc="white", mec=LASER, ms=7, zorder=4)
     axes[1].plot(*middle, "D", color=OURS, ms=7, zorder=4)
-    for text, point, shift in (("last beam that meets it", last, (-12, -30)), ("first that misses", missing, (-40, 24)),
+    for text, point, shift in (("last beam that meets it", last, (18, -46)), ("first that misses", missing, (-40, 24)),
                                ("end, put half-way", middle, (14, -24))):  # fmt: skip
         axes[1].annotate(text, point, shift, textcoords="offset points", fontsize=9, arrowprops={"arrowstyle": "-"},
                          ha="left" if shift[0] > 0 else "right",

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from stereolib.base import Float64
 from stereolib.paper import CubeSetup, CubeView
 from stereolib.plotting.curves import plot_curves
-from stereolib.plotting.style import LASER, OURS, PAPER, RIVAL, TRUTH, default_style
+from stereolib.plotting.style import LASER, OURS, RIVAL, TRUTH, default_style
 
 
 @default_style
@@ -143,7 +143,10 @@ def plot_edge_depths(views: Mapping[str, CubeView], setup: CubeSetup, axes: Any)
         ax.axhline(0, color="0.3", lw=2)
         ax.plot(*np.c_[eye, eye + 100 * axis], color=OURS, lw=1.2, ls="--", label="the camera's axis")
         ax.plot([near, near], [0, tall], color=TRUTH, lw=3, label="near edge")
-        for place, up, look in (("foot", 0.0, {"marker": "o", "ms": 11, "mfc": "none"}), ("top", tall, {"marker": "s"})):
+        for place, up, look in (
+            ("foot", 0.0, {"marker": "o", "ms": 11, "mfc": "none"}),
+            ("top", tall, {"marker": "s"}),
+        ):
             point = np.array([near, up])
             depth = (point - eye) @ axis
             ax.plot(*np.c_[point, eye + depth * axis], color=RIVAL, lw=1.4, ls=":")
@@ -225,7 +228,7 @@ def plot_camera_heights(
         ax.fill_between(heights_mm / 10, np.maximum(low, printed_px - ends_px), np.minimum(high, printed_px + ends_px),
                         where=fits[k], color=color, alpha=0.5, lw=0)  # fmt: skip
     plot_curves(lines, ax, marker="", xlabel="camera height (cm)", ylabel="width of the cube (px)")
-    ax.axhline(printed_px, color=PAPER, ls="--", lw=1.2, label=f"printed: {printed_px:g} px")
+    ax.axhline(printed_px, color=TRUTH, ls=":", lw=1.2, label=f"printed: {printed_px:g} px")
     ax.legend(frameon=False, fontsize=9, loc="lower left")
     return ax
 

@@ -169,7 +169,7 @@ def draw_width(distance_mm: float, yaw_deg: float, pitch_deg: float) -> tuple[UI
     near_mm = f_px * recordings.rectified().baseline_mm / view.disparity_foot_px
     scales = [float(paper.cm_per_px_at(depth, f_px)) for depth in (view.depth_side_mm, near_mm)]
     text = f"{box.width} px wide; edge-on (yaw 45) {view.box_px:.0f} px are expected. One pixel stands for "
-    text += f"{scales[0]:.4f} cm at the side corners and {scales[1]:.4f} cm at the near edge's foot; "
+    text += f"{scales[0]:.3f} cm at the side corners and {scales[1]:.3f} cm at the near edge's foot; "
     constant = paper.printed_value("scale.cm_per_px")
     return picture, text + f"{constant} cm/px would read the width as {constant * box.width:.1f} cm"
 

@@ -15,7 +15,7 @@ from stereolib.mapping import COLORS as RGB
 from stereolib.mapping import FREE, OCCUPIED, Map, OccupancyGrid, Station, station_names
 from stereolib.measurement import Measurement, draw_objects
 from stereolib.plotting.pictures import plot_image
-from stereolib.plotting.style import LASER, OURS, REFUSED, RIVAL, default_style
+from stereolib.plotting.style import LASER, OURS, RIVAL, default_style
 
 _DISC_MM, _HEADING_MM = 65, 330  # of a station: its radius, and how far its line reaches, beyond a neighbour's disc
 _OVER_RING: dict[str, Any] = {"facecolor": "white", "lw": 0, "pad": 1}
@@ -87,7 +87,7 @@ def plot_scan_polar(angles_rad: Float64, ranges_mm: Float64, ax: Axes, title: st
     polar.scatter(angles_rad, ranges_mm, s=5, color=color, lw=0)
     lost = ~np.isfinite(ranges_mm)
     rim = 1.0 if lost.all() else 1.05 * np.nanmax(ranges_mm)
-    polar.scatter(angles_rad[lost], np.full(lost.sum(), rim), s=14, marker="x", color=REFUSED, lw=0.8)
+    polar.scatter(angles_rad[lost], np.full(lost.sum(), rim), s=36, marker="x", color="black", lw=1.2)
     polar.set_title(title, pad=14)
     rings_mm = np.arange(1000.0, max(1001.0, rim), 1000.0)
     polar.set_rgrids(rings_mm, labels=[])

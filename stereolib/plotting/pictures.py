@@ -215,18 +215,9 @@ def plot_height(image: UInt8, height: HeightResult, ax: Axes, title: str = "") -
     matplotlib.axes.Axes
     """
     plot_mask(image, height.mask, ax, title)
-    right = image.shape[1]
-    for row, name in ((height.top_row, "first marked row"), (height.foot_row, "foot")):
+    for row, name in ((height.top_row, "first\nmarked\nrow"), (height.foot_row, "foot")):
         ax.axhline(row, color=COLORS[5], lw=1)
-        ax.text(
-            right - 6,
-            row - 5,
-            f"{name}: {row}",
-            color="white",
-            ha="right",
-            fontsize=10,
-            bbox={"facecolor": "black", "alpha": 0.55, "lw": 0, "pad": 1.5},
-        )
+        ax.text(1.02, row, f"{name}: {row}", transform=ax.get_yaxis_transform(), va="center", fontsize=9)
     ax.annotate(
         "",
         (height.column, height.top_row),

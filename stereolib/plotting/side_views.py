@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from stereolib.base import Float64
 from stereolib.paper import CubeSetup, CubeView
 from stereolib.plotting.curves import plot_curves
-from stereolib.plotting.style import LASER, OURS, PAPER, RIVAL, TRUTH, default_style
+from stereolib.plotting.style import LASER, OURS, RIVAL, TRUTH, default_style
 
 
 @default_style
@@ -114,7 +114,7 @@ def plot_face_end(setup: CubeSetup, axes: Any, *, turned_deg: float = 0.0) -> No
     middle = (last + missing) / 2
     axes[1].plot(*missing, "o", mfc="white", mec=LASER, ms=7, zorder=4)
     axes[1].plot(*middle, "D", color=OURS, ms=7, zorder=4)
-    for text, point, shift in (("last beam that meets it", last, (-12, -30)), ("first that misses", missing, (-40, 24)),
+    for text, point, shift in (("last beam that meets it", last, (18, -46)), ("first that misses", missing, (-40, 24)),
                                ("end, put half-way", middle, (14, -24))):  # fmt: skip
         axes[1].annotate(text, point, shift, textcoords="offset points", fontsize=9, arrowprops={"arrowstyle": "-"},
                          ha="left" if shift[0] > 0 else "right",
@@ -143,11 +143,15 @@ def plot_edge_depths(views: Mapping[str, CubeView], setup: CubeSetup, axes: Any)
         ax.axhline(0, color="0.3", lw=2)
         ax.plot(*np.c_[eye, eye + 100 * axis], color=OURS, lw=1.2, ls="--", label="the camera's axis")
         ax.plot([near, near], [0, tall], color=TRUTH, lw=3, label="near edge")
-        for place, up, marker in (("foot", 0.0, "o"), ("top", tall, "s")):
+        for place, up, look in (
+            ("foot", 0.0, {"marker": "o", "ms": 11, "mfc": "none"}),
+            ("top", tall, {"marker": "s"}),
+        ):
             point = np.array([near, up])
             depth = (point - eye) @ axis
             ax.plot(*np.c_[point, eye + depth * axis], color=RIVAL, lw=1.4, ls=":")
-            ax.plot(*(eye + depth * axis), marker, color=RIVAL, ms=7, label=f"$Z$ of its {place}: {depth:.1f} cm")
+            label = f"$Z$ of its {place}: {depth:.1f} cm"
+            ax.plot(*(eye + depth * axis), ls="", color=RIVAL, label=label, **look)
         ax.plot(*eye, "o", color=OURS, ms=8)
         ax.set(xlim=(-8, 105), ylim=(-4, 62), aspect="equal", title=name, xlabel="forward (cm)", ylabel="up (cm)")
         ax.legend(frameon=False, fontsize=8.5, loc="upper left", ncols=2)
@@ -175,12 +179,13 @@ def plot_floor_rays(setup: CubeSetup, heights_cm: Mapping[str, float], axes: Any
         ax.plot(near, tall, "s", color=TRUTH, ms=7, label="top of the edge")
         ax.plot(floor, 0, "D", color=RIVAL, ms=8, zorder=5, label="the same ray on the floor's plane")
         ax.plot(0, height, "o", color=OURS, ms=8)
-        beside = -9 if floor > 0 else 16
+        beside = -9 if floor > 0 else 24
         _length(ax, (beside, 0), (beside, height), r"$h_\mathrm{cam}$", (-18 if floor > 0 else 18, 0))
         _length(ax, (near - 5, 0), (near - 5, tall), "$h$", (-8, 0))
         ax.annotate("", (0, max(height - 16, 1)), (0, height), arrowprops={"arrowstyle": "->", "lw": 1.6})
-        ax.annotate("$n$", (0, max(height - 16, 1)), (4, 0), textcoords="offset points", fontsize=12)
-        ax.set(xlim=(-40, 150), ylim=(-6, 92), aspect="equal", title=name, xlabel="forward (cm)", ylabel="up (cm)")
+        ax.annotate("$n$", (0, max(height - 16, 1)), (6, 0), textcoords="offset points", fontsize=12)
+        ends = {"xlim": (-40, 150), "ylim": (-6, 92)} if floor > 0 else {"xlim": (-35, 79), "ylim": (-4, 54.8)}
+        ax.set(**ends, aspect="equal", title=name, xlabel="forward (cm)", ylabel="up (cm)")
         ax.legend(frameon=False, fontsize=8.5, loc="upper left")
 
 
@@ -223,7 +228,7 @@ def plot_camera_heights(
         ax.fill_between(heights_mm / 10, np.maximum(low, printed_px - ends_px), np.minimum(high, printed_px + ends_px),
                         where=fits[k], color=color, alpha=0.5, lw=0)  # fmt: skip
     plot_curves(lines, ax, marker="", xlabel="camera height (cm)", ylabel="width of the cube (px)")
-    ax.axhline(printed_px, color=PAPER, ls="--", lw=1.2, label=f"printed: {printed_px:g} px")
+    ax.axhline(printed_px, color=TRUTH, ls=":", lw=1.2, label=f"printed: {printed_px:g} px")
     ax.legend(frameon=False, fontsize=9, loc="lower left")
     return ax
 

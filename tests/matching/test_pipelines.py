@@ -137,20 +137,23 @@ def test_the_benchmark_says_what_the_library_uses():
     assert layered["mean"]["best_bad1_visible_pct"] < 0.8 * layered["mean"]["rival_bad1_visible_pct"]
     assert layered["mean"]["best_bad2_pct"] < 0.8 * layered["mean"]["rival_bad2_pct"]
     assert layered["ahead_of_rival"] >= 0.9 * layered["pairs"]
-    assert 63 <= layered["inside1_pct"] <= 73
+    assert 63 <= layered["inside1_pct"] <= 75 and 68 <= measured["rig"]["inside1_pct"] <= 75
     times = (datasets.ROOT / "benchmarks" / "results" / "pipeline_time.json").read_text(encoding="utf-8")
     assert json.loads(times)["fast_times_plain"] >= 2
     assert measured["fast_bad2_pct"] <= measured["plain_bad2_pct"] + 1
 
 
 def test_best_on_a_real_pair():
-    """Photographs that took no part in the settings: at most 6 % bad over all pixels, as the benchmark measured."""
+    """Photographs that took no part in the settings: as the benchmark measured, and better than what others have."""
     text = (datasets.ROOT / "benchmarks" / "results" / "pipeline.json").read_text(encoding="utf-8")
     view = motorcycle_view()
     quality = score(pipelines.stereo_pipeline("best")(view.left, view.right).disparity_px, view.truth_px)
     assert quality.density_pct == 100
-    assert quality.bad2_pct == pytest.approx(json.loads(text)["motorcycle_best_bad2_pct"], abs=0.05)
-    assert quality.bad2_pct <= 6.0
+    measured = json.loads(text)
+    assert quality.bad2_pct == pytest.approx(measured["motorcycle_best_bad2_pct"], abs=0.05)
+    for rival in ("rival", "wls", "filled_bm", "plain"):
+        for measure in ("bad2_pct", "bad1_visible_pct"):
+            assert measured[f"motorcycle_best_{measure}"] < measured[f"motorcycle_{rival}_{measure}"]
 
 
 def test_refuses():

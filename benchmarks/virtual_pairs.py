@@ -59,7 +59,7 @@ def recorded(name: str) -> Pair:
     return Pair(name, *pair, recordings.load_truth(name).disparity_px)
 
 
-def bad2_pct(disparity_px: Array, truth_px: Array) -> float:
-    """Share of all pixels of known truth that are off by more than 2 px or not returned."""
-    known = np.isfinite(truth_px)
-    return 100 * float((~(np.abs(disparity_px - truth_px)[known] <= 2)).mean())
+def bad_pct(disparity_px: Array, truth_px: Array, limit_px: float, where: Array | None = None) -> float:
+    """Share of the pixels of known truth that are off by more than a limit or not returned; all, or those `where`."""
+    known = np.isfinite(truth_px) if where is None else np.isfinite(truth_px) & where
+    return 100 * float((~(np.abs(disparity_px - truth_px)[known] <= limit_px)).mean())

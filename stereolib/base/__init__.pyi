@@ -4,6 +4,7 @@ from .arrays import Bools, Float32, Float64, Floats, Ints, UInt8, finite_array, 
 from .datasets import ROOT, NotAvailable, available, data_path, figures_dir, real_recording, real_recordings, repository
 from .files import check_nesting, check_target, read_bytes, read_json, read_text, read_yaml, write_atomic
 from .numbers import counted, plus_minus
+from .statistics import clustered_covariance, median
 
 __all__ = [
     "ROOT",
@@ -17,12 +18,14 @@ __all__ = [
     "available",
     "check_nesting",
     "check_target",
+    "clustered_covariance",
     "counted",
     "data_path",
     "datasets",
     "direction",
     "figures_dir",
     "finite_array",
+    "median",
     "plus_minus",
     "read_bytes",
     "read_json",

@@ -7,12 +7,15 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from stereolib.base import Float32
 from stereolib.cli.command import Command
 from stereolib.cli.errors import DONE, named
 from stereolib.cli.outputs import check_ending, check_outputs
 
 _OUT = """(H, W) float32, px, NaN invalid; a picture goes beside it, and from `best` NPY_std.npy, the standard deviation
-in px as measured on virtual scenes: up to 3 where matched, 9 and more where filled by a guess"""
+in px as measured on virtual scenes"""
+_AUTO = "auto"
+_BEYOND = 0.005  # share of the roughly matched pixels that may lie beyond the range before it is told
 _OPTIONS = {
     "looks for a multiple of 16 disparities, got": "needs a --max-disparity that is a multiple of 16, got",
     "looks for a multiple of 32 disparities, got": "needs a --max-disparity that is a multiple of 32, got",
@@ -27,11 +30,18 @@ def _configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("right", type=Path, metavar="RIGHT", help="picture of the right camera")
     parser.add_argument("--calibration", type=Path, metavar="FILE", help="calibration.json; default: a rectified pair")
     parser.add_argument("--pipeline", default="best", metavar="NAME", help="paper, fast or best (default: best)")
-    parser.add_argument(
-        "--max-disparity", type=int, default=128, metavar="N", help="px, a multiple of 16, of 32 for fast (128)"
-    )
+    about = "px, a multiple of 16, of 32 for fast; auto takes what a rough match of the pair tells (auto)"
+    parser.add_argument("--max-disparity", type=_count, default=_AUTO, metavar="N", help=about)
     parser.add_argument("--output", type=Path, default=Path("disparity.npy"), metavar="NPY", help=_OUT)
     parser.add_argument("--force", action="store_true", help="replace the files if they are there")
+
+
+def _count(word: str) -> int | None:
+    """What --max-disparity says; None for auto."""
+    try:
+        return None if word == _AUTO else int(word)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{word!r} is neither a whole number of pixels nor {_AUTO}") from None
 
 
 def _run(arguments: argparse.Namespace) -> int:
@@ -41,7 +51,7 @@ def _run(arguments: argparse.Namespace) -> int:
     import numpy as np
 
     from stereolib.base import write_atomic
-    from stereolib.matching import check_matchable, check_rectified, stereo_pipeline
+    from stereolib.matching import check_matchable, check_rectified, find_rows, stereo_pipeline
     from stereolib.plotting import color_disparity
     from stereolib.rig import StereoRig, read_pair
 
@@ -64,6 +74,10 @@ def _run(arguments: argparse.Namespace) -> int:
         estimate = run(*pair)
     if unsure:
         print("note: too few points of the two pictures could be matched to tell whether the pair is rectified")
+    rows, rough = find_rows(*pair)
+    if rows.warning and arguments.pipeline == "best":
+        print(f"warning: {rows.warning}")
+    _warn_of_range(2 * rough[np.isfinite(rough)], arguments.max_disparity)
     valid = np.isfinite(estimate.disparity_px)
     if not valid.any():
         which = " and ".join(map(str, files))
@@ -76,8 +90,18 @@ def _run(arguments: argparse.Namespace) -> int:
             write_atomic(path, stream.getvalue())
     shown = color_disparity(estimate.disparity_px, low, max(high, low + 1))
     write_atomic(picture, cv2.imencode(".png", shown)[1].tobytes())
-    print(f"{out}: {100 * valid.mean():.1f} % of the pixels matched, disparities {low:.1f} to {high:.1f} px")
+    kinds = {"matched": estimate.matched, "filled": valid & ~estimate.matched, "refused": ~valid}
+    shares = ", ".join(f"{100 * mask.mean():.1f} % {kind}" for kind, mask in kinds.items())
+    print(f"{out}: of the pixels {shares}; disparities {low:.1f} to {high:.1f} px")
     return DONE
+
+
+def _warn_of_range(rough_px: Float32, count: int | None) -> None:
+    """Say that a range that was asked for leaves out what is near, as a rough match saw it."""
+    if count is None or not rough_px.size or (beyond := float((rough_px > count).mean())) < _BEYOND:
+        return
+    lost = f"{100 * beyond:.1f} % of the roughly matched pixels lie beyond --max-disparity {count}"
+    print(f"warning: {lost}: what stands there is wrong; leave the option out or give more")
 
 
 @contextmanager

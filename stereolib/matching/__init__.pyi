@@ -2,11 +2,20 @@ from .census_sgm import CensusSGM, SGMResult, census_transform, match_census_sgm
 from .disparity import compute_disparity, depth_to_disparity, disparity_to_depth, left_right_check
 from .filter_comparison import FilterCase, compare_filters, outline_growth_px
 from .filters import SMOOTHING_METHODS, dilate, dilate_set, median_filter, smooth
-from .ground_truth import KnownView, motorcycle_view
+from .ground_truth import KnownView, motorcycle_view, seen_by_both
 from .guided import ExpectedDisparity, compute_disparity_guided, expected_disparity
 from .pair_checks import check_matchable, check_rectified, check_sides
-from .pipelines import BEST_SIGMA_PX, DisparityEstimate, fill_and_classify, match_best, stereo_pipeline
+from .pipelines import (
+    BEST_SIGMA_PX,
+    ClassifiedMap,
+    DisparityEstimate,
+    fill_and_classify,
+    match_best,
+    search_range,
+    stereo_pipeline,
+)
 from .pixel_cost import PixelCost, pixel_cost
+from .rows import RowOffset, find_rows
 from .scenes import correlation_length_px, near_edge_mask, smallest_window
 from .scoring import RepairScore, Score, fattening_px, overreach_px, score, score_repair
 from .sgbm import SGBMParams, match_pair
@@ -16,12 +25,14 @@ __all__ = [
     "BEST_SIGMA_PX",
     "SMOOTHING_METHODS",
     "CensusSGM",
+    "ClassifiedMap",
     "DisparityEstimate",
     "ExpectedDisparity",
     "FilterCase",
     "KnownView",
     "PixelCost",
     "RepairScore",
+    "RowOffset",
     "SGBMParams",
     "SGMResult",
     "Score",
@@ -41,6 +52,7 @@ __all__ = [
     "expected_disparity",
     "fattening_px",
     "fill_and_classify",
+    "find_rows",
     "left_right_check",
     "match_best",
     "match_census_sgm",
@@ -53,6 +65,8 @@ __all__ = [
     "pixel_cost",
     "score",
     "score_repair",
+    "search_range",
+    "seen_by_both",
     "settings_grid",
     "smallest_window",
     "smooth",

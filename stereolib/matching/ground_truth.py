@@ -206,6 +206,34 @@ def _sums(steps: _Steps, least: int, truth: Float32, cosine: Float32, sine: Floa
     return (*counts, len(steps) - counts[-1], absolute / 16, square / 256, *near, *swing)
 
 
+def seen_by_both(truth_px: Floats) -> Bools:
+    """Find the pixels that the right camera sees too: carried into its view, no nearer surface covers them.
+
+    Parameters
+    ----------
+    truth_px : (H, W) float, px
+        True disparity, NaN where unknown.
+
+    Returns
+    -------
+    (H, W) bool
+
+    Examples
+    --------
+    >>> seen_by_both(np.array([[0.0, 0.0, 0.0, 2.0]]))
+    array([[ True, False,  True,  True]])
+    """
+    rows, columns = np.nonzero(np.isfinite(truth_px))
+    disparity = truth_px[rows, columns]
+    target = np.rint(columns - disparity).astype(int)
+    inside = target >= 0
+    nearest = np.full(truth_px.shape, -np.inf)
+    np.maximum.at(nearest, (rows[inside], target[inside]), disparity[inside])
+    visible = np.zeros(truth_px.shape, bool)
+    visible[rows[inside], columns[inside]] = disparity[inside] > nearest[rows[inside], target[inside]] - 1
+    return visible
+
+
 def motorcycle_view() -> KnownView:
     """Load the Middlebury 2014 motorcycle at quarter size: photographs with measured truth, in every install.
 
@@ -224,12 +252,5 @@ def motorcycle_view() -> KnownView:
     load: Any = stereo_motorcycle
     left, right, truth = load()
     truth = np.where(np.isfinite(truth), truth, np.nan).astype(np.float64)
-    rows, columns = np.nonzero(np.isfinite(truth))
-    target = np.rint(columns - truth[rows, columns]).astype(int)
-    inside = target >= 0
-    nearest = np.full(truth.shape, -np.inf)
-    np.maximum.at(nearest, (rows[inside], target[inside]), truth[rows[inside], columns[inside]])
-    visible = np.zeros(truth.shape, bool)
-    visible[rows[inside], columns[inside]] = truth[rows, columns][inside] > nearest[rows[inside], target[inside]] - 1
     left, right = (np.ascontiguousarray(image[..., ::-1]) for image in (left, right))
-    return KnownView("motorcycle", left, right, truth, visible)
+    return KnownView("motorcycle", left, right, truth, seen_by_both(truth))

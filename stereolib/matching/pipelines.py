@@ -1,44 +1,61 @@
 """Whole ways from a rectified pair to a disparity map, by name: what the paper did, what is fast, what is best.
 
 The settings of "best" were chosen on virtual scenes by `benchmarks/choose_best.py`, its standard deviations calibrated
-on the same scenes by `benchmarks/bench_pipeline.py`; the photographs on which both are tested took no part.
+on virtual scenes by `benchmarks/bench_pipeline.py`; the photographs on which both are tested took no part.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, TypeAlias, cast
+from functools import partial
+from typing import Any, TypeAlias
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereolib.base import Float32, Floats, UInt8
+from stereolib.base import Bools, Float32, UInt8
 from stereolib.matching.census_sgm import CensusSGM, SGMResult, match_census_sgm
 from stereolib.matching.disparity import compute_disparity, left_right_check
 from stereolib.matching.filling import fill_background, neighbours, remove_speckles
 from stereolib.matching.filters import dilate
+from stereolib.matching.levels import evened
+from stereolib.matching.rows import find_rows
 from stereolib.matching.sgbm import SGBMParams, check_window
 from stereolib.rig import check_pair, to_grey
 
 _SPECKLE_PX = 11  # patches below 11 x 11 px go
 _MEDIAN_PX = 5
-_BLUR_FROM_GREY = 1.0  # grey levels of noise from which on the pictures are blurred before matching
-#: Limits between classes, and the standard deviation in px of each, over five cluttered virtual scenes in three lights,
-#: rectified as well as rigs are (the cube alone is too easy: it would promise more than other scenes keep). Matched
-#: pixels are told apart by the margin of their minimum, on smooth surfaces and beside steps: the 68th percentile of the
-#: absolute error. Filled ones are told apart by how far their two neighbours in the row lie apart: there a guess is
-#: right or wrong by the whole gap, a percentile would hide the wrong ones, and the root mean square error is taken,
-#: classes put together until it does not fall with the gap. The limits of the margin are its 10th, 25th, 45th, 65th and
-#: 85th percentile.
-MARGINS = (50.0, 90.0, 136.0, 187.0, 259.0)
-GAPS_PX = (0.5, 1.0, 4.0, 16.0, 1000.0)
-BEST_SIGMA_PX = {
-    "smooth": (0.99, 0.85, 0.6, 0.38, 0.26, 0.24),
-    "step": (2.36, 2.54, 2.66, 1.68, 0.67, 0.33),
-    "filled": (8.94, 8.94, 8.94, 9.39, 13.99, 30.83),
-}
+_STEP_PX = 2.0  # neighbours farther apart are two surfaces
+_MOST_BENT_PX = 2.0  # more counts as so much
+_FARTHEST, _ROOM, _ROOM_PX = 0.999, 1.05, 8.0  # share of the rough match that the range holds, and room beyond it
+_RANGE = 128  # where nothing tells
+_LEAST_LEFT_PX = 5  # of a picture's width, beyond the range
+#: Limits between classes of pixels. Matched ones are told apart by the margin of their minimum, and where no step of
+#: the map is beside them by how rough it is; filled ones by how far apart their two neighbours in the row lie; those at
+#: the border, which have but one, by how far away it is.
+MARGINS, ROUGHNESS_PX = (85.0, 150.0, 220.0, 275.0, 345.0), (0.1, 0.25, 0.5)
+GAPS_PX, BORDERS_PX = (0.5, 1.0, 4.0, 16.0), (4.0, 10.0, 20.0, 40.0)
+#: The standard deviation of each class in px, as `benchmarks/bench_pipeline.py` finds it.
+BEST_SIGMA_PX: dict[str, tuple[float, ...]] = {
+    "smooth": (
+        1.01, 0.22, 0.14, 0.12, 0.11, 0.12,
+        0.49, 0.36, 0.22, 0.17, 0.14, 0.12,
+        0.67, 0.56, 0.41, 0.28, 0.23, 0.16,
+        1.26, 0.97, 0.69, 0.45, 0.29, 0.19,
+    ),
+    "step": (
+        6.95, 4.91, 1.36, 0.87, 0.6, 0.42,
+    ),
+    "gap": (
+        2.63, 2.85, 2.64, 6.09, 3.45,
+    ),
+    "border": (
+        1.57, 2.12, 3.78, 7.1, 12.58,
+    ),
+}  # fmt: skip
+_SMOOTH, _STEP, _GAP, _BORDER = range(4)
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,21 +66,42 @@ class DisparityEstimate:
     ----------
     disparity_px : (H, W) float32
         NaN where unknown.
+    matched : (H, W) bool
+        Where it was matched; elsewhere it was filled by a guess, or is unknown.
     std_px : (H, W) float32 or None
         Standard deviation of each disparity; only ``"best"`` has one. It is the error of pixels of the same kind in
-        virtual scenes (`BEST_SIGMA_PX`): of matched pixels the half width that holds 68 % of the errors, at most 3 px;
-        of filled ones the root mean square, 9 px and more. Most filled pixels are off by less, some by far more: above
-        5 px read it as "a guess".
+        virtual scenes (`BEST_SIGMA_PX`).
     """
 
     disparity_px: Float32
+    matched: Bools
     std_px: Float32 | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class ClassifiedMap:
+    """The dense map of ``"best"``, and for each pixel of which class of equal standard deviation it is.
+
+    Parameters
+    ----------
+    disparity_px : (H, W) float32
+    kind : (H, W) int8
+        0 matched on a smooth surface, 1 matched beside a step of the map, 2 filled between matched pixels of its row,
+        3 filled at the border.
+    level : (H, W) int8
+        Class of `MARGINS` and six times that of `ROUGHNESS_PX` (kind 0), of `MARGINS` (kind 1), of `GAPS_PX` (kind 2)
+        or of `BORDERS_PX` (kind 3), counted from 0.
+    """
+
+    disparity_px: Float32
+    kind: npt.NDArray[np.int8]
+    level: npt.NDArray[np.int8]
 
 
 Pipeline: TypeAlias = Callable[[UInt8, UInt8], DisparityEstimate]
 
 
-def stereo_pipeline(name: str = "best", num_disparities: int = 128) -> Pipeline:
+def stereo_pipeline(name: str = "best", num_disparities: int | None = 128) -> Pipeline:
     """Choose a way from a rectified pair to its disparity.
 
     Parameters
@@ -72,10 +110,11 @@ def stereo_pipeline(name: str = "best", num_disparities: int = 128) -> Pipeline:
         - ``"paper"``: `cv2.StereoSGBM` and one 9 x 9 dilation (sections II.C and II.D; the paper prints no kernel).
         - ``"fast"``: matched in half size from left and from right, checked, holes filled from the background, and
           enlarged. A quarter of the pixels, half of the disparities: several times faster than plain SGBM.
-        - ``"best"``: `match_census_sgm`, checked from right to left, specks removed, holes filled from the background,
-          5 x 5 median; a standard deviation for each pixel. Noisy pictures are blurred first. Dense; some seconds.
-    num_disparities : int, px
-        Disparities from 0 to this are looked for; a multiple of 16, of 32 for ``"fast"``.
+        - ``"best"``: rows and exposure corrected, `match_census_sgm`, checked from right to left, specks removed, holes
+          filled from the background, 5 x 5 median; a standard deviation for each pixel. Dense; some seconds.
+    num_disparities : int or None, px
+        Disparities from 0 to this are looked for; a multiple of 16, of 32 for ``"fast"``. None takes what
+        `search_range` tells of the pair.
 
     Returns
     -------
@@ -98,43 +137,47 @@ def stereo_pipeline(name: str = "best", num_disparities: int = 128) -> Pipeline:
     if name not in pipelines:
         raise ValueError(f"unknown pipeline {name!r}; choose one of {', '.join(pipelines)}")
     run, step = pipelines[name]
+    if num_disparities is None:
+        return lambda left, right: run(left, right, search_range(find_rows(left, right)[1], left.shape[1], step))
     if num_disparities < step or num_disparities % step:
         below = max(step, num_disparities // step * step)
         got = f"got {num_disparities}; near are {below}, {below + step}"
         raise ValueError(f'"{name}" looks for a multiple of {step} disparities, {got}')
-    return lambda left, right: run(left, right, num_disparities)
+    return partial(run, num_disparities=num_disparities)
 
 
-def noise_grey(image: UInt8) -> float:
-    """Estimate a picture's noise where it is flattest: the tenth percentile over blocks of 16 x 16 px.
+def search_range(rough_px: Float32, width_px: int, step: int = 16) -> int:
+    """Tell how many disparities a pair needs, from a rough match of it.
 
     Parameters
     ----------
-    image : (H, W) or (H, W, 3) uint8
+    rough_px : (H / 2, W / 2) float32, px of the half size
+        As `find_rows` gives it; NaN where nothing was matched.
+    width_px : int
+        The whole picture's.
+    step : int, px
+        The answer is a multiple of it.
 
     Returns
     -------
-    float, grey levels
-        Standard deviation.
+    int, px
+        999 of 1000 roughly matched pixels lie below it, and there is room beyond. 128 where nothing was matched; never
+        as wide as the picture.
 
-    References
-    ----------
-    J. Immerkaer, Fast noise variance estimation, doi:10.1006/cviu.1996.0060 (its mask; the median of each block).
+    Examples
+    --------
+    >>> search_range(np.full((240, 320), 30, np.float32), 640)
+    80
     """
-    mask = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], np.float32)
-    edges = np.abs(cv2.filter2D(to_grey(image).astype(np.float32), -1, mask))
-    rows, columns = (max(n // 16, 1) for n in edges.shape)
-    blocks = edges[: 16 * rows, : 16 * columns].reshape(rows, -1, columns, min(16, edges.shape[1]))
-    return float(np.percentile(np.median(blocks, axis=(1, 3)), 10) / 0.6745 / 6)
+    found = rough_px[np.isfinite(rough_px)]
+    need = _ROOM * 2 * float(np.quantile(found, _FARTHEST)) + _ROOM_PX if found.size else _RANGE
+    widest = (width_px - _LEAST_LEFT_PX) // step * step
+    return max(step, min(-(-int(need) // step) * step, widest))
 
 
 def fill_and_classify(
-    matched: SGMResult,
-    *,
-    speckle_px: int = _SPECKLE_PX,
-    median_px: int = _MEDIAN_PX,
-    margins: tuple[float, ...] = MARGINS,
-) -> tuple[Floats, npt.NDArray[np.int8], npt.NDArray[np.int8]]:
+    matched: SGMResult, *, speckle_px: int = _SPECKLE_PX, median_px: int = _MEDIAN_PX
+) -> ClassifiedMap:
     """Make the dense map of ``"best"``, and sort its pixels into classes of equal standard deviation.
 
     Parameters
@@ -144,16 +187,10 @@ def fill_and_classify(
         Patches of fewer than ``speckle_px ** 2`` pixels are removed.
     median_px : {3, 5}
         Edge of the median at the end.
-    margins : tuple of float
-        Limits between the classes of matched pixels.
 
     Returns
     -------
-    disparity_px : (H, W) float32
-    kind : (H, W) int8
-        0 matched on a smooth surface, 1 matched beside a step of the map, 2 filled.
-    level : (H, W) int8
-        Class of `margins` (kinds 0 and 1) or of `GAPS_PX` (kind 2), counted from 0.
+    ClassifiedMap
     """
     checked = left_right_check(matched.left_px, matched.right_px)
     checked[checked > np.arange(checked.shape[1])] = np.nan
@@ -161,25 +198,21 @@ def fill_and_classify(
     dense = fill_background(checked)
     if np.isnan(dense).any():  # nothing was accepted anywhere
         dense = matched.left_px
-    disparity = cv2.medianBlur(dense, median_px)
-    # a neighbour that is missing counts as far off, both in one row too
-    near, far = (np.nan_to_num(s, nan=x) for s, x in zip(neighbours(checked), (1e4, -1e4), strict=True))
-    window = np.ones((5, 5), np.uint8)
-    step = cv2.dilate(disparity, window) - cv2.erode(disparity, window) > 2
-    kind = np.where(np.isnan(checked), 2, step).astype(np.int8)
-    gap, margin = np.digitize(np.abs(near - far), GAPS_PX), np.digitize(matched.margin, margins)
-    return disparity, kind, np.where(kind == 2, gap, margin).astype(np.int8)
+    disparity, window = cv2.medianBlur(dense, median_px), np.ones((5, 5), np.uint8)
+    step = cv2.dilate(disparity, window) - cv2.erode(disparity, window) > _STEP_PX
+    hole, (before, after) = np.isnan(checked), neighbours(checked)
+    kind = np.where(hole, np.where(np.isnan(before + after), _BORDER, _GAP), step)
+    bends = np.abs(cv2.Laplacian(matched.left_px, cv2.CV_32F)).clip(0, _MOST_BENT_PX)
+    rough = np.digitize(cv2.blur(bends, window.shape), ROUGHNESS_PX)
+    clear = np.digitize(matched.margin, MARGINS)
+    smooth = (len(MARGINS) + 1) * rough + clear
+    gap = np.digitize(np.nan_to_num(np.abs(before - after)), GAPS_PX)
+    level = np.choose(kind, [smooth, clear, gap, np.digitize(_away_px(hole), BORDERS_PX)])
+    return ClassifiedMap(disparity, kind.astype(np.int8), level.astype(np.int8))
 
 
-def match_best(
-    left: UInt8,
-    right: UInt8,
-    num_disparities: int,
-    params: CensusSGM | None = None,
-    *,
-    blur_from_grey: float = _BLUR_FROM_GREY,
-) -> SGMResult:
-    """Match as ``"best"`` does: `match_census_sgm`, of blurred pictures where they are noisy.
+def match_best(left: UInt8, right: UInt8, num_disparities: int, params: CensusSGM | None = None) -> SGMResult:
+    """Match as ``"best"`` does: `match_census_sgm`, the right picture's rows and exposure corrected.
 
     Parameters
     ----------
@@ -187,8 +220,6 @@ def match_best(
     num_disparities : int, px
         In place of that of `params`.
     params : CensusSGM, optional
-    blur_from_grey : float
-        Noise in grey levels from which on the pictures are blurred.
 
     Returns
     -------
@@ -199,21 +230,28 @@ def match_best(
     ValueError
         As `match_census_sgm`.
     """
-    check_pair(left, right)
-    noise = max(noise_grey(left), noise_grey(right))
-    if noise >= blur_from_grey:
-        left, right = (cast(UInt8, cv2.GaussianBlur(image, (0, 0), noise)) for image in (left, right))
-    return match_census_sgm(left, right, replace(params or CensusSGM(), num_disparities=num_disparities))
+    rows, _ = find_rows(left, right)
+    settings = replace(params or CensusSGM(), num_disparities=num_disparities)
+    return match_census_sgm(left, evened(left, rows.correct(right)), settings)
+
+
+def _away_px(hole: Bools) -> Float32:
+    """How far the nearest pixel of the row is that is no hole."""
+    columns = np.arange(hole.shape[1], dtype=np.float32)
+    before, after = neighbours(np.where(hole, np.float32(np.nan), columns))
+    return np.asarray(np.nan_to_num(np.fmin(columns - before, after - columns), nan=np.inf), np.float32)
 
 
 def _best(left: UInt8, right: UInt8, num_disparities: int) -> DisparityEstimate:
-    disparity, kind, level = fill_and_classify(match_best(left, right, num_disparities))
-    sigma = np.array(list(BEST_SIGMA_PX.values()), np.float32)
-    return DisparityEstimate(disparity, sigma[kind, level])
+    found = fill_and_classify(match_best(left, right, num_disparities))
+    first = np.cumsum([0, *map(len, BEST_SIGMA_PX.values())])
+    sigma = np.concatenate([*BEST_SIGMA_PX.values()]).astype(np.float32)
+    return DisparityEstimate(found.disparity_px, found.kind <= _STEP, sigma[first[found.kind] + found.level])
 
 
 def _paper(left: UInt8, right: UInt8, num_disparities: int) -> DisparityEstimate:
-    return DisparityEstimate(dilate(compute_disparity(left, right, SGBMParams(num_disparities)), 9))
+    matched = compute_disparity(left, right, SGBMParams(num_disparities))
+    return DisparityEstimate(dilate(matched, 9), np.isfinite(matched))
 
 
 def _fast(left: UInt8, right: UInt8, num_disparities: int) -> DisparityEstimate:
@@ -227,4 +265,5 @@ def _fast(left: UInt8, right: UInt8, num_disparities: int) -> DisparityEstimate:
     mirrored = compute_disparity(half[1][:, ::-1], half[0][:, ::-1], params, whole=True)[:, ::-1]
     kept = remove_speckles(left_right_check(matched, mirrored), 5)
     dense = cv2.medianBlur(fill_background(kept), 5)
-    return DisparityEstimate(2 * cv2.resize(dense, (width, height), interpolation=cv2.INTER_NEAREST))
+    sure = cv2.resize(np.isfinite(kept).astype(np.uint8), (width, height), interpolation=cv2.INTER_NEAREST) > 0
+    return DisparityEstimate(2 * cv2.resize(dense, (width, height), interpolation=cv2.INTER_NEAREST), sure)

@@ -12,7 +12,6 @@ from .overlay import OBJECT_RGB, draw_length, draw_objects
 from .plane_alignment import AlignedPair, CannotMeasure
 from .reasons import Reason, Source, Why
 from .regions import ObjectRegion, find_objects
-from .rows import RowOffset
 from .two_points import Between, SurfacePoint, find_surface, match_views, measure_between
 from .views import Views
 
@@ -34,7 +33,6 @@ __all__ = [
     "NoFloor",
     "ObjectRegion",
     "Reason",
-    "RowOffset",
     "Side",
     "Source",
     "SurfacePoint",

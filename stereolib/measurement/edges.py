@@ -8,8 +8,7 @@ from typing import Any, TypeAlias
 import cv2
 import numpy as np
 
-from stereolib.base import Float32, Float64, Floats, UInt8
-from stereolib.measurement.plane_alignment import median
+from stereolib.base import Float32, Float64, Floats, UInt8, median
 from stereolib.rig import to_light
 
 #: Neighbouring lines are so far apart in the picture, px.

@@ -8,9 +8,9 @@ from functools import cached_property
 import cv2
 import numpy as np
 
-from stereolib.base import Bools, Float64, Floats, finite_array, set_frozen
+from stereolib.base import Bools, Float64, Floats, clustered_covariance, finite_array, set_frozen
 from stereolib.measurement.disparity_map import check_disparity_map, pixel_rays
-from stereolib.measurement.plane_alignment import AlignedPair, CannotMeasure, align, cell_of, clustered_covariance
+from stereolib.measurement.plane_alignment import AlignedPair, CannotMeasure, align, cell_of
 from stereolib.rig import RectifiedRig
 
 _STEP = 7  # every seventh pixel, every seventh row

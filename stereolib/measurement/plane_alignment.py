@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import cv2
 import numpy as np
 
-from stereolib.base import Bools, Float32, Float64, Floats, Ints, UInt8
+from stereolib.base import Bools, Float32, Float64, Floats, Ints, UInt8, clustered_covariance, median
 from stereolib.rig import check_pair, to_grey
 
 _MOST_PIXELS = 1500  # more add nothing but time
@@ -243,21 +243,6 @@ def _compare(left: Float64, right: Float64, inside: Bools) -> _Comparison:
     return _Comparison(error, (slope, gain * their_slope), off, np.maximum(1 - off, 0) * inside, gain)
 
 
-def median(values: Floats) -> float:
-    """Take the median of a few numbers; `np.median` takes longer to look at its arguments than to sort them.
-
-    Parameters
-    ----------
-    values : (N,) float
-
-    Returns
-    -------
-    float
-    """
-    ordered = np.sort(values)
-    return float(ordered[(len(values) - 1) // 2] + ordered[len(values) // 2]) / 2
-
-
 def cell_of(u: Float64, v: Float64) -> Ints:
     """Number the cells of 24 x 24 pixels that pixels lie in: those of one cell err together.
 
@@ -271,42 +256,3 @@ def cell_of(u: Float64, v: Float64) -> Ints:
     """
     row, column = (np.asarray(a, int) // _CELL_PX for a in (v, u))
     return np.asarray(row * (int(column.max(initial=0)) + 1) + column)
-
-
-def clustered_covariance(
-    x: Float64, residual: Float64, weight: Float64, cluster: Ints, bend: Float64 | None = None
-) -> Float64:
-    """Covariance of a weighted linear fit whose errors are common within clusters.
-
-    Parameters
-    ----------
-    x : (N, k) float64
-        Rows of the design matrix.
-    residual, weight : (N,) float64
-    cluster : (N,) int, >= 0
-    bend : (N,) float64, optional
-        Of a robust fit: the derivative of ``w r`` with respect to r, in whose stead `weight` would be too sure.
-
-    Returns
-    -------
-    (k, k) float64
-
-    Notes
-    -----
-    The jackknife: with ``g_c`` the sum of ``w r x`` over cluster c and ``A_c`` that of ``b x x'``, b being w or `bend`,
-    leaving the cluster out moves the fit by ``(A - A_c)^-1 g_c``; the covariance is the sum of these moves' squares.
-
-    References
-    ----------
-    Bell, McCaffrey: Bias reduction in standard errors for linear regression with multi-stage samples. Survey
-    Methodology 28 (2002).
-    """
-    k = x.shape[1]
-    scaled = x * weight[:, None]
-    g = np.stack([np.bincount(cluster, column * residual) for column in scaled.T], axis=1)
-    bent = scaled if bend is None else x * bend[:, None]
-    parts = [np.bincount(cluster, bent[:, i] * x[:, j]) for i in range(k) for j in range(k)]
-    each = np.stack(parts, axis=1).reshape(-1, k, k)
-    rest = each.sum(axis=0) - each
-    moves = np.linalg.solve(rest, g[..., None])[..., 0]
-    return np.asarray(moves.T @ moves)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import cv2
 import numpy as np
 import pytest
@@ -33,12 +35,37 @@ def test_a_rectified_pair(pair, tmp_path, capsys):
     out = tmp_path / "d.npy"
     assert run(*pair, "--pipeline", "fast", "--output", out) == 0
     found = np.load(out, allow_pickle=False)
-    expected = stereo_pipeline("fast")(*(cv2.imread(file) for file in pair)).disparity_px
+    expected = stereo_pipeline("fast", None)(*(cv2.imread(file) for file in pair)).disparity_px
     assert found.dtype == np.float32
     np.testing.assert_array_equal(found, expected)
     assert cv2.imread(str(tmp_path / "d.png")).shape == (480, 640, 3)
     assert not (tmp_path / "d_std.npy").exists()
-    assert "of the pixels matched" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    shares = [float(share) for share in re.findall(r"([0-9.]+) % (?:matched|filled|refused)", said)]
+    assert len(shares) == 3 and sum(shares) == pytest.approx(100, abs=0.2)
+    assert shares[0] < 95 and shares[1] > 5 and shares[2] == 0  # what one camera alone sees is filled, and said to be
+
+
+def test_a_range_that_is_too_small_is_told(pair, tmp_path, capsys):
+    """The nearest surface has 161 px of disparity."""
+    words = [*pair, "--pipeline", "fast", "--output", tmp_path / "d.npy", "--force"]
+    assert run(*words, "--max-disparity", 32) == 0
+    assert re.search(r"warning: \d\d\.\d % of the .* beyond --max-disparity 32: .* leave the option out", told(capsys))
+    assert run(*words, "--max-disparity", 192) == 0
+    assert "warning" not in told(capsys)
+    assert run(*words) == 0
+    assert "warning" not in told(capsys)
+    assert 155 < np.load(tmp_path / "d.npy", allow_pickle=False).max() < 176
+
+
+def test_a_range_is_a_number_or_auto(pair, capsys):
+    with pytest.raises(SystemExit, match="2"):
+        run(*pair, "--max-disparity", "many")
+    assert "'many' is neither a whole number of pixels nor auto" in capsys.readouterr().err
+
+
+def told(capsys):
+    return capsys.readouterr().out
 
 
 def test_a_raw_pair_with_its_calibration(tmp_path):

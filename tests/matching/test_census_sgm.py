@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
+import pytest
 
 from stereolib.matching import census_sgm
 
@@ -58,6 +60,41 @@ def test_both_views_of_a_shifted_picture():
     assert np.abs(found.left_px[:, 12:] - 6).max() < 0.5
     assert np.abs(found.right_px[:, :60] - 6).max() < 0.5
     assert found.margin[:, 12:].min() > 0
+
+
+@pytest.mark.parametrize("shift", [5, 6])
+def test_the_half_size_costs_what_the_moved_picture_does(shift):
+    """Odd disparities as well as even ones: a picture that is moved by d costs nothing at d."""
+    rng = np.random.default_rng(4)
+    wide = rng.integers(0, 256, (31, 181, 3), dtype=np.uint8)
+    cost = census_sgm._coarse_cost(wide[:, :161], wide[:, shift : shift + 161], 16)
+    assert cost.shape == (16, 16, 81)
+    assert (cost[:, shift, 8:-6] == 0).all()
+    assert (np.delete(cost, shift, axis=1)[:, :, 8:-6] > 0).mean() > 0.99
+
+
+def test_strips_tell_the_same_as_one_piece(monkeypatch):
+    rng = np.random.default_rng(6)
+    wide = cv2.GaussianBlur(rng.integers(0, 256, (401, 140, 3), dtype=np.uint8), (0, 0), 1.0)
+    pair, params = (wide[:, :120], wide[:, 7:127]), census_sgm.CensusSGM(16)
+    whole = census_sgm.match_census_sgm(*pair, params)
+    monkeypatch.setattr(census_sgm, "_STRIP_BYTES", 200 * 120 * 16 * census_sgm._CELL_BYTES)
+    strips = census_sgm.match_census_sgm(*pair, params)
+    for one, other in zip(vars(whole).values(), vars(strips).values(), strict=True):
+        assert one.shape == other.shape == (401, 120)
+    assert (np.abs(whole.left_px - strips.left_px) < 0.1).mean() > 0.99
+
+
+def test_too_little_memory_is_told_with_what_would_fit(monkeypatch):
+    monkeypatch.setattr(census_sgm, "_free_bytes", lambda: 1e8)
+    pair = [np.zeros((480, 640), np.uint8)] * 2  # 1.5 MB a disparity
+    with pytest.raises(
+        ValueError, match=r"128 disparities needs 0\.18 GiB of memory, 0\.09 GiB are free: reduce .* to 64"
+    ):
+        census_sgm.match_census_sgm(*pair)
+    monkeypatch.setattr(census_sgm, "_free_bytes", lambda: 1e6)
+    with pytest.raises(ValueError, match="take smaller pictures"):
+        census_sgm.match_census_sgm(*pair)
 
 
 def test_margin_by_loops():

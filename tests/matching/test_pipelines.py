@@ -7,11 +7,12 @@ import importlib
 import json
 import statistics
 
+import cv2
 import numpy as np
 import pytest
 
 from stereolib.base import datasets
-from stereolib.matching import census_sgm, compute_disparity, motorcycle_view, pipelines, score
+from stereolib.matching import SGBMParams, census_sgm, compute_disparity, find_rows, motorcycle_view, pipelines, score
 from stereolib.virtual import recordings
 
 
@@ -24,14 +25,6 @@ def small_pair(shape=(7, 12), seed=0):
     return (rng.integers(0, 256, (*shape, 3), dtype=np.uint8) for _ in range(2))
 
 
-def test_noise_is_measured():
-    rng = np.random.default_rng(4)
-    for sigma in (1.5, 4.0):
-        picture = np.clip(np.rint(120 + sigma * rng.standard_normal((240, 320))), 0, 255).astype(np.uint8)
-        assert 0.75 * sigma < pipelines.noise_grey(picture) <= sigma  # the flattest tenth: a little low
-    assert pipelines.noise_grey(np.full((40, 50), 90, np.uint8)) == 0
-
-
 def test_best_beats_plain_matching_and_is_dense():
     """A scene that was not among those on which the settings were chosen."""
     pair, truth = recorded("conditions/glare")
@@ -40,29 +33,70 @@ def test_best_beats_plain_matching_and_is_dense():
     assert best.density_pct == 100
     assert best.bad2_pct < 0.7 * plain.bad2_pct
     assert np.isfinite(found.std_px).all() and found.std_px.dtype == np.float32
+    assert found.disparity_px.shape == found.std_px.shape == found.matched.shape == truth.shape
     # what it calls uncertain is worse than what it calls certain
     off, sure = np.abs(found.disparity_px - truth), found.std_px < 0.5
     assert (off[~sure] > 2).mean() > 5 * (off[sure] > 2).mean()
 
 
 def test_best_owns_up_to_its_guesses():
-    """Plain faces are filled with the background, 15 px off: nearly all of what is wrong there says more than 5 px."""
+    """What is filled is more often wrong than what is matched, and says so."""
     pair, truth = recorded("conditions/plain")
-    found, true = pipelines.stereo_pipeline("best")(*pair), recordings.load_truth("conditions/plain")
-    wrong = (np.abs(found.disparity_px - truth) > 4) & true.visible & (true.box == 1)
-    assert wrong.sum() > 10_000
-    assert np.median(found.std_px[wrong]) > 5
-    assert (found.std_px[wrong] > 5).mean() > 0.8
+    found = pipelines.stereo_pipeline("best")(*pair)
+    off, known = np.abs(found.disparity_px - truth), np.isfinite(truth)
+    wrong = [(off[known & where] > 2).mean() for where in (found.matched, ~found.matched)]
+    assert wrong[1] > 2 * wrong[0]
+    assert np.median(found.std_px[~found.matched]) > 2 * np.median(found.std_px[found.matched])
     ones = np.ones((40, 64), np.float32)  # the views contradict each other everywhere: nothing may claim to be known
-    _, kind, level = pipelines.fill_and_classify(census_sgm.SGMResult(9 * ones, 3 * ones, 300 * ones))
-    assert (kind == 2).all() and (level == 5).all()
+    classes = pipelines.fill_and_classify(census_sgm.SGMResult(9 * ones, 3 * ones, 300 * ones))
+    assert (classes.kind == 3).all() and (classes.level == len(pipelines.BORDERS_PX)).all()
 
 
-def test_filled_errors_by_hand(monkeypatch):
-    monkeypatch.syspath_prepend(str(datasets.ROOT / "benchmarks"))
-    script = importlib.import_module("bench_pipeline")
-    errors = [np.array([0.0, 4.0]), np.array([0.0, 0.0]), np.array([3.0, 3.0, 3.0])]  # squares 8 and 0 make 4
-    assert script.filled_std_px(errors) == [2.0, 2.0, 3.0]
+def test_rows_that_disagree_are_corrected():
+    """A roll of a third of a degree and an offset of most of a row, which cost plain matching far more."""
+    pair, truth = recorded("conditions/texture")
+    warp = cv2.getRotationMatrix2D((319.5, 239.5), 0.3, 1)
+    warp[1, 2] += 0.8
+    moved = pair[0], cv2.warpAffine(pair[1], warp, (640, 480), flags=cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
+    bad = [
+        [score(d, truth).bad2_pct for d in (best(*one, 176).disparity_px, compute_disparity(*one, SGBMParams(176)))]
+        for one in (pair, moved)
+    ]
+    assert bad[1][0] - bad[0][0] < 1
+    assert bad[1][1] - bad[0][1] > 3
+
+
+@pytest.mark.parametrize(("gain", "offset"), [(0.7, 0), (1.0, -20)])
+def test_exposures_may_differ(gain, offset):
+    pair, truth = recorded("conditions/texture")
+    other = np.clip(gain * pair[1].astype(float) + offset, 0, 255).astype(np.uint8)
+    bad = [score(best(pair[0], right, 176).disparity_px, truth).bad2_pct for right in (pair[1], other)]
+    assert bad[1] - bad[0] < 0.5
+
+
+def test_a_little_more_noise_never_costs_much():
+    """No cliff: between neighbouring amounts of noise the map gets worse by little."""
+    pair, truth = recorded("conditions/texture")
+    strewn = [np.random.default_rng(k).standard_normal(side.shape) for k, side in enumerate(pair)]
+    bad = []
+    for sigma in np.arange(0, 3.1, 0.5):
+        noisy = [np.clip(p + sigma * n, 0, 255).astype(np.uint8)[100:300] for p, n in zip(pair, strewn, strict=True)]
+        bad.append(score(best(*noisy, 176).disparity_px, truth[100:300]).bad2_pct)
+    assert np.diff(bad).max() < 0.6
+
+
+def best(left, right, num_disparities):
+    return pipelines.stereo_pipeline("best", num_disparities)(left, right)
+
+
+@pytest.mark.parametrize(("name", "most"), [("series/medium_500", 192), ("series/coarse_1000", 192), ("room/3", 192)])
+def test_the_range_is_told_by_the_pair(name, most):
+    pair = recordings.rectified().rectify(*recordings.load_pair(name))
+    reach = np.nanquantile(recordings.load_truth(name).disparity_px, 0.99) if "series" in name else 32
+    count = pipelines.search_range(find_rows(*pair)[1], 640)
+    assert reach < count <= most and count % 16 == 0
+    assert pipelines.search_range(np.full((240, 320), np.nan, np.float32), 640) == 128
+    assert pipelines.search_range(np.full((240, 40), 39, np.float32), 80, step=32) == 64
 
 
 @pytest.mark.parametrize("name", ["conditions/poor_light", "series/coarse_900"])
@@ -83,7 +117,7 @@ def test_the_settings_are_those_that_the_script_chose(monkeypatch):
         rows = list(csv.DictReader(stream))
     means = {script.key_of(row): float(row["mean"]) for row in rows}
     chosen = script.choose(lambda setting: means[script.key_of(setting)])
-    assert chosen.pop("blur_from_grey") == pipelines._BLUR_FROM_GREY
+    assert chosen.pop("blur_from_grey") == 1.0  # which reads texture as noise: what replaced it has no such limit
     assert (chosen.pop("speckle_px"), chosen.pop("median_px")) == (pipelines._SPECKLE_PX, pipelines._MEDIAN_PX)
     assert census_sgm.CensusSGM(**chosen) == census_sgm.CensusSGM()
     scenes = [name for name in rows[0] if "@" in name or "/" in name]
@@ -96,26 +130,30 @@ def test_the_benchmark_says_what_the_library_uses():
     """The standard deviations in the code are those that the last run of the benchmark found; its promises hold."""
     text = (datasets.ROOT / "benchmarks" / "results" / "pipeline.json").read_text(encoding="utf-8")
     measured = json.loads(text)
-    assert list(pipelines.MARGINS) == measured["margins"]
     for name, values in pipelines.BEST_SIGMA_PX.items():
         np.testing.assert_allclose(values, measured["sigma_px"][name], rtol=0.02, atol=0.01)
-    filled = pipelines.BEST_SIGMA_PX["filled"]
-    assert list(filled) == sorted(filled)  # the further apart the neighbours, the less is known
     assert measured["motorcycle_best_density_pct"] == 100
-    assert 63 <= measured["virtual_inside_pct"] <= 73
+    layered = measured["layered"]
+    assert layered["mean"]["best_bad1_visible_pct"] < 0.8 * layered["mean"]["rival_bad1_visible_pct"]
+    assert layered["mean"]["best_bad2_pct"] < 0.8 * layered["mean"]["rival_bad2_pct"]
+    assert layered["ahead_of_rival"] >= 0.9 * layered["pairs"]
+    assert 63 <= layered["inside1_pct"] <= 75 and 68 <= measured["rig"]["inside1_pct"] <= 75
     times = (datasets.ROOT / "benchmarks" / "results" / "pipeline_time.json").read_text(encoding="utf-8")
     assert json.loads(times)["fast_times_plain"] >= 2
     assert measured["fast_bad2_pct"] <= measured["plain_bad2_pct"] + 1
 
 
 def test_best_on_a_real_pair():
-    """Photographs that took no part in the settings: at most 6 % bad over all pixels, as the benchmark measured."""
+    """Photographs that took no part in the settings: as the benchmark measured, and better than what others have."""
     text = (datasets.ROOT / "benchmarks" / "results" / "pipeline.json").read_text(encoding="utf-8")
     view = motorcycle_view()
     quality = score(pipelines.stereo_pipeline("best")(view.left, view.right).disparity_px, view.truth_px)
     assert quality.density_pct == 100
-    assert quality.bad2_pct == pytest.approx(json.loads(text)["motorcycle_best_bad2_pct"], abs=0.05)
-    assert quality.bad2_pct <= 6.0
+    measured = json.loads(text)
+    assert quality.bad2_pct == pytest.approx(measured["motorcycle_best_bad2_pct"], abs=0.05)
+    for rival in ("rival", "wls", "filled_bm", "plain"):
+        for measure in ("bad2_pct", "bad1_visible_pct"):
+            assert measured[f"motorcycle_best_{measure}"] < measured[f"motorcycle_{rival}_{measure}"]
 
 
 def test_refuses():

@@ -6,14 +6,34 @@ few hundredths of a pixel over all that was matched.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import cv2
 import numpy as np
 
-from stereolib.base import Float32, Float64, Floats, Ints, UInt8, finite_array, set_frozen
-from stereolib.measurement.plane_alignment import clustered_covariance, median
+from stereolib.base import (
+    Float32,
+    Float64,
+    Floats,
+    Ints,
+    UInt8,
+    clustered_covariance,
+    finite_array,
+    median,
+    set_frozen,
+)
+from stereolib.matching.levels import levelled
+from stereolib.matching.sgbm import SGBMParams, match_pair
+from stereolib.rig import check_pair, to_grey
+
+#: A rough match, in half and in quarter size, from which rows and the range of disparities are told.
+_HALF = SGBMParams(num_disparities=96, mode="3way")
+_QUARTER = SGBMParams(num_disparities=64, mode="3way", speckle_window_size=25)
+_ROOM_PX = 8  # beyond them, px of the half size
+_NEAR = 0.03  # share of the matched pixels that must be nearer than the window for it to follow them
+_LEVEL = 128.0  # of what is matched, grey levels
+_LEAST_SIDE_PX = 96  # smaller pictures have no rows to compare
 
 _CELL = 12  # px: its samples give one offset
 _BLOCK = 4  # neighbouring cells, each way, that err together
@@ -131,6 +151,42 @@ class RowOffset:
         return np.asarray(cv2.warpAffine(right, self.warp, right.shape[1::-1], flags=flags))
 
 
+def find_rows(left: UInt8, right: UInt8) -> tuple[RowOffset, Float32]:
+    """Match a rectified pair roughly, and tell how far its rows disagree.
+
+    Parameters
+    ----------
+    left, right : (H, W) or (H, W, 3) uint8
+
+    Returns
+    -------
+    rows : RowOffset
+        Of the whole pictures. Zero within 3 px where too little was matched, or a side is shorter than 96 px.
+    disparity_px : (H / 2, W / 2) float32
+        Of the left picture in half size, in pixels of it; NaN where nothing was matched.
+
+    Raises
+    ------
+    ValueError
+        If they are no pair.
+
+    Notes
+    -----
+    The rows are measured in quarter size first, where they are off by less than a pixel; then in half size, where the
+    disparities come from too.
+    """
+    check_pair(left, right)
+    grey = to_grey(left), to_grey(right)
+    if min(left.shape[:2]) < _LEAST_SIDE_PX:
+        return _unknown(left.shape), np.full(_halved(grey[0]).shape, np.nan, np.float32)
+    first, second = (_even(_halved(_halved(image))) for image in grey)
+    roughly = match_pair(first, second, _narrow(_QUARTER, first), whole=True)
+    rough = measure_rows(first, second, roughly).doubled().doubled()
+    first, second = (_even(_halved(image)) for image in (grey[0], rough.correct(grey[1])))
+    small = match_pair(first, second, _narrow(_window(roughly), first), whole=True)
+    return measure_rows(first, second, small).doubled().after(rough), small
+
+
 def measure_rows(left: UInt8, right: UInt8, disparity_px: Float32) -> RowOffset:
     """Row offset of a matched pair.
 
@@ -153,14 +209,40 @@ def measure_rows(left: UInt8, right: UInt8, disparity_px: Float32) -> RowOffset:
     plane through the cells' offsets, with Tukey's weights, is the next ``dv``.
     """
     height, width = left.shape
-    centre, unknown = ((width - 1) / 2, (height - 1) / 2), [_UNKNOWN_PX / width, _UNKNOWN_PX / height, _UNKNOWN_PX]
     cells = _Cells.of(left, right, disparity_px)
     if len(cells.weight) < _LEAST_CELLS:
-        return RowOffset(np.zeros(3), np.diag(unknown) ** 2, centre)
+        return _unknown(left.shape)
     plane = np.zeros(3)
     for _ in range(_STEPS):
         plane, *residuals = cells.plane(cells.offsets(plane))
-    return RowOffset(plane, cells.covariance(*residuals), centre)
+    return RowOffset(plane, cells.covariance(*residuals), ((width - 1) / 2, (height - 1) / 2))
+
+
+def _unknown(shape: tuple[int, ...]) -> RowOffset:
+    height, width = shape[:2]
+    unknown = np.diag([_UNKNOWN_PX / width, _UNKNOWN_PX / height, _UNKNOWN_PX])
+    return RowOffset(np.zeros(3), unknown**2, ((width - 1) / 2, (height - 1) / 2))
+
+
+def _window(quarter_px: Float32) -> SGBMParams:
+    """How the half size is matched: with a window that holds what is near, as the quarter size saw it."""
+    near = 2 * float(np.nanquantile(quarter_px, 1 - _NEAR)) if np.isfinite(quarter_px).any() else 0.0
+    return replace(_HALF, num_disparities=max(_HALF.num_disparities, 16 * -(-int(near + _ROOM_PX) // 16)))
+
+
+def _narrow(params: SGBMParams, image: UInt8) -> SGBMParams:
+    """The same with a window that a small picture holds."""
+    most = (image.shape[1] - params.block_size) // 16 * 16
+    return replace(params, num_disparities=max(16, min(params.num_disparities, most)))
+
+
+def _halved(image: UInt8) -> UInt8:
+    return np.asarray(cv2.resize(image, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA))
+
+
+def _even(image: UInt8) -> UInt8:
+    """What is matched of a picture: levelled, so that exposures no longer differ."""
+    return np.asarray(levelled(image) + _LEVEL).clip(0, 255).astype(np.uint8)
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,233 @@
+"""Virtual pairs unlike those of the rig: layers in disparity, as varied as photographs are.
+
+A layer is a surface ``d(x, y)`` of the left picture with an outline and a texture; the nearest one is seen, and each
+side is sampled twice as finely as its pixels. `TRAINING` and `TEST` share no setting: the first has textures made of
+noise on planes and domes behind polygons, the second photographs on waves and planes behind discs and rings, other
+noise, other exposures, other rows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+
+import cv2
+import numpy as np
+import skimage.data
+from joblib import Parallel, delayed
+from virtual_pairs import Pair
+
+Array = np.ndarray
+_FINER = 2  # samples a pixel, each way
+_SWEEPS = 12  # fixed-point steps from a column of the right picture to its surface's in the left one
+
+
+@dataclass(frozen=True)
+class Look:
+    """What the scenes of one set are drawn from; pairs are lowest and highest.
+
+    `noise`: deviation in grey levels; `gain` of the right picture; `rows_px`: offset and roll at the rim; `shade`: how
+    much a surface's brightness differs between the cameras; `blur_px`: of the lens.
+    """
+
+    size: tuple[int, int]
+    far_px: tuple[float, float]
+    near_px: tuple[float, float]
+    objects: tuple[int, int]
+    rods: tuple[int, int]
+    rod_px: tuple[float, float]
+    slant: float
+    noise: tuple[float, ...]
+    gain: tuple[float, ...]
+    rows_px: tuple[float, ...]
+    shade: float
+    blur_px: tuple[float, ...]
+    textures: str
+    shapes: str
+
+
+TRAINING = Look((640, 440), (4, 16), (24, 80), (5, 11), (0, 5), (1.5, 5.0), 0.10, (0.7, 1.5, 3.0, 6.0),
+                (1.0, 1.0, 0.9), (0.0, 0.0, 0.2), 0.04, (0.5, 0.9), "noise", "polygons")  # fmt: skip
+TEST = Look((720, 480), (6, 24), (30, 100), (4, 9), (1, 4), (2.0, 6.0), 0.15, (0.5, 1.0, 2.0, 4.5),
+            (1.0, 1.0, 0.95), (0.0, 0.0, 0.15), 0.03, (0.4, 0.7), "photographs", "discs")  # fmt: skip
+#: Small bright pictures crowded with things, as those that are published with a measured truth often are.
+TRAINING_CROWDED = replace(TRAINING, size=(450, 376), near_px=(18, 60), objects=(14, 26), rods=(1, 6),
+                           noise=(0.4, 0.8, 1.2), gain=(1.0,), rows_px=(0.0, 0.1), blur_px=(0.4, 0.6))  # fmt: skip
+TEST_CROWDED = replace(TEST, size=(500, 400), near_px=(20, 70), objects=(12, 20), rods=(2, 7), noise=(0.3, 0.6, 1.0),
+                       gain=(1.0,), rows_px=(0.0, 0.08), blur_px=(0.45, 0.55))  # fmt: skip
+SETS = {"training": ((TRAINING, range(100, 116)), (TRAINING_CROWDED, range(120, 128))),
+        "test": ((TEST, range(200, 212)), (TEST_CROWDED, range(220, 228)))}  # fmt: skip
+
+
+def layered_set(name: str) -> list[Pair]:
+    """All pairs of a set."""
+    return Parallel(n_jobs=2)(delayed(layered)(look, seed) for look, seeds in SETS[name] for seed in seeds)
+
+
+@dataclass(frozen=True, eq=False)
+class Layer:
+    """A surface: its disparity and whether it is there, of columns and rows of the left picture; its texture."""
+
+    disparity: Callable[[Array, Array], Array]
+    inside: Callable[[Array, Array], Array]
+    texture: Array
+    to_texture: Array
+
+    def color(self, x: Array, y: Array) -> Array:
+        """Its colour, (H, W, 3), at columns and rows of the left picture."""
+        u, v = (self.to_texture[i, 0] * x + self.to_texture[i, 1] * y + self.to_texture[i, 2] for i in (0, 1))
+        return cv2.remap(self.texture, u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REFLECT)
+
+
+def layered(look: Look, seed: int) -> Pair:
+    """One pair of a set."""
+    rng = np.random.default_rng([seed, 71])
+    layers = _layers(look, rng)
+    truth = _seen(layers, *_grid(look.size, 1), right=False)[0].astype(np.float64)
+    sides = [_picture(layers, look, rng, right) for right in (False, True)]
+    noise, gain, rows, blur = (float(rng.choice(x)) for x in (look.noise, look.gain, look.rows_px, look.blur_px))
+    sides[1] = sides[1] * gain
+    roll = rows / look.size[0] * rng.choice((-1, 1))
+    turn = np.array([[1, 0, 0], [2 * roll, 1, rng.normal(0, rows + 1e-9) - roll * look.size[0]]])
+    sides[1] = cv2.warpAffine(sides[1], turn, look.size, flags=cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
+    shot = [_shot(cv2.GaussianBlur(side, (0, 0), blur), noise, rng) for side in sides]
+    return Pair(f"{look.textures}@{seed}", *shot, truth)
+
+
+def _grid(size: tuple[int, int], finer: int) -> tuple[Array, Array]:
+    x, y = ((np.arange(n * finer, dtype=np.float32) + 0.5) / finer - 0.5 for n in size)
+    return tuple(np.ascontiguousarray(a) for a in np.meshgrid(x, y))
+
+
+def _seen(layers: list[Layer], x: Array, y: Array, right: bool) -> tuple[Array, Array, Array]:
+    """Disparity of the nearest surface at pixels of one picture, which it is, and its column in the left one."""
+    best = np.full(x.shape, -np.inf, np.float32)
+    which, column = np.zeros(x.shape, np.int16), x.copy()
+    for k, layer in enumerate(layers):
+        at = x
+        for _ in range(_SWEEPS * right):
+            at = x + layer.disparity(at, y)
+        disparity = layer.disparity(at, y)
+        nearer = (disparity > best) & layer.inside(at, y)
+        best[nearer], which[nearer], column[nearer] = disparity[nearer], k, at[nearer]
+    return best, which, column
+
+
+def _picture(layers: list[Layer], look: Look, rng: np.random.Generator, right: bool) -> Array:
+    x, y = _grid(look.size, _FINER)
+    _, which, column = _seen(layers, x, y, right)
+    out = np.zeros((*x.shape, 3), np.float32)
+    for k, layer in enumerate(layers):
+        here = which == k
+        if here.any():
+            own = 1 + look.shade * rng.standard_normal()
+            out[here] = own * layer.color(column, y)[here]
+    return cv2.resize(out, look.size, interpolation=cv2.INTER_AREA)
+
+
+def _shot(picture: Array, noise: float, rng: np.random.Generator) -> Array:
+    """What a sensor makes of it: noise of photons and of the amplifier, half of it common to neighbours, 8 bits."""
+    strewn = rng.standard_normal(picture.shape).astype(np.float32)
+    strewn = 0.7 * strewn + 0.7 * 1.6 * cv2.GaussianBlur(strewn, (0, 0), 0.6)
+    return np.clip(np.rint(picture + noise * np.sqrt(0.5 + picture.clip(0) / 255) * strewn), 0, 255).astype(np.uint8)
+
+
+def _layers(look: Look, rng: np.random.Generator) -> list[Layer]:
+    width, height = look.size
+    far = rng.uniform(*look.far_px)
+    floor = rng.uniform(0.3, 0.8) * (look.near_px[1] - far) / height
+    horizon = rng.uniform(0.2, 0.6) * height
+
+    def surface(level: float, slant: float, bulge: float, x0: float, y0: float, radius: float) -> Callable[..., Array]:
+        bx, by = rng.uniform(-slant, slant), rng.uniform(-slant, slant)
+        wave = rng.uniform(0.5, 1.5, 2)
+
+        def at(x: Array, y: Array) -> Array:
+            plane = level + bx * (x - x0) + by * (y - y0)
+            if look.shapes == "polygons":  # a dome
+                return plane + bulge * np.sqrt(np.maximum(1 - ((x - x0) ** 2 + (y - y0) ** 2) / radius**2, 0))
+            return plane + bulge * np.cos(wave[0] * 3 * (x - x0) / radius) * np.cos(wave[1] * 3 * (y - y0) / radius)
+
+        return at
+
+    everywhere = lambda x, y: np.ones(x.shape, bool)  # noqa: E731
+    back = surface(far, 0.01, rng.uniform(0, 2), width / 2, height / 2, width / 2)
+    layers = [Layer(back, everywhere, *_texture(look, rng))]
+    ground = partial(lambda x, y: far + floor * (y - horizon) + 0 * x)
+    layers.append(Layer(ground, lambda x, y: y > horizon, *_texture(look, rng)))
+    for _ in range(rng.integers(*look.objects)):
+        x0, y0, radius = rng.uniform(0, width), rng.uniform(0, height), rng.uniform(25, 140)
+        level = rng.uniform(*look.near_px) * rng.uniform(0.4, 1)
+        bulge = rng.uniform(0, 0.12) * level if rng.random() < 0.5 else 0.0
+        shape = surface(level, look.slant, bulge, x0, y0, radius)
+        layers.append(Layer(shape, _outline(look, rng, x0, y0, radius), *_texture(look, rng)))
+    for _ in range(rng.integers(*look.rods)):
+        x0, y0, thick = rng.uniform(0, width), rng.uniform(0, height), rng.uniform(*look.rod_px) / 2
+        angle, length = rng.uniform(0, np.pi), rng.uniform(60, 250)
+        c, s = np.cos(angle), np.sin(angle)
+
+        def rod(x, y, x0=x0, y0=y0, c=c, s=s, thick=thick, length=length):
+            return (np.abs(c * (x - x0) + s * (y - y0)) < thick) & (np.abs(c * (y - y0) - s * (x - x0)) < length)
+
+        level = rng.uniform(*look.near_px)
+        layers.append(Layer(surface(level, 0.03, 0.0, x0, y0, length), rod, *_texture(look, rng)))
+    return layers
+
+
+def _outline(look: Look, rng: np.random.Generator, x0: float, y0: float, radius: float) -> Callable[..., Array]:
+    if look.shapes == "polygons":
+        angles = np.sort(rng.uniform(0, 2 * np.pi, rng.integers(3, 7)))
+        reach = radius * rng.uniform(0.5, 1, len(angles))
+        # half planes: a convex outline around the middle
+        return lambda x, y: (
+            np.all(
+                [np.cos(a) * (x - x0) + np.sin(a) * (y - y0) < r for a, r in zip(angles, reach, strict=True)], axis=0
+            )
+            & ((x - x0) ** 2 + (y - y0) ** 2 < (1.5 * radius) ** 2)
+        )
+    hole, stretch = (rng.uniform(0.4, 0.8) if rng.random() < 0.4 else 0.0), rng.uniform(0.4, 1.0)
+
+    def disc(x: Array, y: Array) -> Array:
+        square = (x - x0) ** 2 + ((y - y0) / stretch) ** 2
+        return (square < radius**2) & (square >= (hole * radius) ** 2)
+
+    return disc
+
+
+def _texture(look: Look, rng: np.random.Generator) -> tuple[Array, Array]:
+    """A texture (1024, 1024, 3) float32 and the affine map (2, 3) from the left picture to it."""
+    angle, scale = rng.uniform(0, 2 * np.pi), np.exp(rng.uniform(np.log(0.5), np.log(2.0)))
+    turn = scale * np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    to = np.column_stack([turn, rng.uniform(100, 900, 2)]).astype(np.float32)
+    made = _noise(rng) if look.textures == "noise" else _photograph(rng)
+    return made, to
+
+
+def _noise(rng: np.random.Generator) -> Array:
+    kind = rng.choice(["natural", "fine", "coarse", "weak", "bricks", "stripes"], p=(0.4, 0.1, 0.1, 0.2, 0.1, 0.1))
+    n = 1024
+    frequency = np.hypot(np.fft.fftfreq(n)[:, None], np.fft.rfftfreq(n)) + 1 / n
+    fall = {"fine": 0.3, "coarse": 2.2}.get(kind, rng.uniform(1.0, 1.6))
+    grey, tint = (
+        np.fft.irfft2(np.fft.rfft2(rng.standard_normal((n, n))) * frequency**-f, s=(n, n)) for f in (fall, fall + 0.5)
+    )
+    grey, tint = grey / grey.std(), tint / tint.std()
+    contrast = rng.uniform(2, 8) if kind == "weak" else rng.uniform(12, 40)
+    u, v = np.meshgrid(np.arange(n), np.arange(n))
+    step = rng.integers(12, 40)
+    if kind == "bricks":
+        grey = 0.4 * grey + 1.5 * (((v % step) < 2) | (((u + (v // step % 2) * step) % (2 * step)) < 2))
+    if kind == "stripes":
+        grey = 0.4 * grey + np.sin(2 * np.pi * u / step)
+    base, lean = rng.uniform(60, 190, 3), rng.uniform(-0.4, 0.4, 3)
+    return (base + contrast * (grey[..., None] + lean * tint[..., None])).clip(3, 252).astype(np.float32)
+
+
+def _photograph(rng: np.random.Generator) -> Array:
+    name = str(rng.choice(["astronaut", "coffee", "chelsea", "rocket", "brick", "grass", "gravel", "camera", "coins"]))
+    picture = getattr(skimage.data, name)()
+    picture = cv2.cvtColor(picture, cv2.COLOR_GRAY2BGR) if picture.ndim == 2 else picture[..., ::-1]
+    picture = cv2.resize(picture, (1024, 1024), interpolation=cv2.INTER_CUBIC).astype(np.float32)
+    contrast = rng.choice([1.0, 0.6, 0.15], p=(0.5, 0.3, 0.2))
+    return (rng.uniform(70, 180) + contrast * (picture - picture.mean())).clip(3, 252).astype(np.float32)

@@ -3,7 +3,7 @@ from .angles import direction, turn_2d, turn_about_z, wrap_rad
 from .arrays import Bools, Float32, Float64, Floats, Ints, UInt8, finite_array, set_frozen
 from .datasets import ROOT, NotAvailable, available, data_path, figures_dir, real_recording, real_recordings, repository
 from .files import check_nesting, check_target, read_bytes, read_json, read_text, read_yaml, write_atomic
-from .numbers import counted, plus_minus
+from .numbers import counted, listed, plus_minus
 from .statistics import clustered_covariance, median
 
 __all__ = [
@@ -25,6 +25,7 @@ __all__ = [
     "direction",
     "figures_dir",
     "finite_array",
+    "listed",
     "median",
     "plus_minus",
     "read_bytes",

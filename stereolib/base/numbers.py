@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 
 
 def counted(count: int, noun: str) -> str:
@@ -24,6 +25,27 @@ def counted(count: int, noun: str) -> str:
     ('1 station', '0 walls')
     """
     return f"{count} {noun}{'s' * (count != 1)}"
+
+
+def listed(things: Iterable[object], most: int = 8) -> str:
+    """Write things one after the other, at most so many, and how many more there are.
+
+    Parameters
+    ----------
+    things : iterable
+    most : int
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> listed(["1.png", "2.png", "3.png"], most=2)
+    '1.png, 2.png and 1 more'
+    """
+    names = list(map(str, things))
+    return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
 
 
 def plus_minus(value: float, std: float) -> str:

@@ -5,15 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
-from stereolib.base import check_target
+from stereolib.base import check_target, listed
 
 _MOST_NAMED = 3  # files in the way that are named, which is enough to know them by
-
-
-def listed(files: Iterable[object], most: int = 8) -> str:
-    """Files by path or name, at most so many, and how many more there are."""
-    names = list(map(str, files))
-    return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
 
 
 def check_outputs(paths: Iterable[Path], *, force: bool, option: str) -> None:

@@ -225,7 +225,7 @@ class Bench:
     def _say_found(self, pointed: _Pointed) -> None:
         state, pixels = pointed
         found = [find(state, pixel) for pixel in pixels]
-        length = length_text(*found) if len(found) == 2 else ""
+        length = length_text(found[0], found[1], chain.rectified_rig(state)) if len(found) == 2 else ""
         self._clicked.value = _sentence(". ".join(filter(None, (found[-1].text, length))))
 
     def _show_costs(self, pointed: _Pointed, is_old: Callable[[], bool]) -> None:

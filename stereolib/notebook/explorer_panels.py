@@ -11,11 +11,12 @@ import numpy as np
 
 from stereolib.base import Float64, Floats, UInt8
 from stereolib.matching import pixel_cost
-from stereolib.measurement import OBJECT_RGB, MeasuredObject, Measurement, draw_objects
+from stereolib.measurement import OBJECT_RGB, MeasuredObject, Measurement, SurfacePoint, draw_objects, measure_between
 from stereolib.notebook import chain
 from stereolib.notebook.knobs import BEST, State
 from stereolib.paper import HeightResult
 from stereolib.plotting import LASER, OURS, PAPER, REFUSED, TRUTH, color_disparity, color_error, figure_to_image, panels
+from stereolib.rig import RectifiedRig
 
 WIDTH = 560  # of a shown picture, px
 _BAR, _LABELS = 14, 60  # widths of a colour bar and of its numbers, px
@@ -347,25 +348,26 @@ def _scatter_px(map_px: Floats, pixel: tuple[int, int]) -> float:
     return float(max(1.4826 * np.median(np.abs(left)), _LEAST_STD_PX))
 
 
-def length_text(one: Found, other: Found) -> str:
+def length_text(one: Found, other: Found, rectified: RectifiedRig | None) -> str:
     """Say how far two clicks lie apart.
 
     Parameters
     ----------
     one, other : Found
+    rectified : RectifiedRig or None
 
     Returns
     -------
     str
-        Empty where one has no depth.
+        Empty where there is no calibration, one has no depth, or both are one.
     """
-    between = other.point_mm - one.point_mm
-    length = float(np.linalg.norm(between))
-    if not length > 0:
+    if rectified is None or one.pixel == other.pixel or not min(one.disparity_px, other.disparity_px) > 0:
         return ""
-    along = between / length
-    std = float(np.hypot(along @ one.ray * one.depth_std_mm, along @ other.ray * other.depth_std_mm))
-    return f"{length:.1f} ± {_INTERVAL * std:.1f} mm between the last two clicks"
+    first, second = (SurfacePoint(np.array(at.pixel, float), at.disparity_px, at.std_px) for at in (one, other))
+    between = measure_between(first, second, rectified)
+    if np.isnan(between.std_mm):
+        return ""
+    return f"{between.length_mm:.1f} ± {_INTERVAL * between.std_mm:.1f} mm between the last two clicks"
 
 
 def draw_costs(state: State, found: Found) -> list[UInt8] | str:

@@ -10,6 +10,7 @@ from os import PathLike
 from pathlib import Path
 from typing import NamedTuple
 
+from stereolib.base import listed
 from stereolib.rig.images import image_size
 from stereolib.rig.unpacked import VIDEOS, WIDE, unpack_halves, unpack_videos
 
@@ -186,8 +187,7 @@ def _matched(
         return [PairFile(a[one], b[other]) for one, other in zip(sorted(a), sorted(b), strict=True)]
     where = sides or (f"in {where_left}", f"in {where_right}")
     alone = [
-        f"without a partner {there}: {', '.join(_guess(mine[key], other) for key in sorted(lonely)[:_LISTED])}"
-        + (f" and {len(lonely) - _LISTED} more" if len(lonely) > _LISTED else "")
+        f"without a partner {there}: {listed(_guess(mine[key], other) for key in sorted(lonely))}"
         for mine, other, there in ((a, b, where[1]), (b, a, where[0]))
         if (lonely := set(mine) - set(other))
     ]
@@ -214,5 +214,4 @@ def _check_sizes(pairs: list[PairFile]) -> None:
 
 
 def _names(files: Iterable[Path]) -> str:
-    names = [path.name for path in files]
-    return ", ".join(names[:_LISTED]) + (f" and {len(names) - _LISTED} more" if len(names) > _LISTED else "")
+    return listed(path.name for path in files)

@@ -43,15 +43,15 @@ def test_unmatched_pixel_and_missing_calibration_are_said():
     assert find(TEXTURE, (20, 200)).text == "column 20, row 200: no disparity was found here"
     found = find(State(source=MOTORCYCLE), (400, 250))
     assert "depth" not in found.text and re.search(r"disparity [\d.]+ ± [\d.]+ px\. Its partner", found.text)
-    assert length_text(found, found) == ""
+    assert length_text(found, found, None) == ""
 
 
 def test_two_clicks_measure_the_near_edge():
-    upper, lower = find(TEXTURE, (313, 150)), find(TEXTURE, (313, 380))
-    told = re.match(r"([\d.]+) ± ([\d.]+) mm between the last two clicks", length_text(lower, upper))
+    upper, lower, rectified = find(TEXTURE, (313, 150)), find(TEXTURE, (313, 380)), chain.rectified_rig(TEXTURE)
+    told = re.match(r"([\d.]+) ± ([\d.]+) mm between the last two clicks", length_text(lower, upper, rectified))
     heights = abs(upper.height_mm - lower.height_mm)  # the edge is upright: its length is the heights' difference
     assert abs(float(told[1]) - heights) <= float(told[2]) + 1
-    assert length_text(upper, upper) == ""
+    assert length_text(upper, upper, rectified) == ""
 
 
 def test_costs_have_their_least_at_the_disparity():

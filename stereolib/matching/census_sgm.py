@@ -21,7 +21,7 @@ from stereolib.matching.levels import halved
 from stereolib.rig import check_pair, to_grey
 
 Int16: TypeAlias = npt.NDArray[np.int16]
-_BAND_ROWS = 32  # rows that are turned at once for the paths along rows
+_BAND_ROWS = 128  # rows that are turned at once for the paths along rows
 _COARSE_CENSUS_PX = (7, 7)  # of the half size
 _CELL_BYTES = 5  # a pixel and disparity: the cost, a quarter of it once more, the sum, and bands that are turned
 _STRIP_BYTES = 2**30  # more than so much is matched in strips
@@ -244,16 +244,24 @@ def _fine_cost(left: UInt8, right: UInt8, params: CensusSGM) -> Int16:
 def _aggregate(cost: Int16, grey: UInt8, params: CensusSGM) -> Int16:
     """Sum of the eight paths, (H, D, W) int16."""
     fall = np.maximum(params.p2 / (1 + np.arange(256) / params.edge), params.p1 + 1).astype(np.int16)
-    shades, total = grey.astype(np.int16), np.zeros_like(cost)
+    shades, total = grey.astype(np.int16), np.zeros(cost.shape, np.int16)
     for shift in (0, 1, -1):
         _walk(cost, total, shades, (np.int16(params.p1), fall), shift)
     for top in range(0, len(cost), _BAND_ROWS):
         band = slice(top, top + _BAND_ROWS)
-        turned = np.ascontiguousarray(cost[band].T)
-        along = np.zeros_like(turned)
+        turned = _turned(cost[band])
+        along = np.zeros(turned.shape, np.int16)
         _walk(turned, along, np.ascontiguousarray(shades[band].T), (np.int16(params.p1), fall), 0)
-        total[band] += along.T
+        total[band] += _turned(along)
     return total
+
+
+def _turned(volume: Int16) -> Int16:
+    """Rows and columns of a volume exchanged, (A, D, B) to (B, D, A), by OpenCV: several times faster than a copy."""
+    out = np.empty(volume.shape[::-1], np.int16)
+    for d in range(volume.shape[1]):
+        out[:, d] = cv2.transpose(volume[:, d])
+    return out
 
 
 def _walk(cost: Int16, total: Int16, grey: Int16, penalties: tuple[np.int16, Int16], shift: int) -> None:

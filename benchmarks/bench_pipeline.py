@@ -24,6 +24,7 @@ from stereolib.matching import (
     KnownView,
     compare_filters,
     compute_disparity,
+    deviation,
     motorcycle_view,
     pipelines,
     seen_by_both,
@@ -39,32 +40,45 @@ ROOMS = ("base", "rig", "laser", "matching", *PAPER_RIG, "virtual")
 WLS = {"bad2_pct": 7.55, "bad1_visible_pct": 8.55}
 
 
-def calibrate(pairs: list[Pair]) -> dict[str, list[float]]:
-    """`pipelines.BEST_SIGMA_PX` anew.
+def calibrate(pairs: list[Pair]) -> dict[str, Any]:
+    """`deviation.LAWS` anew.
 
-    Errors have heavier tails than normal ones. A class gets its 70th percentile; where the 95th is more than twice
-    that, a share of the way there (in logarithms), which gives up some of the honesty at one deviation for that at two.
+    The weights of a kind's signs are those of least squares on the logarithm of the error; the pixels are then sorted
+    by the sum into parts of equal size, each with a standard deviation by `std_px`.
     """
-    errors: dict[tuple[int, int], list[Array]] = {}
+    gathered: dict[deviation.Kind, list[tuple[Array, Array]]] = {kind: [] for kind in deviation.Kind}
     for pair in tqdm(pairs, "calibrating", unit="pair"):
-        matched = pipelines.match_best(pair.left, pair.right, pair.num_disparities)
-        found = pipelines.fill_and_classify(matched)
+        found = pipelines.fill_matched(pipelines.match_best(pair.left, pair.right, pair.num_disparities))
         off, known = np.abs(found.disparity_px - pair.truth_px), np.isfinite(pair.truth_px)
-        for k, n in set(zip(found.kind.ravel().tolist(), found.level.ravel().tolist(), strict=True)):
-            errors.setdefault((k, n), []).append(off[known & (found.kind == k) & (found.level == n)])
-    of_class = {key: std_px(np.concatenate(parts)) for key, parts in errors.items()}
-    worst = [max(sigma for (kind, _), sigma in of_class.items() if kind == k) for k in range(4)]
-    names = pipelines.BEST_SIGMA_PX.items()
-    return {name: [of_class.get((k, n), worst[k]) for n in range(len(old))] for k, (name, old) in enumerate(names)}
+        for kind, parts in gathered.items():
+            here = known & (found.kind == kind)
+            parts.append((found.signs[here].astype(np.float64), off[here]))
+    laws = {}
+    for kind, parts in gathered.items():
+        signs, off = (np.concatenate(part) for part in zip(*parts, strict=True))
+        one_and_signs = np.column_stack([np.ones(len(off)), signs])
+        weights = np.linalg.lstsq(one_and_signs, np.log(off + ERROR_FLOOR_PX), rcond=None)[0][1:].round(3)
+        score = signs @ weights
+        groups = np.array_split(np.argsort(score, kind="stable"), LEVELS[kind])
+        laws[kind.name] = {
+            "weights": weights.tolist(),
+            "score": [round(float(np.median(score[g])), 3) for g in groups],
+            "std_px": [std_px(off[g], TAIL_SHARE[kind]) for g in groups],
+        }
+    return laws
 
 
-TAIL_SHARE = 0.3
+LEVELS = (16, 6, 6, 6)  # parts of each kind
+ERROR_FLOOR_PX = 0.1  # added to an error before its logarithm is taken: what is right to a tenth is right
+#: Where the 95th percentile is more than twice the 68th, the share of the way to half of it (in logarithms), which
+#: gives up some of the honesty at one deviation for that at two. Guesses are given all of it.
+TAIL_SHARE = (0.2, 1.0, 1.0, 1.0)
 
 
-def std_px(errors: Array) -> float:
-    """What a class of such errors is given."""
-    usual, far = np.percentile(errors, (70, 95))
-    return round(float(usual ** (1 - TAIL_SHARE) * max(usual, far / 2) ** TAIL_SHARE), 2)
+def std_px(errors: Array, tail_share: float) -> float:
+    """What a part with such errors, whose tails are heavier than normal ones, is given."""
+    usual, far = np.percentile(errors, (68, 95))
+    return round(float(usual ** (1 - tail_share) * max(usual, far / 2) ** tail_share), 3)
 
 
 def sparsification(off: Array, std: Array) -> float:
@@ -186,7 +200,7 @@ def main() -> None:
             "rig": honesty([p for seed in seeds for p in cluttered(seed)] + [recorded(name) for name in names]),
         }
         found = {**on_photographs(motorcycle_view()), **fast_against_sgbm(cubes), **tried}
-        save("pipeline", found | {"sigma_px": calibrate(layered_set("training"))}, ROOMS)
+        save("pipeline", found | {"std_laws": calibrate(layered_set("training"))}, ROOMS)
 
 
 if __name__ == "__main__":

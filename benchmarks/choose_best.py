@@ -68,7 +68,7 @@ def measure(pair: Pair, setting: Setting) -> float:
     if noise >= blur:
         sides = tuple(cv2.GaussianBlur(side, (0, 0), noise) for side in sides)
     matched = pipelines.match_best(*sides, pair.num_disparities, params)
-    return bad_pct(pipelines.fill_and_classify(matched, **own).disparity_px, pair.truth_px, 2)
+    return bad_pct(pipelines.fill_matched(matched, **own).disparity_px, pair.truth_px, 2)
 
 
 def noise_grey(image: np.ndarray) -> float:

@@ -6,10 +6,9 @@ from .ground_truth import KnownView, motorcycle_view, seen_by_both
 from .guided import ExpectedDisparity, compute_disparity_guided, expected_disparity
 from .pair_checks import check_matchable, check_rectified, check_sides
 from .pipelines import (
-    BEST_SIGMA_PX,
-    ClassifiedMap,
     DisparityEstimate,
-    fill_and_classify,
+    FilledMap,
+    fill_matched,
     match_best,
     search_range,
     stereo_pipeline,
@@ -22,12 +21,11 @@ from .sgbm import SGBMParams, match_pair
 from .sweeps import Workers, settings_grid, sweep
 
 __all__ = [
-    "BEST_SIGMA_PX",
     "SMOOTHING_METHODS",
     "CensusSGM",
-    "ClassifiedMap",
     "DisparityEstimate",
     "ExpectedDisparity",
+    "FilledMap",
     "FilterCase",
     "KnownView",
     "PixelCost",
@@ -51,7 +49,7 @@ __all__ = [
     "disparity_to_depth",
     "expected_disparity",
     "fattening_px",
-    "fill_and_classify",
+    "fill_matched",
     "find_rows",
     "left_right_check",
     "match_best",

@@ -1,7 +1,7 @@
 """Whole ways from a rectified pair to a disparity map, by name: what the paper did, what is fast, what is best.
 
-The settings of "best" were chosen on virtual scenes by `benchmarks/choose_best.py`, its standard deviations calibrated
-on virtual scenes by `benchmarks/bench_pipeline.py`; the photographs on which both are tested took no part.
+The settings of "best" were chosen on virtual scenes by `benchmarks/choose_best.py`; the photographs on which it is
+tested took no part.
 """
 
 from __future__ import annotations
@@ -9,16 +9,16 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
 from stereolib.base import Bools, Float32, UInt8
+from stereolib.matching import deviation
 from stereolib.matching.census_sgm import CensusSGM, SGMResult, match_census_sgm
 from stereolib.matching.disparity import compute_disparity, left_right_check
-from stereolib.matching.filling import fill_background, neighbours, remove_speckles
+from stereolib.matching.filling import fill_background, remove_speckles
 from stereolib.matching.filters import dilate
 from stereolib.matching.levels import evened
 from stereolib.matching.rows import find_rows
@@ -27,35 +27,9 @@ from stereolib.rig import check_pair, to_grey
 
 _SPECKLE_PX = 11  # patches below 11 x 11 px go
 _MEDIAN_PX = 5
-_STEP_PX = 2.0  # neighbours farther apart are two surfaces
-_MOST_BENT_PX = 2.0  # more counts as so much
 _FARTHEST, _ROOM, _ROOM_PX = 0.999, 1.05, 8.0  # share of the rough match that the range holds, and room beyond it
 _RANGE = 128  # where nothing tells
 _LEAST_LEFT_PX = 5  # of a picture's width, beyond the range
-#: Limits between classes of pixels. Matched ones are told apart by the margin of their minimum, and where no step of
-#: the map is beside them by how rough it is; filled ones by how far apart their two neighbours in the row lie; those at
-#: the border, which have but one, by how far away it is.
-MARGINS, ROUGHNESS_PX = (85.0, 150.0, 220.0, 275.0, 345.0), (0.1, 0.25, 0.5)
-GAPS_PX, BORDERS_PX = (0.5, 1.0, 4.0, 16.0), (4.0, 10.0, 20.0, 40.0)
-#: The standard deviation of each class in px, as `benchmarks/bench_pipeline.py` finds it.
-BEST_SIGMA_PX: dict[str, tuple[float, ...]] = {
-    "smooth": (
-        1.01, 0.22, 0.14, 0.12, 0.11, 0.12,
-        0.49, 0.36, 0.22, 0.17, 0.14, 0.12,
-        0.67, 0.56, 0.41, 0.28, 0.23, 0.16,
-        1.26, 0.97, 0.69, 0.45, 0.29, 0.19,
-    ),
-    "step": (
-        6.95, 4.91, 1.36, 0.87, 0.6, 0.42,
-    ),
-    "gap": (
-        2.63, 2.85, 2.64, 6.09, 3.45,
-    ),
-    "border": (
-        1.57, 2.12, 3.78, 7.1, 12.58,
-    ),
-}  # fmt: skip
-_SMOOTH, _STEP, _GAP, _BORDER = range(4)
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +44,7 @@ class DisparityEstimate:
         Where it was matched; elsewhere it was filled by a guess, or is unknown.
     std_px : (H, W) float32 or None
         Standard deviation of each disparity; only ``"best"`` has one. It is the error of pixels of the same kind in
-        virtual scenes (`BEST_SIGMA_PX`).
+        virtual scenes that look alike (`deviation`).
     """
 
     disparity_px: Float32
@@ -78,24 +52,21 @@ class DisparityEstimate:
     std_px: Float32 | None = None
 
 
-@dataclass(frozen=True, eq=False)
-class ClassifiedMap:
-    """The dense map of ``"best"``, and for each pixel of which class of equal standard deviation it is.
+class FilledMap(NamedTuple):
+    """The dense map of ``"best"``, where each disparity comes from, and what tells how far it may be off.
 
     Parameters
     ----------
     disparity_px : (H, W) float32
     kind : (H, W) int8
-        0 matched on a smooth surface, 1 matched beside a step of the map, 2 filled between matched pixels of its row,
-        3 filled at the border.
-    level : (H, W) int8
-        Class of `MARGINS` and six times that of `ROUGHNESS_PX` (kind 0), of `MARGINS` (kind 1), of `GAPS_PX` (kind 2)
-        or of `BORDERS_PX` (kind 3), counted from 0.
+        Of `deviation.Kind`.
+    signs : (H, W, 4) float32
+        As `deviation.signs` gathers them.
     """
 
     disparity_px: Float32
-    kind: npt.NDArray[np.int8]
-    level: npt.NDArray[np.int8]
+    kind: deviation.Kinds
+    signs: Float32
 
 
 Pipeline: TypeAlias = Callable[[UInt8, UInt8], DisparityEstimate]
@@ -175,10 +146,8 @@ def search_range(rough_px: Float32, width_px: int, step: int = 16) -> int:
     return max(step, min(-(-int(need) // step) * step, widest))
 
 
-def fill_and_classify(
-    matched: SGMResult, *, speckle_px: int = _SPECKLE_PX, median_px: int = _MEDIAN_PX
-) -> ClassifiedMap:
-    """Make the dense map of ``"best"``, and sort its pixels into classes of equal standard deviation.
+def fill_matched(matched: SGMResult, *, speckle_px: int = _SPECKLE_PX, median_px: int = _MEDIAN_PX) -> FilledMap:
+    """Make the dense map of ``"best"``: checked, specks removed, holes filled from the background, smoothed.
 
     Parameters
     ----------
@@ -190,7 +159,7 @@ def fill_and_classify(
 
     Returns
     -------
-    ClassifiedMap
+    FilledMap
     """
     checked = left_right_check(matched.left_px, matched.right_px)
     checked[checked > np.arange(checked.shape[1])] = np.nan
@@ -198,17 +167,9 @@ def fill_and_classify(
     dense = fill_background(checked)
     if np.isnan(dense).any():  # nothing was accepted anywhere
         dense = matched.left_px
-    disparity, window = cv2.medianBlur(dense, median_px), np.ones((5, 5), np.uint8)
-    step = cv2.dilate(disparity, window) - cv2.erode(disparity, window) > _STEP_PX
-    hole, (before, after) = np.isnan(checked), neighbours(checked)
-    kind = np.where(hole, np.where(np.isnan(before + after), _BORDER, _GAP), step)
-    bends = np.abs(cv2.Laplacian(matched.left_px, cv2.CV_32F)).clip(0, _MOST_BENT_PX)
-    rough = np.digitize(cv2.blur(bends, window.shape), ROUGHNESS_PX)
-    clear = np.digitize(matched.margin, MARGINS)
-    smooth = (len(MARGINS) + 1) * rough + clear
-    gap = np.digitize(np.nan_to_num(np.abs(before - after)), GAPS_PX)
-    level = np.choose(kind, [smooth, clear, gap, np.digitize(_away_px(hole), BORDERS_PX)])
-    return ClassifiedMap(disparity, kind.astype(np.int8), level.astype(np.int8))
+    disparity = cv2.medianBlur(dense, median_px)
+    signs = deviation.signs(disparity, matched.left_px, matched.margin, np.isfinite(checked))
+    return FilledMap(disparity, deviation.kinds(disparity, checked), signs)
 
 
 def match_best(left: UInt8, right: UInt8, num_disparities: int, params: CensusSGM | None = None) -> SGMResult:
@@ -235,18 +196,10 @@ def match_best(left: UInt8, right: UInt8, num_disparities: int, params: CensusSG
     return match_census_sgm(left, evened(left, rows.correct(right)), settings)
 
 
-def _away_px(hole: Bools) -> Float32:
-    """How far the nearest pixel of the row is that is no hole."""
-    columns = np.arange(hole.shape[1], dtype=np.float32)
-    before, after = neighbours(np.where(hole, np.float32(np.nan), columns))
-    return np.asarray(np.nan_to_num(np.fmin(columns - before, after - columns), nan=np.inf), np.float32)
-
-
 def _best(left: UInt8, right: UInt8, num_disparities: int) -> DisparityEstimate:
-    found = fill_and_classify(match_best(left, right, num_disparities))
-    first = np.cumsum([0, *map(len, BEST_SIGMA_PX.values())])
-    sigma = np.concatenate([*BEST_SIGMA_PX.values()]).astype(np.float32)
-    return DisparityEstimate(found.disparity_px, found.kind <= _STEP, sigma[first[found.kind] + found.level])
+    found = fill_matched(match_best(left, right, num_disparities))
+    std_px = deviation.std_px(found.kind, found.signs)
+    return DisparityEstimate(found.disparity_px, found.kind <= deviation.Kind.STEP, std_px)
 
 
 def _paper(left: UInt8, right: UInt8, num_disparities: int) -> DisparityEstimate:

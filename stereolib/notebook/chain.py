@@ -36,9 +36,11 @@ from stereolib.measurement import (
     HeightAttempt,
     Instrument,
     Measurement,
+    Standing,
     Views,
-    attempt_in,
-    measure_views,
+    attempt_standing,
+    measure_standing,
+    see_standing,
 )
 from stereolib.notebook.knobs import DILATION, FILTERS, MATCHERS, MOTORCYCLE, OWN, VIRTUAL, WINDOWS, State
 from stereolib.paper import HeightResult, height_by_maximum
@@ -438,29 +440,31 @@ def recipe(state: State) -> HeightResult | str:
         return str(error)
 
 
-@step(after=(rectified_rig,))
-def views(state: State) -> Views | None:
-    """The pair, prepared to be measured in; None where nothing is known of the cameras."""
+@step("source", "own", after=(rectified_rig,))
+def standing(state: State) -> Standing | None:
+    """What stands on the floor in the pair; None where nothing is known of the cameras."""
     rectified, shot = rectified_rig(state), taken(state)
-    return Views.of(shot.left, shot.right, rectified) if rectified else None
+    if rectified is None:
+        return None
+    lidar = Instrument.load(state.own[2]).lidar if state.source == OWN else None
+    return see_standing(Views.of(shot.left, shot.right, rectified), Instrument(rectified, lidar))
 
 
-@step(after=(views,))
+@step(after=(standing,))
 def ground_plane(state: State) -> HeightAttempt | None:
     """The height from floor, faces and edges of the pair; None where nothing is known of the cameras."""
-    prepared, rectified = views(state), rectified_rig(state)
-    return attempt_in(prepared, rectified) if prepared and rectified else None
+    seen = standing(state)
+    return attempt_standing(seen) if seen else None
 
 
-@step(after=(views, scan))
+@step(after=(standing, scan))
 def measured(state: State) -> Measurement | str:
     """All objects from the pair and the scan, or why there are none."""
-    prepared, rectified = views(state), rectified_rig(state)
-    if prepared is None or rectified is None:
+    seen = standing(state)
+    if seen is None:
         return "no calibration"
-    lidar = Instrument.load(state.own[2]).lidar if state.source == OWN else None
     try:
-        return measure_views(prepared, scan(state), Instrument(rectified, lidar))
+        return measure_standing(seen, scan(state))
     except CannotMeasure as error:
         return str(error)
 

@@ -7,7 +7,7 @@ from .instrument import Instrument, SystematicUncertainty, save_laser_pose
 from .laser_on_floor import LaserOnFloor
 from .measure import Measurement, measure_objects, measure_standing
 from .measured_object import SIZE_NAMES, MeasuredObject
-from .missing_floor import NoFloor, find_floor, why_no_floor
+from .missing_floor import FLOOR_BY_HAND, NoFloor, find_floor, why_no_floor
 from .overlay import OBJECT_RGB, draw_length, draw_objects
 from .plane_alignment import AlignedPair, CannotMeasure
 from .reasons import Reason, Source, Why
@@ -17,6 +17,7 @@ from .two_points import Between, SurfacePoint, find_surface, match_views, measur
 from .views import Views
 
 __all__ = [
+    "FLOOR_BY_HAND",
     "OBJECT_RGB",
     "SIZE_NAMES",
     "AlignedPair",

@@ -139,7 +139,8 @@ def attempt_standing(standing: Standing) -> HeightAttempt:
     if isinstance(box, CannotMeasure):
         return _said(attempt, box)
     attempt = replace(attempt, box=box)
-    return replace(attempt, **dict(zip(("refused", "why"), _refused(attempt, box), strict=True)))
+    refused, why = _refused(attempt, box)
+    return replace(attempt, refused=refused, why=why)
 
 
 def _said(attempt: HeightAttempt, error: CannotMeasure) -> HeightAttempt:

@@ -63,8 +63,9 @@ _Made = TypeVar("_Made")
 _KEPT = 6  # results of a step
 _MARGIN_PX = 8  # searched around what the laser predicts
 _GAMMA = 2.2
-_OF_SCENE = ("distance_mm", "width_mm", "depth_mm", "height_mm", "yaw_deg", "lateral_mm", "contrast", "grain_mm",
-             "gloss", "light", "noise", "camera_height_mm", "pitch_deg", "baseline_mm", "focal_px")  # fmt: skip
+#: Knobs that only the virtual rig has.
+OF_SCENE = ("distance_mm", "width_mm", "depth_mm", "height_mm", "yaw_deg", "lateral_mm", "contrast", "grain_mm",
+            "gloss", "light", "noise", "camera_height_mm", "pitch_deg", "baseline_mm", "focal_px")  # fmt: skip
 _OF_SGBM = ("min_disparity", "block_size", "p1", "p2", "mode", "uniqueness_ratio", "disp12_max_diff",
             "speckle_window_size", "speckle_range", "pre_filter_cap")  # fmt: skip
 _WITHOUT_KERNEL = (FILTERS[0], "background", "inpaint_biharmonic")
@@ -203,7 +204,7 @@ def idle(state: State) -> frozenset[str]:
     is_guided = state.laser and scans and state.source != OWN
     narrows = is_guided and state.window != WINDOWS[0]
     turned = {
-        _OF_SCENE: state.source == VIRTUAL,
+        OF_SCENE: state.source == VIRTUAL,
         ("exposure_ev",): state.source not in (OWN, MOTORCYCLE),
         ("roll_deg", "row_px", "baseline_pct"): has_rig,
         ("laser",): scans,

@@ -14,6 +14,8 @@ VIRTUAL, OWN, MOTORCYCLE = "virtual rig", "own pair", "motorcycle (Middlebury)"
 WINDOWS = ("all disparities", "around the laser's")
 BEST = "best"
 MATCHERS = ("sgbm", "paper", "fast", BEST)
+_MATCHER_NAMES = ("OpenCV's, with these knobs", "the paper's", "fast: in half size", "best: takes seconds")
+_PATHS = {"sgbm": "sgbm: 5 paths", "hh": "hh: 8 paths", "3way": "3way: 3 paths", "hh4": "hh4: 4 paths"}
 FILTERS = ("none", *SMOOTHING_METHODS)
 DILATION, KERNELS = "dilation", ("rect", "ellipse", "cross")
 _SUM_LIMIT, _LEAST_ROOM = 32767, 88  # as of `SGBMParams.room`
@@ -37,6 +39,8 @@ class Knob:
         Of a slider.
     choices : tuple
         Of a menu; empty for a slider or a switch.
+    names : tuple of str
+        What the page calls the choices; empty: as they are.
     """
 
     group: str
@@ -46,14 +50,35 @@ class Knob:
     high: float = 0.0
     step: float = 0.0
     choices: tuple[Value, ...] = ()
+    names: tuple[str, ...] = ()
+
+    def shown(self, value: Value) -> str:
+        """Write a value as the page does.
+
+        Parameters
+        ----------
+        value : float, int, str or bool
+
+        Returns
+        -------
+        str
+
+        Examples
+        --------
+        >>> knobs()["mode"].shown("hh")
+        'hh: 8 paths'
+        """
+        if isinstance(value, bool):
+            return "on" if value else "off"
+        return self.names[self.choices.index(value)] if self.names else _short(value)
 
 
 def _slider(first: float, low: float, high: float, step: float, *about: str) -> Any:
     return field(default=first, metadata={"knob": Knob(*_three(about), low, high, step)})
 
 
-def _menu(choices: tuple[Value, ...], first: Value, *about: str) -> Any:
-    return field(default=first, metadata={"knob": Knob(*_three(about), choices=choices)})
+def _menu(choices: tuple[Value, ...], first: Value, *about: str, names: tuple[str, ...] = ()) -> Any:
+    return field(default=first, metadata={"knob": Knob(*_three(about), choices=choices, names=names)})
 
 
 def _switch(first: bool, *about: str) -> Any:
@@ -155,7 +180,8 @@ class State:
         MATCHERS[0],
         "Matcher",
         "matcher",
-        "OpenCV's with the knobs below, or one of the library's pipelines; best takes seconds.",
+        "OpenCV's with the knobs below, or one of the library's pipelines; the best takes seconds.",
+        names=_MATCHER_NAMES,
     )
     window: str = _menu(
         WINDOWS, WINDOWS[0], "Matcher", "search window", "Search everything, or 8 px around what the scan predicts."
@@ -186,7 +212,12 @@ class State:
         32, 2, 150, 1, "Matcher", "P2 (per pixel of the block)", "Price of a jump: edges pay it. Always above P1."
     )
     mode: str = _menu(
-        ("sgbm", "hh", "3way", "hh4"), "sgbm", "Matcher", "paths", "sgbm sums along 5 paths, hh along 8, 3way 3, hh4 4."
+        tuple(_PATHS),
+        "sgbm",
+        "Matcher",
+        "paths",
+        "Directions through the picture along which costs are added up; the names are OpenCV's.",
+        names=tuple(_PATHS.values()),
     )
     uniqueness_ratio: int = _slider(
         10, 0, 40, 1, "Matcher", "uniqueness (%)", "By how much the best match must beat the second."

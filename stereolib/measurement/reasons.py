@@ -15,7 +15,7 @@ class Reason(Enum):
     HIDDEN = "an end is hidden by something nearer"
     TOO_UNCERTAIN = "too uncertain; turn the object, light or texture it, or move the rig"
     CONTRADICTION = "its edges contradict each other: see that it is a box, and that nothing touches it"
-    IN_THE_AIR = "it does not stand on the floor; put it down"
+    IN_THE_AIR = "it does not stand on the floor, or is too plain to be followed to it; put it down, or texture it"
     LEANS = "it leans; put it upright"
     NO_EDGE = "its outline does not stand out; change light or background"
     NO_FACE = "no straight face was found"

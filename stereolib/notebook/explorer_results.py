@@ -57,7 +57,8 @@ def result_line(state: State) -> str:
     if isinstance(read, HeightResult):
         scale = 2 if state.half else 1
         least, most = scale * read.threshold_px, scale * read.threshold_px + state.tolerance_px
-        counted = f"{scale**2 * read.mask.sum()} pixels, {least:.1f} to {most:.1f} px"
+        range_px = f"{least:.1f} to {most:.1f} px" if state.tolerance_px else f"{most:.1f} px"
+        counted = f"{scale**2 * read.mask.sum()} pixels of {range_px}"
         recipe = [f"{read.height_mm / 10:.1f} cm high", counted]
     truth_text = " x ".join(f"{mm / 10:.1f}" for mm in true_mm) + " cm" if true_mm else "unknown"
     laser = chain.scan(state) is not None
@@ -80,9 +81,11 @@ def _warnings(state: State) -> list[str]:
     """What the measurement says of the rig, without what the bench knows itself, and what takes long."""
     if state.half and state.matcher == BEST:
         return [f'half size for now: the matcher "{BEST}" computes the full one for some seconds …']
-    measured = None if state.half else chain.measured(state)
-    texts = measured.warnings if isinstance(measured, Measurement) else ()
-    return [_without_hint(text) for text in texts if not text.startswith(_NOT_CALIBRATED)]
+    if state.half or not isinstance(measured := chain.measured(state), Measurement):
+        return []
+    attempt = chain.ground_plane(state)
+    known = f": {attempt.why}" if attempt and attempt.why else ""  # it stands above already
+    return [text.replace(known, "") for text in measured.warnings if not text.startswith(_NOT_CALIBRATED)]
 
 
 def _plane_text(state: State) -> str:
@@ -122,12 +125,15 @@ def _sizes(entry: MeasuredObject) -> str:
 
 
 def _reasons(entry: MeasuredObject) -> str:
-    """Why sizes are missing, those that share a reason together, and why a sensor told nothing."""
-    names: dict[str, list[str]] = {}
-    for name in ("object", *SIZE_NAMES):
+    """Why nothing of an object is known, or why sizes are missing, those together that share a reason."""
+    whole, names = entry.reasons.get("object"), dict[str, list[str]]()
+    if whole is not None and not whole.reason.leaves_the_pair:
+        return str(whole)
+    for name in SIZE_NAMES:
         if name in entry.reasons:
             names.setdefault(str(entry.reasons[name]), []).append(name)
-    return "; ".join(f"{' and '.join(of)}: {why}" if of != ["object"] else why for why, of in names.items())
+    missing = [f"{' and '.join(of)}: {why}" for why, of in names.items()]
+    return "; ".join([*missing, *([str(whole)] if whole else [])])
 
 
 def _quality_texts(state: State) -> list[str]:

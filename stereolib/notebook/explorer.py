@@ -14,7 +14,7 @@ from typing import Any, TypeAlias
 import cv2
 import ipywidgets as widgets
 
-from stereolib.notebook import chain, python_code
+from stereolib.notebook import chain, offered, python_code
 from stereolib.notebook.code_block import CodeBlock
 from stereolib.notebook.explorer_clicks import draw_costs, find, length_text
 from stereolib.notebook.explorer_panels import CAPTIONS, draw_panels, scale_of
@@ -58,7 +58,7 @@ class Bench:
         self._files = widgets.HTML()
         self._controls = {name: _control(knob, getattr(self.state, name)) for name, knob in knobs().items()}
         self._source = widgets.Dropdown(
-            options=chain.sources(self.state), value=self.state.source, description="look at",
+            options=offered.sources(self.state), value=self.state.source, description="look at",
             tooltip="The virtual rig, whose scene the knobs build; a recording; or your own pair.",
         )  # fmt: skip
         for name, control in self._controls.items():
@@ -193,7 +193,7 @@ class Bench:
             return
         try:
             state = replace(from_text(text), own=self.state.own)
-            if state.source not in chain.sources(state):
+            if state.source not in offered.sources(state):
                 raise ValueError(f'there is nothing called "{state.source}" to look at')
         except ValueError as error:
             self._said.value = _sentence(f"Not restored: {error}", "b00020")
@@ -214,7 +214,7 @@ class Bench:
             self.state = self._offer(state)
             for name, control in self._controls.items():
                 control.value = getattr(self.state, name)
-            self._source.options = chain.sources(self.state)
+            self._source.options = offered.sources(self.state)
             self._source.value = self.state.source
             self._words.value = to_text(self.state)
         finally:
@@ -229,7 +229,7 @@ class Bench:
         self._controls["p1"].max = min(int(knobs()["p1"].high), most - 1)
         p2.min, p2.max = 1, most  # first wide, as the slider refuses a minimum above its maximum
         p2.min = state.p1 + 1
-        without_effect = chain.idle(state)
+        without_effect = offered.idle(state)
         for name, control in self._controls.items():
             control.disabled = name in without_effect
             control.layout.display = "none" if name in _SCENE & without_effect else None
@@ -319,7 +319,7 @@ class _Upload:
             if not (paths["left"] and paths["right"]):
                 raise ValueError("a left and a right picture are needed")
             own = tuple(paths[name] for name in _UPLOADS)
-            chain.check_own(own)
+            offered.check_own(own)
         except (ValueError, OSError) as error:
             told = str(error)
             for path in filter(None, paths.values()):
@@ -346,7 +346,7 @@ def open_bench() -> Bench:
     -------
     Bench
     """
-    return Bench(tuple(json.loads(os.environ.get(chain.OWN_FILES, "[]"))))
+    return Bench(tuple(json.loads(os.environ.get(offered.OWN_FILES, "[]"))))
 
 
 def _first_state(own: tuple[str, ...]) -> State:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, fields, replace
 from typing import Any, TypeAlias
 
 from stereolib.matching import SMOOTHING_METHODS, SGBMParams
+from stereolib.notebook.sliders import short
 
 Value: TypeAlias = float | int | str | bool
 VIRTUAL, OWN, MOTORCYCLE = "virtual rig", "own pair", "motorcycle (Middlebury)"
@@ -70,7 +71,7 @@ class Knob:
         """
         if isinstance(value, bool):
             return "on" if value else "off"
-        return self.names[self.choices.index(value)] if self.names else _short(value)
+        return self.names[self.choices.index(value)] if self.names else short(value)
 
 
 def _slider(first: float, low: float, high: float, step: float, *about: str) -> Any:
@@ -352,7 +353,7 @@ def to_text(state: State) -> str:
     """
     first = State()
     changed = ((f.name, getattr(state, f.name)) for f in fields(State) if f.name not in ("half", "own"))
-    return "; ".join(f"{name}={_short(value)}" for name, value in changed if value != getattr(first, name))
+    return "; ".join(f"{name}={short(value)}" for name, value in changed if value != getattr(first, name))
 
 
 def from_text(text: str) -> State:
@@ -391,10 +392,6 @@ def from_text(text: str) -> State:
     return state
 
 
-def _short(value: Value) -> str:
-    return f"{value:g}" if isinstance(value, float) else str(value)
-
-
 def _read(name: str, text: str) -> Value:
     """Value of a knob, checked against what the page offers."""
     knob, first = knobs()[name], getattr(State(), name)
@@ -412,6 +409,6 @@ def _read(name: str, text: str) -> Value:
         raise ValueError(f'{name} must be a number, got "{text}"') from None
     offered = value in knob.choices if knob.choices else knob.low <= value <= knob.high
     if not (offered and math.isfinite(value)):
-        values = ", ".join(map(_short, knob.choices)) if knob.choices else f"{knob.low:g} to {knob.high:g}"
+        values = ", ".join(map(short, knob.choices)) if knob.choices else f"{knob.low:g} to {knob.high:g}"
         raise ValueError(f"{name} must be one of {values}" if knob.choices else f"{name} must be {values}, got {text}")
     return on_step(name, value)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from support.browser import Page
 
-from stereolib.notebook import chain
+from stereolib.notebook import offered
 from stereolib.notebook.knobs import MOTORCYCLE, State, from_text, knobs
 
 #: States in which a knob has something to change, where the first one has not.
@@ -44,7 +44,7 @@ def test_knob_changes_a_picture(bench: Page, name: str) -> None:
 @pytest.mark.parametrize("text", ["source=conditions/texture", f"source={MOTORCYCLE}", "source=room/1; matcher=fast"])
 def test_knobs_without_effect_cannot_be_turned(bench: Page, text: str) -> None:
     bench.restore(text)
-    without_effect = chain.idle(from_text(text))
+    without_effect = offered.idle(from_text(text))
     assert "distance_mm" in without_effect and "kernel_px" in without_effect
     for name, knob in knobs().items():
         field = bench.row(knob.label).locator("select, input, .noUi-target").first

@@ -272,7 +272,7 @@ class _Scene:
         elif thing.footprint is None and self.scan_has_objects:
             reasons["object"] = Why(Reason.NOT_IN_SCAN)
         elif thing.footprint is not None and thing.footprint.shape == "irregular" and number is not None:
-            reasons["object"] = Why(Reason.SCAN_IRREGULAR, thing.footprint.reason)
+            reasons["object"] = Why(Reason.SCAN_IRREGULAR)
         if number is None:
             return BoxFacts(reasons=reasons)
         if pictured is None:

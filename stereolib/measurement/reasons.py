@@ -22,7 +22,7 @@ class Reason(Enum):
     NO_TEXTURE = "no texture: the pair matched too little there; light or texture it"
     NO_FLOOR = "no floor was seen"
     NOT_IN_SCAN = "it is not in the scan (lower than its plane, or dark): its sizes come from the pair alone"
-    SCAN_IRREGULAR = "the scan shows no box there: its sizes come from the pair alone"
+    SCAN_IRREGULAR = "the scan shows no box there, or is too noisy to show one: its sizes come from the pair alone"
     NOT_IN_PICTURE = "outside the picture: turn the rig towards it"
     ONE_CAMERA = "only one camera sees it whole: turn the rig towards it"
     TOO_FAR = "too far for the pair: go nearer"

@@ -14,6 +14,7 @@ from stereolib.notebook import chain
 from stereolib.notebook.knobs import State
 from stereolib.paper import HeightResult
 from stereolib.plotting import LASER, PAPER, TRUTH, color_disparity, color_error
+from stereolib.virtual import recordings
 
 WIDTH = 560  # of a shown picture, px
 _GAP, _BAR, _LABELS = 6, 14, 60  # beside it: nothing, a colour bar, its numbers, px
@@ -109,7 +110,7 @@ def _above(state: State, shape: tuple[int, ...]) -> UInt8:
     eye = np.array([[0.0, 0.0], [2000.0, 840.0], [2000.0, -840.0]])
     _line(picture, eye[[1, 0, 2]], (190, 190, 190))
     _write(picture, "cameras and laser", _placed(picture, eye[:1])[0] + [12, 6], 16)
-    for outline in _true_outlines(state):
+    for outline in true_outlines(state):
         _line(picture, np.vstack([outline, outline[:1]]), _bgr(TRUTH), 1)
     measured = None if state.half else chain.measured(state)
     if isinstance(measured, Measurement):
@@ -139,13 +140,26 @@ def points_of(state: State) -> Float64:
     return np.asarray(points[np.isfinite(points).all(axis=1)])
 
 
-def _true_outlines(state: State) -> list[Float64]:
-    truth = chain.true_scene(state)
+def true_outlines(state: State) -> list[Float64]:
+    """Where the boxes stand, mm forward and to the left of the left camera's foot.
+
+    Parameters
+    ----------
+    state : State
+
+    Returns
+    -------
+    list of (4, 2) float64
+    """
+    truth, T_here_world = chain.true_scene(state), np.eye(4)
+    if state.source.startswith("room/"):  # its scene is that of the whole walk
+        T_here_world = np.linalg.inv(recordings.setup("pitched")) @ chain.pose(state)
     outlines = []
     for box in truth.boxes[1:] if truth else ():
         half = np.array(box.size_mm[:2]) / 2
         corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * half
-        outlines.append(corners @ box.T_world_box[:2, :2].T + box.T_world_box[:2, 3])
+        T = T_here_world @ box.T_world_box
+        outlines.append(corners @ T[:2, :2].T + T[:2, 3])
     return outlines
 
 

@@ -16,6 +16,7 @@ from stereolib.plotting import LASER, OURS, PAPER, REFUSED, TRUTH
 
 _INTERVAL = 1.96
 _NOT_CALIBRATED = "the laser's pose is not known"  # on the bench it never is
+_UNKNOWN_RIG = "needs a calibration"
 _MOST = 3  # objects that are told
 _MEASURED = "#{:02x}{:02x}{:02x}".format(*OBJECT_RGB[0])
 _TEMPLATES = Environment(loader=PackageLoader("stereolib.notebook"), autoescape=True)
@@ -60,7 +61,11 @@ def result_line(state: State) -> str:
         range_px = f"{least:.1f} to {most:.1f} px" if state.tolerance_px else f"{most:.1f} px"
         counted = f"{scale**2 * read.mask.sum()} pixels of {range_px}"
         recipe = [f"{read.height_mm / 10:.1f} cm high", counted]
-    truth_text = " x ".join(f"{mm / 10:.1f}" for mm in true_mm) + " cm" if true_mm else "unknown"
+    truth_text = "its disparities alone" if chain.known(state) else "unknown"
+    if truth:
+        truth_text = f"{len(truth.boxes) - 1} boxes"
+    if true_mm:
+        truth_text = " x ".join(f"{mm / 10:.1f}" for mm in true_mm) + " cm"
     laser = chain.scan(state) is not None
     cells = [
         ("truth", TRUTH, [truth_text]),
@@ -91,7 +96,7 @@ def _warnings(state: State) -> list[str]:
 def _plane_text(state: State) -> str:
     attempt = chain.ground_plane(state)
     if attempt is None:
-        return "needs a calibration"
+        return _UNKNOWN_RIG
     if attempt.refused:
         return f"refused: {attempt.refused} ({_without_hint(attempt.why)})"
     return f"{attempt.height_mm / 10:.2f} ± {_INTERVAL * attempt.std_mm / 10:.2f} cm high"
@@ -103,11 +108,11 @@ def _without_hint(text: str) -> str:
 
 
 def _fused_text(state: State) -> str:
-    measured = chain.measured(state)
-    if not isinstance(measured, Measurement):
-        attempt = chain.ground_plane(state)
-        is_known = attempt is not None and measured.startswith(attempt.refused)
-        return "refused, as the ground plane" if is_known else f"refused: {_without_hint(measured)}"
+    measured, attempt = chain.measured(state), chain.ground_plane(state)
+    if attempt is None:
+        return _UNKNOWN_RIG
+    if not isinstance(measured, Measurement):  # there is neither floor nor scan
+        return f"refused: {attempt.refused}"
     whole = [entry for entry in measured.objects if np.isfinite(entry.size_mm).any()]
     if not whole:
         reasons = [_reasons(entry) for entry in measured.objects[:_MOST]]
@@ -146,5 +151,5 @@ def _quality_texts(state: State) -> list[str]:
     return [
         f"{bad:.1f} % wrong or empty",
         f"{quality.density_pct:.1f} % matched ({everywhere})",
-        f"mean error {scale * quality.bias_px:+.2f} px, scatter {scale * quality.scatter_px:.2f} px",
+        f"mean error {scale * quality.bias_px:+z.2f} px, scatter {scale * quality.scatter_px:.2f} px",
     ]

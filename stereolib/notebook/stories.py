@@ -118,7 +118,7 @@ def _accident(state: State, cleaned: State) -> str:
 
 
 def _dilated(state: State, plain: State) -> str:
-    mean = [f"{q.bias_px:+.2f}" if (q := chain.quality(one)) else "?" for one in (state, plain)]
+    mean = [f"{q.bias_px:+z.2f}" if (q := chain.quality(one)) else "?" for one in (state, plain)]
     return (
         "Each pixel takes the largest disparity around it, so that holes close and the box grows by half a kernel. The "
         f"mean error is {mean[0]} px now and {mean[1]} px without the filter: red in the error's picture. The floor "

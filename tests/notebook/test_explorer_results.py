@@ -11,7 +11,7 @@ import pytest
 from stereolib.measurement import Reason
 from stereolib.notebook import chain
 from stereolib.notebook.explorer_results import legend, result_line
-from stereolib.notebook.knobs import State
+from stereolib.notebook.knobs import MOTORCYCLE, State
 from stereolib.plotting import LASER, PAPER
 
 TEXTURE = State(source="conditions/texture")
@@ -78,3 +78,13 @@ def test_a_scan_that_tells_nothing_is_said_and_without_one_the_pair_is_alone():
 
 def test_legend_has_the_colours_that_are_drawn():
     assert PAPER in legend() and LASER in legend() and "0.116" in legend()
+
+
+def test_truth_is_told_as_far_as_it_is_known():
+    for source, told in (
+        ("conditions/texture", "30.0 x 30.0 x 30.0 cm"),
+        ("room/1", "boxes"),
+        (MOTORCYCLE, "its disparities"),
+    ):
+        assert told in said(State(source=source)).partition("ground plane")[0]
+    assert said(State(source=MOTORCYCLE)).count("needs a calibration") == 2

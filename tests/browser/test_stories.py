@@ -26,9 +26,14 @@ def results(bench: Page) -> str:
 
 
 @pytest.mark.parametrize("story", STORIES, ids=lambda story: story.name)
-def test_story_says_what_the_result_line_shows(bench: Page, story: Story) -> None:
+def test_story_marks_its_knobs_and_says_what_the_result_line_shows(bench: Page, story: Story) -> None:
     begin(bench, story)
     said, shown = bench.text("said"), [results(bench)]
+    assert bench.page.locator(".stereolib-knobs .stereolib-set").count() == len(story.set_knobs)
+    for name in story.set_knobs:
+        assert f"{knobs()[name].label}: {knobs()[name].shown(getattr(story.state, name))}" in said
+    for name in (*story.set_knobs, *story.next_knobs):  # in sight
+        bench.page.locator(".stereolib-knobs .widget-inline-hbox", has_text=knobs()[name].label).first.wait_for()
     assert bench.words() == to_text(story.state)
     for then in story.then:
         bench.restore(to_text(then))
@@ -41,18 +46,6 @@ def test_story_says_what_the_result_line_shows(bench: Page, story: Story) -> Non
     for moved in re.findall(r"turned by [\d.]+ ± [\d.]+ degrees", said):
         assert moved in shown[0]
     assert "nan" not in said and "nothing was found" not in said
-
-
-@pytest.mark.parametrize("story", [story for story in STORIES if story.set_knobs], ids=lambda story: story.name)
-def test_knobs_of_a_story_are_named_marked_and_in_sight(bench: Page, story: Story) -> None:
-    begin(bench, story)
-    marked, said = bench.page.locator(".stereolib-knobs .stereolib-set"), bench.text("said")
-    assert marked.count() == len(story.set_knobs)
-    for name in story.set_knobs:
-        knob = knobs()[name]
-        assert f"{knob.label}: {knob.shown(getattr(story.state, name))}" in said
-    for name in (*story.set_knobs, *story.next_knobs):
-        bench.page.locator(".stereolib-knobs .widget-inline-hbox", has_text=knobs()[name].label).first.wait_for()
 
 
 def test_a_story_stays_and_pales_until_its_knobs_come_back(bench: Page) -> None:

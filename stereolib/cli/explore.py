@@ -32,7 +32,7 @@ def _configure(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from stereolib.notebook.chain import OWN_FILES
+    from stereolib.notebook.offered import OWN_FILES
     from stereolib.reproduction import ONE_THREAD
 
     environment = ONE_THREAD | dict(os.environ)  # the page has threads of its own, for both cameras
@@ -58,7 +58,7 @@ def _free_port() -> int:
 
 def _own_pair(arguments: argparse.Namespace) -> tuple[str, ...]:
     """Paths of an own pair, tried once to be sure: as `check_own` takes them; empty if there is none."""
-    from stereolib.notebook.chain import check_own
+    from stereolib.notebook.offered import check_own
 
     if not arguments.pair:
         if arguments.calibration or arguments.scan:

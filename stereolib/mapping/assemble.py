@@ -16,7 +16,7 @@ from stereolib.base import Float64, counted
 from stereolib.mapping.sightings import MapObject, Sighting, is_within, may_be_same, merge_sightings
 from stereolib.mapping.stations import Station, station_names
 from stereolib.mapping.walls import MapWall, find_walls
-from stereolib.measurement import SIZE_NAMES, MeasuredObject, Reason, Why
+from stereolib.measurement import SIZE_NAMES, MeasuredObject, Why
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -192,7 +192,7 @@ def _objects(
 def _why_lost(reasons: Mapping[str, Why]) -> str:
     """Why nothing of an object was measured: what holds for all of it, else for one of its sizes."""
     whole = reasons.get("object")
-    if whole and whole.reason is not Reason.NOT_IN_SCAN:
+    if whole and not whole.reason.leaves_the_pair:
         return str(whole)
     return next((str(reasons[name]) for name in SIZE_NAMES if name in reasons), "no size is known")
 

@@ -70,6 +70,11 @@ class Score:
     rms_all_px: float
     locking_px: float
 
+    @property
+    def scatter_px(self) -> float:
+        """Standard deviation of the errors within 4 px, px."""
+        return float(np.sqrt(max(self.rms_px**2 - self.bias_px**2, 0.0)))
+
 
 def score(disparity_px: npt.ArrayLike, truth_px: npt.ArrayLike, where: Bools | None = None) -> Score:
     """Score a disparity map against the truth.

@@ -2,20 +2,22 @@ from .box import Box, Side
 from .disparity_map import add_outliers, check_disparity_map, pixel_rays
 from .faces import Face
 from .floor import Floor, FloorLimits, fit_floor, floor_from_pose, floor_tolerance_px
-from .height_attempt import HeightAttempt, attempt_height, attempt_in, corner_width_mm
+from .height_attempt import HeightAttempt, attempt_height, attempt_standing, corner_width_mm
 from .instrument import Instrument, SystematicUncertainty, save_laser_pose
 from .laser_on_floor import LaserOnFloor
-from .measure import Measurement, measure_objects, measure_views
+from .measure import Measurement, measure_objects, measure_standing
 from .measured_object import SIZE_NAMES, MeasuredObject
-from .missing_floor import NoFloor, find_floor, why_no_floor
+from .missing_floor import FLOOR_BY_HAND, NoFloor, find_floor, why_no_floor
 from .overlay import OBJECT_RGB, draw_length, draw_objects
 from .plane_alignment import AlignedPair, CannotMeasure
 from .reasons import Reason, Source, Why
 from .regions import ObjectRegion, find_objects
+from .standing import Standing, see_standing
 from .two_points import Between, SurfacePoint, find_surface, match_views, measure_between
 from .views import Views
 
 __all__ = [
+    "FLOOR_BY_HAND",
     "OBJECT_RGB",
     "SIZE_NAMES",
     "AlignedPair",
@@ -35,13 +37,14 @@ __all__ = [
     "Reason",
     "Side",
     "Source",
+    "Standing",
     "SurfacePoint",
     "SystematicUncertainty",
     "Views",
     "Why",
     "add_outliers",
     "attempt_height",
-    "attempt_in",
+    "attempt_standing",
     "check_disparity_map",
     "corner_width_mm",
     "draw_length",
@@ -55,8 +58,9 @@ __all__ = [
     "match_views",
     "measure_between",
     "measure_objects",
-    "measure_views",
+    "measure_standing",
     "pixel_rays",
     "save_laser_pose",
+    "see_standing",
     "why_no_floor",
 ]

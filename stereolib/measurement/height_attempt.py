@@ -10,11 +10,11 @@ from stereolib.base import Float32, Float64, UInt8
 from stereolib.measurement.box import Box, Edge, Own, Shared
 from stereolib.measurement.floor import Floor
 from stereolib.measurement.instrument import Instrument, SystematicUncertainty
-from stereolib.measurement.measure import scene_priors
-from stereolib.measurement.missing_floor import find_floor
-from stereolib.measurement.pictured import Pictured, see_box
+from stereolib.measurement.pictured import Pictured
 from stereolib.measurement.plane_alignment import CannotMeasure
-from stereolib.measurement.regions import OBJECTS_WITHIN_MM, ObjectRegion, find_objects
+from stereolib.measurement.reasons import Reason
+from stereolib.measurement.regions import OBJECTS_WITHIN_MM, ObjectRegion
+from stereolib.measurement.standing import Standing, see_standing
 from stereolib.measurement.views import Views
 from stereolib.rig import RectifiedRig
 
@@ -40,6 +40,8 @@ class HeightAttempt:
         The same, as a box.
     refused : str
         Short name of the reason, as "no floor"; empty if measured.
+    why : str
+        The reason in words, with what to do.
     """
 
     left: UInt8
@@ -49,6 +51,7 @@ class HeightAttempt:
     region: ObjectRegion | None = None
     box: Pictured | None = None
     refused: str = ""
+    why: str = ""
 
     @property
     def height_mm(self) -> float:
@@ -110,53 +113,50 @@ def attempt_height(
     ValueError
         If pictures and rig do not fit together.
     """
-    return attempt_in(Views.of_rectified(left, right), rectified, floor=floor, uncertainty=uncertainty)
+    instrument = Instrument(rectified, uncertainty=uncertainty or SystematicUncertainty())
+    return attempt_standing(see_standing(Views.of_rectified(left, right), instrument, floor=floor))
 
 
-def attempt_in(
-    views: Views,
-    rectified: RectifiedRig,
-    *,
-    floor: Floor | None = None,
-    uncertainty: SystematicUncertainty | None = None,
-) -> HeightAttempt:
-    """Attempt what `attempt_height` does in a pair that is prepared already.
+def attempt_standing(standing: Standing) -> HeightAttempt:
+    """Attempt what `attempt_height` does in a pair in which all that stands is seen already.
 
     Parameters
     ----------
-    views : Views
-    rectified, floor, uncertainty
-        As for `attempt_height`.
+    standing : Standing
 
     Returns
     -------
     HeightAttempt
     """
-    attempt = HeightAttempt(views.left, views.right, views.disparity_px)
-    try:
-        floor = floor or find_floor(views, rectified)
-        attempt = replace(attempt, floor=floor)
-        objects = find_objects(views.disparity_px, floor)
-        if not objects:
-            text = f"nothing stands on the floor within {OBJECTS_WITHIN_MM / 1000:g} m; place the object nearer"
-            raise CannotMeasure("no object", text)
-        instrument = Instrument(rectified, uncertainty=uncertainty or SystematicUncertainty())
-        attempt = replace(attempt, region=objects[0])
-        attempt = replace(attempt, box=see_box(views, scene_priors(views, instrument, floor), objects[0]))
-    except CannotMeasure as error:
-        return replace(attempt, refused=error.reason)
-    return replace(attempt, refused=_refused(attempt))
+    views, floor = standing.views, standing.floor
+    attempt = HeightAttempt(views.left, views.right, views.disparity_px, floor)
+    if standing.no_floor is not None:
+        return _said(attempt, standing.no_floor)
+    if not standing.regions:
+        text = f"nothing stands on the floor within {OBJECTS_WITHIN_MM / 1000:g} m; place the object nearer"
+        return _said(attempt, CannotMeasure("no object", text))
+    attempt, box = replace(attempt, region=standing.regions[0]), standing.boxes[0]
+    if isinstance(box, CannotMeasure):
+        return _said(attempt, box)
+    attempt = replace(attempt, box=box)
+    refused, why = _refused(attempt, box)
+    return replace(attempt, refused=refused, why=why)
 
 
-def _refused(attempt: HeightAttempt) -> str:
-    """Short name of the reason why a box has no height; empty if it has."""
-    assert attempt.box is not None
-    if attempt.box.refused:
-        return attempt.box.refused.reason.short
-    if not any(edge in attempt.box.edges for edge in (Edge.TOP_RIGHT, Edge.TOP_LEFT)):
-        is_cut = not any(past is past.OPEN for edge, past in attempt.box.past.items() if edge.is_top)
-        return "cut by the frame" if is_cut else "no top edge"
-    return "too uncertain" if attempt.std_mm > _WORST_STD * attempt.height_mm else ""
+def _said(attempt: HeightAttempt, error: CannotMeasure) -> HeightAttempt:
+    return replace(attempt, refused=error.reason, why=str(error).removeprefix(f"{error.reason}: "))
+
+
+def _refused(attempt: HeightAttempt, box: Pictured) -> tuple[str, str]:
+    """Short name of the reason why a box has no height, and the reason; both empty if it has."""
+    if box.refused:
+        return box.refused.reason.short, str(box.refused)
+    if not any(edge in box.edges for edge in (Edge.TOP_RIGHT, Edge.TOP_LEFT)):
+        is_cut = not any(past is past.OPEN for edge, past in box.past.items() if edge.is_top)
+        return ("cut by the frame", Reason.TOP_CUT.value) if is_cut else ("no top edge", Reason.NO_EDGE.value)
+    if attempt.std_mm > _WORST_STD * attempt.height_mm:
+        return "too uncertain", f"{attempt.height_mm:.0f} ± {attempt.std_mm:.0f} mm: {Reason.TOO_UNCERTAIN.value}"
+    return "", ""
 
 
 def corner_width_mm(attempt: HeightAttempt) -> float:

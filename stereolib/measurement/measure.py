@@ -15,33 +15,27 @@ from stereolib.base import Float32, Float64, UInt8, direction
 from stereolib.laser import Footprint, LaserScan, find_segments, fit_footprint, points_mm
 from stereolib.measurement.agreement import Past
 from stereolib.measurement.box import Box, Edge, Own, Shared, Side
-from stereolib.measurement.floor import Floor, floor_from_pose
+from stereolib.measurement.floor import Floor
 from stereolib.measurement.hypotheses import Judged, judge
 from stereolib.measurement.instrument import Instrument
 from stereolib.measurement.laser_on_floor import LaserOnFloor
 from stereolib.measurement.measured_object import BoxFacts, MeasuredObject, from_box, from_region, from_scan
-from stereolib.measurement.missing_floor import find_floor
 from stereolib.measurement.pairing import Place, pair_up
-from stereolib.measurement.pictured import Pictured, see_box
+from stereolib.measurement.pictured import Pictured
 from stereolib.measurement.plane_alignment import CannotMeasure
 from stereolib.measurement.reasons import NOT_STANDING, Reason, Source, Why
-from stereolib.measurement.regions import OBJECTS_WITHIN_MM, ObjectRegion, find_objects
+from stereolib.measurement.regions import OBJECTS_WITHIN_MM, ObjectRegion
 from stereolib.measurement.scanned import scan_observations, scanned_box
 from stereolib.measurement.scene_solver import Priors, Seen, Solution
+from stereolib.measurement.standing import Standing, see_standing
 from stereolib.measurement.views import Views
-from stereolib.rig import pose_left_world, rigid
 
-#: A laser that nobody calibrated: straight below the camera within 50 mm and five degrees.
-_BELOW = LaserOnFloor(np.eye(2), np.zeros(2), np.diag([50.0**2, 50.0**2, np.radians(5.0) ** 2]))
-_LASER_ABOVE_FLOOR_MM = 100.0  # where no floor is seen; the scan's sizes do not depend on it
 _SCAN_REACH_M = 3  # of `stereolib.laser.find_segments`
 _FEW_BEAMS = 6  # so few tell no round or irregular outline from faces
 _SHOWN = 0.5  # share of a footprint that the right camera must show
 _WALL_PX = 4.0  # of disparity, two of the half size: so near a wall of the scan a region without a face is a part of it
 _NOWHERE = np.zeros((0, 2))
 _LIKELY = 0.5  # probability from which something is said to have moved
-_LEAST_STD = 1e-5  # of what a calibration knows, px or mm
-_CALIBRATED = [2, 3, 0]  # of offset, rows, focal length and baseline: in the order of `SystematicUncertainty`
 _LEAST_BEAMS = 2  # in the left picture: one may be a neighbour's
 _CONTRADICTION = 2.2  # standard deviations, as `Solution.misfits` counts: an end lies within 1.6 of its two beams
 _FOLLOWED = 0.9  # share of what was followed of a face that is surely its own
@@ -106,19 +100,16 @@ def measure_objects(
     ValueError
         If pictures and calibration do not fit together.
     """
-    return measure_views(Views.of(left, right, instrument.rectified), scan, instrument, floor=floor)
+    return measure_standing(see_standing(Views.of(left, right, instrument.rectified), instrument, floor=floor), scan)
 
 
-def measure_views(
-    views: Views, scan: LaserScan | None, instrument: Instrument, *, floor: Floor | None = None
-) -> Measurement:
-    """Measure what `measure_objects` does in a pair that is prepared already.
+def measure_standing(standing: Standing, scan: LaserScan | None) -> Measurement:
+    """Measure what `measure_objects` does in a pair in which all that stands is seen already.
 
     Parameters
     ----------
-    views : Views
-        Of the instrument's cameras.
-    scan, instrument, floor
+    standing : Standing
+    scan : LaserScan or None
         As for `measure_objects`.
 
     Returns
@@ -130,22 +121,17 @@ def measure_views(
     CannotMeasure
         As `measure_objects` does.
     """
-    warnings, regions, no_floor = list[str](), list[ObjectRegion](), ""
-    try:
-        floor = floor or find_floor(views, instrument.rectified)
-        regions = find_objects(views.disparity_px, floor)
-    except CannotMeasure as error:
+    views, instrument, priors, warnings = standing.views, standing.instrument, standing.priors, list[str]()
+    if standing.no_floor is not None:
         if scan is None:
-            raise
-        no_floor = str(error)
-        warnings.append(f"{no_floor}. What follows is the scan's alone")
-    priors = scene_priors(views, instrument, floor or _floor_below(instrument))
+            raise standing.no_floor
+        warnings.append(f"{standing.no_floor}. What follows is the scan's alone")
     if scan is not None and instrument.lidar is None:
         warnings.append("the laser's pose is not known: it is taken to stand straight below the left camera")
     footprints, walls_mm, no_object = ([], _NOWHERE, "") if scan is None else _scanned(scan, priors.laser.bias_mm)
     warnings += [no_object] if no_object else []
-    scene = _Scene(views, priors, bool(footprints), priors.laser.points_mm(walls_mm), no_floor)
-    things, unlike = scene.things(regions, footprints)
+    scene = _Scene(standing, bool(footprints), priors.laser.points_mm(walls_mm))
+    things, unlike = scene.things(footprints)
     judged, things, apart = scene.solved(things)
     objects = sorted(scene.measured(judged, things), key=lambda thing: float(np.hypot(*thing.position_mm)))
     if not objects:
@@ -155,7 +141,7 @@ def measure_views(
     readings = _NOWHERE if scan is None else laser.points_mm(points_mm(scan))
     warnings += [*unlike, *apart, *_said_of_the_rig(views, judged, _nearest_mm(judged, things), instrument)]
     pictures = views.left, views.right, views.disparity_px
-    return Measurement(tuple(objects), tuple(warnings), floor, laser, readings, *pictures)
+    return Measurement(tuple(objects), tuple(warnings), standing.floor, laser, readings, *pictures)
 
 
 def _scanned(scan: LaserScan, bias_mm: float) -> tuple[list[Footprint], Float64, str]:
@@ -168,38 +154,6 @@ def _scanned(scan: LaserScan, bias_mm: float) -> tuple[list[Footprint], Float64,
     walls = [part.points_mm for part in parts if part.kind != "object"]
     none = f"the scan shows no object within {_SCAN_REACH_M} m: sizes come from the pair alone"
     return found, np.concatenate([_NOWHERE, *walls]), "" if found else none
-
-
-def scene_priors(views: Views, instrument: Instrument, floor: Floor) -> Priors:
-    """What calibration, pictures and floor tell of what all objects share.
-
-    Parameters
-    ----------
-    views : Views
-    instrument : Instrument
-    floor : Floor
-
-    Returns
-    -------
-    Priors
-    """
-    rectified, share = instrument.rectified, np.ones(4)
-    share[2:] = rectified.f_px, rectified.baseline_mm
-    cameras = np.diag([_LEAST_STD**2] * 4)
-    cameras[1, 1] += views.rows.std_px**2
-    cameras[np.ix_(_CALIBRATED, _CALIBRATED)] += instrument.uncertainty.covariance
-    laser = _BELOW if instrument.lidar is None else LaserOnFloor.of(instrument.lidar, floor)
-    return Priors(floor, laser, cameras / np.outer(share, share))
-
-
-def _floor_below(instrument: Instrument) -> Floor:
-    """A floor nobody saw: parallel to the laser's plane, and below it and the camera."""
-    rectified, lidar, above = instrument.rectified, instrument.lidar, _LASER_ABOVE_FLOOR_MM
-    if lidar is None:
-        return floor_from_pose(rectified, rigid(rectified.R1.T, np.zeros(3)) @ pose_left_world(0.0, above))
-    up = lidar.T_left_lidar[:3, 2]
-    camera_mm = -float(up @ lidar.T_left_lidar[:3, 3])  # above the laser's plane
-    return floor_from_pose(rectified, lidar.T_left_lidar @ rigid(np.eye(3), [0.0, 0.0, min(camera_mm, 0.0) - above]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -215,24 +169,28 @@ class _Thing:
 
     @property
     def is_round(self) -> bool:
-        """Its outline in the scan is no box's."""
-        few = self.footprint is None or len(self.footprint.segment.points_mm) <= _FEW_BEAMS
-        return not few and self.footprint is not None and self.footprint.shape in ("circle", "irregular")
+        """Its outline in the scan is no box's: round, or of no shape where the pictures show none either."""
+        if self.footprint is None or len(self.footprint.segment.points_mm) <= _FEW_BEAMS:
+            return False
+        shows_box = self.seen is not None and self.pictured is not None
+        return self.footprint.shape == "circle" or (self.footprint.shape == "irregular" and not shows_box)
 
 
 @dataclass(frozen=True, eq=False)
 class _Scene:
-    """What all objects of one pair and one scan share; `no_floor` says why the pair has none, if so."""
+    """What all objects of one pair and one scan share."""
 
-    views: Views
-    priors: Priors
+    standing: Standing
     scan_has_objects: bool
     walls_mm: Float64
-    no_floor: str
 
-    def things(self, regions: list[ObjectRegion], footprints: list[Footprint]) -> tuple[list[_Thing], Sequence[str]]:
+    @property
+    def priors(self) -> Priors:
+        return self.standing.priors
+
+    def things(self, footprints: list[Footprint]) -> tuple[list[_Thing], Sequence[str]]:
         """Objects as pictures and scan show them, paired; and what does not fit together."""
-        every = [self._pictured(region) for region in regions]
+        every = [_pictured(*seen) for seen in zip(self.standing.regions, self.standing.boxes, strict=True)]
         alone = [thing for thing in every if not self._of_a_wall(thing)]
         pairs = pair_up([_place(thing, self.priors.floor) for thing in alone], footprints, self.priors.laser)
         both = [self._with_scan(alone[i], footprints[j]) for i, j in pairs.both]
@@ -247,14 +205,6 @@ class _Scene:
         off_mm = np.linalg.norm(self.walls_mm - place, axis=1).min(initial=np.inf)
         return bool(off_mm < _WALL_PX * (place @ place) / (rectified.f_px * rectified.baseline_mm))
 
-    def _pictured(self, region: ObjectRegion) -> _Thing:
-        try:
-            pictured = see_box(self.views, self.priors, region)
-        except CannotMeasure:
-            return _Thing(region=region, why=Why(Reason.NO_TEXTURE))
-        refused = pictured.refused
-        return _Thing(pictured, region, why=refused, seen=None if refused else pictured.seen)
-
     def _with_scan(self, thing: _Thing, footprint: Footprint) -> _Thing:
         thing = replace(thing, footprint=footprint)
         if thing.seen is None or thing.pictured is None:
@@ -268,7 +218,7 @@ class _Scene:
     def _scanned(self, thing: _Thing) -> _Thing:
         assert thing.footprint is not None
         seen = None if thing.is_round else scanned_box(thing.footprint, self.priors.laser)
-        why = thing.why or _why_unseen(thing.footprint, self.priors, self.no_floor)
+        why = thing.why or _why_unseen(thing.footprint, self.standing)
         return replace(thing, seen=seen, why=why, scanned=seen is not None, pictured=None)
 
     def solved(self, things: list[_Thing]) -> tuple[Judged, list[_Thing], list[str]]:
@@ -321,6 +271,8 @@ class _Scene:
             reasons["object" if thing.why.reason in NOT_STANDING else "height"] = thing.why
         elif thing.footprint is None and self.scan_has_objects:
             reasons["object"] = Why(Reason.NOT_IN_SCAN)
+        elif thing.footprint is not None and thing.footprint.shape == "irregular" and number is not None:
+            reasons["object"] = Why(Reason.SCAN_IRREGULAR)
         if number is None:
             return BoxFacts(reasons=reasons)
         if pictured is None:
@@ -331,6 +283,12 @@ class _Scene:
             shown = pictured.past.get(edge, pictured.past.get(Edge.CORNER))
             sources[name] = Source.IMAGE if shown is Past.OPEN or not thing.scanned else Source.SCAN
         return BoxFacts(pictured.past, sources, reasons, share, pictured.doubtful)
+
+
+def _pictured(region: ObjectRegion, box: Pictured | CannotMeasure) -> _Thing:
+    if isinstance(box, CannotMeasure):
+        return _Thing(region=region, why=Why(Reason.NO_TEXTURE))
+    return _Thing(box, region, why=box.refused, seen=None if box.refused else box.seen)
 
 
 def _numbers(things: list[_Thing]) -> dict[int, int]:
@@ -366,9 +324,10 @@ def _place(thing: _Thing, floor: Floor) -> Place:
     return Place.of(float(np.hypot(*region.position_mm)) * direction(bearings))
 
 
-def _why_unseen(footprint: Footprint, priors: Priors, no_floor: str) -> Why:
+def _why_unseen(footprint: Footprint, standing: Standing) -> Why:
     """Why the pictures say nothing of an object in the scan."""
-    if no_floor:
+    priors = standing.priors
+    if standing.floor is None:
         return Why(Reason.NO_FLOOR)
     p, rectified = priors.laser.points_mm(footprint.segment.points_mm), priors.floor.rectified
     ahead = np.maximum(p[:, 0], 1.0)

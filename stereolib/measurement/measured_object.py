@@ -180,7 +180,7 @@ def _why(size: int, facts: BoxFacts, value: float, std: float, worst_std: float)
     past, whole = facts.past, facts.reasons.get("object")
     if facts.doubtful:
         return Why(Reason.CONTRADICTION, f"{value:.0f} mm")
-    if std < worst_std * value and (whole is None or whole.reason is Reason.NOT_IN_SCAN):
+    if std < worst_std * value and (whole is None or whole.reason.leaves_the_pair):
         return None
     ends = (Edge.RIGHT_END, Edge.LEFT_END, None)[size]
     shown = {past.get(Edge.CORNER), past.get(ends)} if ends else {p for e, p in past.items() if e in _TOPS}

@@ -25,6 +25,10 @@ _SHIFTS = range(-6, 7)  # rows of the quarter size
 _WINDOW, _WIDE = 64, 128  # disparities of the quarter size that `Views` searches, and all that are tried
 
 
+#: What helps where no floor is seen.
+FLOOR_BY_HAND = "; where height and pitch of the camera are known, give the floor by hand (--floor, floor_from_pose)"
+
+
 class NoFloor(Enum):
     """Causes, with what to do."""
 
@@ -63,8 +67,7 @@ def find_floor(views: Views, rectified: RectifiedRig, *, limits: FloorLimits | N
         return fit_floor(views.disparity_px, rectified, pair=views.pair, limits=limits)
     except CannotMeasure:
         cause, value = why_no_floor(views, rectified)
-        hint = "; where height and pitch of the camera are known, give the floor by hand (--floor, floor_from_pose)"
-        raise CannotMeasure("no floor", cause.value.format(value) + hint) from None
+        raise CannotMeasure("no floor", cause.value.format(value) + FLOOR_BY_HAND) from None
 
 
 def why_no_floor(views: Views, rectified: RectifiedRig) -> tuple[NoFloor, float]:

@@ -36,7 +36,7 @@ def size_text(measured: MeasuredObject) -> str:
     return " x ".join("?" if np.isnan(size) else f"{size:.0f}" for size in measured.size_mm) + " mm"
 
 
-def draw_objects(measured: Measurement, *, scan: bool = True, names: Sequence[str] = ()) -> UInt8:
+def draw_objects(measured: Measurement, *, scan: bool = True, names: Sequence[str] = (), sizes: bool = True) -> UInt8:
     """Draw a wire box and the sizes (length x width x height) of each object into the rectified left picture.
 
     Parameters
@@ -47,6 +47,8 @@ def draw_objects(measured: Measurement, *, scan: bool = True, names: Sequence[st
     names : sequence of str
         What the objects are called in a map (`stereolib.mapping.Map.names_of`), one each: the first letter, A to Z,
         gives the colour; what has none is grey. By default the colours follow the objects' order.
+    sizes : bool
+        Also the sizes, as a text.
 
     Returns
     -------
@@ -76,7 +78,7 @@ def draw_objects(measured: Measurement, *, scan: bool = True, names: Sequence[st
         if entry.shape in ("box", "face"):
             cv2.polylines(layer, list(np.stack([bottom, top], axis=1)), False, color, 2, cv2.LINE_AA)
         picture = cv2.addWeighted(layer, 1 - _FAINT, picture, _FAINT, 0)
-        if np.isfinite(entry.size_mm).any():
+        if sizes and np.isfinite(entry.size_mm).any():
             text = f"{name} {size_text(entry)}" if names and name else size_text(entry)
             _label(picture, text, np.concatenate(rings), color, taken)
     return picture

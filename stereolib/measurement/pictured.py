@@ -334,7 +334,7 @@ def _in_the_air(stretch: Stretch) -> Why | None:
     """A face that ends above the floor, and nothing nearer hides its foot."""
     if stretch.foot_mm < _gap_mm(stretch) or _unfollowed(stretch):
         return None
-    return Why(Reason.IN_THE_AIR, f"its lower edge is {stretch.foot_mm:.0f} mm above the floor")
+    return Why(Reason.IN_THE_AIR, f"its face ends {stretch.foot_mm:.0f} mm above the floor")
 
 
 def _leaning(stretch: Stretch, tilts: list[tuple[float, float]], peaks: dict[Edge, Peak]) -> Why | None:

@@ -15,13 +15,14 @@ class Reason(Enum):
     HIDDEN = "an end is hidden by something nearer"
     TOO_UNCERTAIN = "too uncertain; turn the object, light or texture it, or move the rig"
     CONTRADICTION = "its edges contradict each other: see that it is a box, and that nothing touches it"
-    IN_THE_AIR = "it does not stand on the floor; put it down"
+    IN_THE_AIR = "it does not stand on the floor, or is too plain to be followed to it; put it down, or texture it"
     LEANS = "it leans; put it upright"
     NO_EDGE = "its outline does not stand out; change light or background"
     NO_FACE = "no straight face was found"
     NO_TEXTURE = "no texture: the pair matched too little there; light or texture it"
     NO_FLOOR = "no floor was seen"
     NOT_IN_SCAN = "it is not in the scan (lower than its plane, or dark): its sizes come from the pair alone"
+    SCAN_IRREGULAR = "the scan shows no box there, or is too noisy to show one: its sizes come from the pair alone"
     NOT_IN_PICTURE = "outside the picture: turn the rig towards it"
     ONE_CAMERA = "only one camera sees it whole: turn the rig towards it"
     TOO_FAR = "too far for the pair: go nearer"
@@ -32,6 +33,11 @@ class Reason(Enum):
     def short(self) -> str:
         """Its short name, as "no texture"."""
         return self.name.lower().replace("_", " ")
+
+    @property
+    def leaves_the_pair(self) -> bool:
+        """The scan tells nothing of the object, and the pair all."""
+        return self in (Reason.NOT_IN_SCAN, Reason.SCAN_IRREGULAR)
 
 
 @dataclass(frozen=True)

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import threading
-from collections import OrderedDict
 from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor, wait
+from concurrent.futures import ThreadPoolExecutor, wait
 from copy import deepcopy
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, Generic, TypeVar
 
 import cv2
 import numpy as np
@@ -21,7 +18,6 @@ from stereolib.laser import LaserScan, average, decode, turns
 from stereolib.mapping import read_scan
 from stereolib.matching import (
     Score,
-    check_matchable,
     compute_disparity,
     compute_disparity_guided,
     dilate,
@@ -36,11 +32,14 @@ from stereolib.measurement import (
     HeightAttempt,
     Instrument,
     Measurement,
+    Standing,
     Views,
-    attempt_in,
-    measure_views,
+    attempt_standing,
+    measure_standing,
+    see_standing,
 )
 from stereolib.notebook.knobs import DILATION, FILTERS, MATCHERS, MOTORCYCLE, OWN, VIRTUAL, WINDOWS, State
+from stereolib.notebook.steps import step
 from stereolib.paper import HeightResult, height_by_maximum
 from stereolib.rig import Camera, RectifiedRig, StereoRig, read_pair
 from stereolib.virtual import (
@@ -55,59 +54,15 @@ from stereolib.virtual import (
     render_truth,
 )
 
-#: Name of the environment variable in which ``stereolib explore`` hands over an own pair, as JSON.
-OWN_FILES = "STEREOLIB_EXPLORE"
-_Made = TypeVar("_Made")
-_KEPT = 6  # results of a step
 _MARGIN_PX = 8  # searched around what the laser predicts
 _GAMMA = 2.2
-_OF_SCENE = ("distance_mm", "width_mm", "depth_mm", "height_mm", "yaw_deg", "lateral_mm", "contrast", "grain_mm",
-             "gloss", "light", "noise", "camera_height_mm", "pitch_deg", "baseline_mm", "focal_px")  # fmt: skip
-_OF_SGBM = ("min_disparity", "block_size", "p1", "p2", "mode", "uniqueness_ratio", "disp12_max_diff",
-            "speckle_window_size", "speckle_range", "pre_filter_cap")  # fmt: skip
-_WITHOUT_KERNEL = (FILTERS[0], "background", "inpaint_biharmonic")
+#: Knobs that only the virtual rig has.
+OF_SCENE = ("distance_mm", "width_mm", "depth_mm", "height_mm", "yaw_deg", "lateral_mm", "contrast", "grain_mm",
+            "gloss", "light", "noise", "camera_height_mm", "pitch_deg", "baseline_mm", "focal_px")  # fmt: skip
+#: Knobs of OpenCV's matcher, without its range.
+OF_SGBM = ("min_disparity", "block_size", "p1", "p2", "mode", "uniqueness_ratio", "disp12_max_diff",
+           "speckle_window_size", "speckle_range", "pre_filter_cap")  # fmt: skip
 _SEED = 4
-
-
-class Step(Generic[_Made]):
-    """One step of the chain: a function of a state, its last results kept by the knobs that it depends on.
-
-    Parameters
-    ----------
-    make : callable
-    knobs : sequence of str
-    after : sequence of Step
-        What it calls; their knobs are its own.
-    """
-
-    def __init__(self, make: Callable[[State], _Made], knobs: tuple[str, ...], after: tuple[Step[Any], ...]) -> None:
-        self.make, self.__doc__ = make, make.__doc__
-        self.knobs: tuple[str, ...] = tuple(
-            dict.fromkeys([name for step in after for name in step.knobs] + list(knobs))
-        )
-        self._made: OrderedDict[tuple[object, ...], Future[_Made]] = OrderedDict()
-        self._looking = threading.Lock()  # a click asks while the pictures are being drawn
-
-    def __call__(self, state: State) -> _Made:
-        key = tuple(getattr(state, name) for name in self.knobs)
-        with self._looking:
-            is_new = key not in self._made
-            made = self._made.setdefault(key, Future())
-            self._made.move_to_end(key)
-            while len(self._made) > _KEPT:
-                self._made.popitem(last=False)
-        if is_new:
-            try:
-                made.set_result(self.make(state))
-            except BaseException as error:
-                self._made.pop(key, None)
-                made.set_exception(error)
-        return made.result()
-
-
-def step(*knobs: str, after: tuple[Step[Any], ...] = ()) -> Callable[[Callable[[State], _Made]], Step[_Made]]:
-    """Make a function of a state a step that depends on some knobs and on other steps."""
-    return lambda make: Step(make, knobs, after)
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,86 +88,6 @@ class Known:
     disparity_px: Floats
     visible: Bools
     region: Bools
-
-
-def check_own(files: tuple[str, ...]) -> None:
-    """Check an own pair as the commands do.
-
-    Parameters
-    ----------
-    files : (left, right, calibration, scan)
-        Paths; the last two may be empty.
-
-    Raises
-    ------
-    ValueError
-        If a file cannot be used; the text names it.
-    OSError
-        If one cannot be read.
-    """
-    left, right, calibration, scan_file = files
-    pictures, names = read_pair(left, right), (Path(left).name, Path(right).name)
-    check_matchable(*pictures, names)
-    if calibration:
-        rectified = Instrument.load(calibration).rectified
-        try:
-            rectified.rectify(*pictures)
-        except ValueError as error:
-            raise ValueError(f"{' and '.join(names)} do not fit {Path(calibration).name}: {error}") from error
-    if scan_file:
-        read_scan(Path(scan_file))
-
-
-def sources(state: State) -> tuple[str, ...]:
-    """What the bench can look at, by name.
-
-    Parameters
-    ----------
-    state : State
-        Knows whether there is an own pair.
-
-    Returns
-    -------
-    tuple of str
-    """
-    return (VIRTUAL, *((OWN,) if state.own else ()), *recordings.pairs(), MOTORCYCLE)
-
-
-def idle(state: State) -> frozenset[str]:
-    """Knobs that change nothing in a state: those of the scene where a recording is shown, and the like.
-
-    Parameters
-    ----------
-    state : State
-
-    Returns
-    -------
-    frozenset of str
-        Names of fields of `State`.
-
-    Examples
-    --------
-    >>> sorted(idle(State(filter="dilation")) ^ idle(State()))
-    ['kernel_px', 'kernel_shape']
-    """
-    scans = state.source in (VIRTUAL, *recordings.pairs()) or (state.source == OWN and bool(state.own[3]))
-    is_emulated = scans and state.source != OWN and not state.source.startswith("room/")
-    has_rig = state.source != MOTORCYCLE and (state.source != OWN or bool(state.own[2]))
-    is_guided = state.laser and scans and state.source != OWN
-    narrows = is_guided and state.window != WINDOWS[0]
-    turned = {
-        _OF_SCENE: state.source == VIRTUAL,
-        ("exposure_ev",): state.source not in (OWN, MOTORCYCLE),
-        ("roll_deg", "row_px", "baseline_pct"): has_rig,
-        ("laser",): scans,
-        ("turns", "laser_noise", "laser_yaw_deg", "laser_ahead_mm"): state.laser and is_emulated,
-        ("window",): is_guided,
-        ("matcher",): not narrows,
-        _OF_SGBM: narrows or state.matcher == MATCHERS[0] or state.filter == "left_right",
-        ("kernel_px",): state.filter not in _WITHOUT_KERNEL,
-        ("kernel_shape",): state.filter == DILATION,
-    }
-    return frozenset(name for names, turns_something in turned.items() if not turns_something for name in names)
 
 
 @step("baseline_mm", "focal_px", "half")
@@ -383,7 +258,7 @@ def scan(state: State) -> LaserScan | None:
     return average(turns(decode(data)))
 
 
-@step("matcher", "num_disparities", *_OF_SGBM, after=(pair,))
+@step("matcher", "num_disparities", *OF_SGBM, after=(pair,))
 def matched(state: State) -> Float32:
     """The map as the matcher gives it without the laser."""
     if state.matcher == MATCHERS[0]:
@@ -438,29 +313,31 @@ def recipe(state: State) -> HeightResult | str:
         return str(error)
 
 
-@step(after=(rectified_rig,))
-def views(state: State) -> Views | None:
-    """The pair, prepared to be measured in; None where nothing is known of the cameras."""
+@step("source", "own", after=(rectified_rig,))
+def standing(state: State) -> Standing | None:
+    """What stands on the floor in the pair; None where nothing is known of the cameras."""
     rectified, shot = rectified_rig(state), taken(state)
-    return Views.of(shot.left, shot.right, rectified) if rectified else None
+    if rectified is None:
+        return None
+    lidar = Instrument.load(state.own[2]).lidar if state.source == OWN else None
+    return see_standing(Views.of(shot.left, shot.right, rectified), Instrument(rectified, lidar))
 
 
-@step(after=(views,))
+@step(after=(standing,))
 def ground_plane(state: State) -> HeightAttempt | None:
     """The height from floor, faces and edges of the pair; None where nothing is known of the cameras."""
-    prepared, rectified = views(state), rectified_rig(state)
-    return attempt_in(prepared, rectified) if prepared and rectified else None
+    seen = standing(state)
+    return attempt_standing(seen) if seen else None
 
 
-@step(after=(views, scan))
+@step(after=(standing, scan))
 def measured(state: State) -> Measurement | str:
     """All objects from the pair and the scan, or why there are none."""
-    prepared, rectified = views(state), rectified_rig(state)
-    if prepared is None or rectified is None:
+    seen = standing(state)
+    if seen is None:
         return "no calibration"
-    lidar = Instrument.load(state.own[2]).lidar if state.source == OWN else None
     try:
-        return measure_views(prepared, scan(state), Instrument(rectified, lidar))
+        return measure_standing(seen, scan(state))
     except CannotMeasure as error:
         return str(error)
 

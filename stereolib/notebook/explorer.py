@@ -14,17 +14,12 @@ from typing import Any, TypeAlias
 import cv2
 import ipywidgets as widgets
 
-from stereolib.notebook import chain, python_code
-from stereolib.notebook.explorer_panels import (
-    CAPTIONS,
-    draw_costs,
-    draw_panels,
-    find,
-    length_text,
-    result_line,
-    scale_of,
-)
-from stereolib.notebook.knobs import OWN, Knob, State, from_text, knobs, most_p2, on_step, to_text
+from stereolib.notebook import chain, offered, python_code
+from stereolib.notebook.code_block import CodeBlock
+from stereolib.notebook.explorer_clicks import draw_costs, find, length_text
+from stereolib.notebook.explorer_panels import CAPTIONS, draw_panels, scale_of
+from stereolib.notebook.explorer_results import legend, result_line
+from stereolib.notebook.knobs import OWN, VIRTUAL, Knob, State, from_text, knobs, most_p2, on_step, to_text
 from stereolib.notebook.latest import Latest
 from stereolib.notebook.live_picture import LivePicture
 from stereolib.notebook.stories import STORIES, Story
@@ -50,26 +45,31 @@ class Bench:
     """
 
     def __init__(self, own: tuple[str, ...] = ()) -> None:
-        self.state = State(source=OWN, own=own) if own else State()
+        self.state = _first_state(own)
+        self._story: Story | None = None
+        self._told = ""
         self._pixels: tuple[tuple[int, int], ...] = ()  # the last two that were clicked
         self._is_setting = False
         self._pictures = LivePicture("The pair, its disparity, its error, and the scene from above.", self._click)
         self._costs = LivePicture("What each disparity costs the clicked pixel.")
         self._result, self._said, self._clicked = widgets.HTML(), widgets.HTML(), widgets.HTML(_CLICK_HELP)
-        self._code = widgets.Textarea(rows=14, layout=_WIDE)
+        self._code = CodeBlock()
         self._words = widgets.Text(layout=_WIDE, continuous_update=False).add_class("stereolib-words")
         self._files = widgets.HTML()
         self._controls = {name: _control(knob, getattr(self.state, name)) for name, knob in knobs().items()}
         self._source = widgets.Dropdown(
-            options=chain.sources(self.state), value=self.state.source, description="look at",
+            options=offered.sources(self.state), value=self.state.source, description="look at",
             tooltip="The virtual rig, whose scene the knobs build; a recording; or your own pair.",
         )  # fmt: skip
         for name, control in self._controls.items():
             control.observe(lambda change, name=name: self._turn(**{name: change["new"]}), names="value")
+        self._recorded = [widgets.HTML(_RECORDED) for _ in ("Box", "Cameras")]
+        self._groups = self._grouped()
         self._source.observe(lambda change: self._look_at(change["new"]), names="value")
         self._words.observe(lambda change: self._restore(change["new"]), names="value")
         self._worker: Latest[State] = Latest(self._preview, self._full)
         self._pointer: Latest[_Pointed] = Latest(self._say_found, self._show_costs)
+        self._teller: Latest[Story] = Latest(lambda _: None, self._tell_whole)
         self.page = self._laid_out()
         self._set(self.state)
 
@@ -78,28 +78,37 @@ class Bench:
 
         display(self.page)  # type: ignore[no-untyped-call]
 
-    def _laid_out(self) -> widgets.Box:
+    def _grouped(self) -> dict[str, widgets.Accordion]:
+        """What is turned, a group that unfolds for each."""
         groups: dict[str, list[Any]] = {}
         for name, knob in knobs().items():
             groups.setdefault(knob.group, []).append(self._controls[name])
-        groups["Own pair"] = [_Upload(self._take).box]
-        groups["Keep"] = self._keeping()
-        tabs = widgets.Accordion([widgets.VBox(group) for group in groups.values()], titles=list(groups))
-        tabs.selected_index = 0
-        stories = [self._story_button(story) for story in STORIES]
+        for group, note in zip((groups["Box"], groups["Cameras"]), self._recorded, strict=True):
+            group.append(note)
+        groups |= {"Own pair": [_Upload(self._take).box], "Keep": self._keeping()}
+        return {
+            name: widgets.Accordion([widgets.VBox(group)], titles=[name], selected_index=0 if name == "Box" else None)
+            for name, group in groups.items()
+        }
+
+    def _laid_out(self) -> widgets.Box:
+        tabs = widgets.VBox(list(self._groups.values()))
+        reset = widgets.Button(description="Reset", tooltip="All knobs as at the start.")
+        reset.on_click(lambda _: self._reset())
         for part, name in ((self._result, "results"), (self._pictures, "scene"), (self._clicked, "found"),
-                           (self._costs, "costs"), (self._said, "said")):  # fmt: skip
+                           (self._costs, "costs"), (self._said, "said"), (self._code, "code")):  # fmt: skip
             part.add_class(f"stereolib-{name}")
-        seen = widgets.VBox([self._result, self._pictures, self._clicked, self._costs])
+        drawn = widgets.HTML(legend()).add_class("stereolib-legend")
+        seen = widgets.VBox([self._result, self._pictures, self._clicked, self._costs, drawn])
         row = widgets.Box([tabs.add_class("stereolib-knobs"), seen.add_class("stereolib-seen")])
-        first = widgets.Box([self._source, *stories]).add_class("stereolib-row").add_class("stereolib-stories")
+        first = widgets.Box([self._source, reset, *map(self._story_button, STORIES)])
+        first.add_class("stereolib-row").add_class("stereolib-stories")
         title = widgets.HTML(f"<style>{_STYLE.read_text(encoding='utf-8')}</style>{_TITLE}")
         page = widgets.VBox([title, first, self._said, row.add_class("stereolib-row")])
         return page.add_class("stereolib-bench")
 
     def _story_button(self, story: Story) -> widgets.Button:
         button = widgets.Button(description=story.name, tooltip="Sets the knobs and says what to look at.")
-        button.layout.width = "auto"
         button.on_click(lambda _: self._tell(story))
         return button
 
@@ -123,32 +132,77 @@ class Bench:
         stepped: dict[str, Any] = {name: on_step(name, value) for name, value in values.items()}
         state = replace(self.state, **stepped)
         if state != self.state:
-            self._said.value = ""
             self._set(state)
 
     def _look_at(self, source: str) -> None:
-        if not self._is_setting and source != self.state.source:
-            self._said.value = ""
-            self._set(replace(self.state, source=source))
+        if self._is_setting or source == self.state.source:
+            return
+        story = self._story.state if self._story else self.state
+        left = {name: value for name in knobs() if (value := getattr(self.state, name)) != getattr(story, name)}
+        changed: dict[str, Any] = left if self._story else {name: getattr(self.state, name) for name in knobs()}
+        self._end()  # what the story set goes with it, what was turned since stays
+        self._set(State(source=source, own=self.state.own, **changed))
+
+    def _reset(self) -> None:
+        self._end()
+        self._set(_first_state(self.state.own))
 
     def _tell(self, story: Story) -> None:
+        """Set a story's knobs and show them; its sentences come when they are computed."""
+        self._end()
+        self._story, self._told = story, "…"
+        for names, mark in ((story.next_knobs, "next"), (story.set_knobs, "set")):
+            for name in names:
+                self._controls[name].add_class(f"stereolib-{mark}")
+        if involved := {knobs()[name].group for name in (*story.set_knobs, *story.next_knobs)}:
+            for group, tab in self._groups.items():
+                tab.selected_index = 0 if group in involved else None
         self._set(replace(story.state, own=self.state.own))
-        self._said.value = _sentence(story.tell(story.state))
+        self._teller.ask(story)
+
+    def _tell_whole(self, story: Story, is_old: Callable[[], bool]) -> None:
+        told = story.sentence
+        if not is_old() and self._story is story:
+            self._told = told
+            self._show_story()
+
+    def _show_story(self) -> None:
+        """The story's sentences; greyed where the knobs are no longer its own, nor those that it proposes."""
+        story = self._story
+        if story is None:
+            return
+        is_past = to_text(self.state) not in [to_text(state) for state in (story.state, *story.then)]
+        turned = [
+            f"{knobs()[name].label}: {knobs()[name].shown(getattr(story.state, name))}" for name in story.set_knobs
+        ]
+        marks = "".join(f", <mark>{escape(text)}</mark>" for text in turned)
+        since = " <em>Settings changed since.</em>" if is_past else ""
+        self._said.value = (
+            f'<p class="stereolib-{"past" if is_past else "story"}"><b>{escape(story.name)}</b> '
+            f"({escape(story.state.source)}{marks}). {escape(self._told)}{since}</p>"
+        )
+
+    def _end(self) -> None:
+        """End a story and what was said."""
+        self._story, self._said.value = None, ""
+        for control in self._controls.values():
+            control.remove_class("stereolib-set").remove_class("stereolib-next")
 
     def _restore(self, text: str) -> None:
         if self._is_setting:
             return
         try:
             state = replace(from_text(text), own=self.state.own)
-            if state.source not in chain.sources(state):
+            if state.source not in offered.sources(state):
                 raise ValueError(f'there is nothing called "{state.source}" to look at')
         except ValueError as error:
             self._said.value = _sentence(f"Not restored: {error}", "b00020")
             return
-        self._said.value = ""
+        self._end()
         self._set(state)
 
     def _take(self, own: tuple[str, ...]) -> None:
+        self._end()
         self._set(replace(self.state, own=own, source=OWN))
         self._said.value = _sentence("Your pair. Turn the matcher's knobs until the map is right.")
 
@@ -160,11 +214,12 @@ class Bench:
             self.state = self._offer(state)
             for name, control in self._controls.items():
                 control.value = getattr(self.state, name)
-            self._source.options = chain.sources(self.state)
+            self._source.options = offered.sources(self.state)
             self._source.value = self.state.source
             self._words.value = to_text(self.state)
         finally:
             self._is_setting = False
+        self._show_story()
         self._worker.ask(self.state)
 
     def _offer(self, state: State) -> State:
@@ -174,9 +229,12 @@ class Bench:
         self._controls["p1"].max = min(int(knobs()["p1"].high), most - 1)
         p2.min, p2.max = 1, most  # first wide, as the slider refuses a minimum above its maximum
         p2.min = state.p1 + 1
-        without_effect = chain.idle(state)
+        without_effect = offered.idle(state)
         for name, control in self._controls.items():
             control.disabled = name in without_effect
+            control.layout.display = "none" if name in _SCENE & without_effect else None
+        for note in self._recorded:
+            note.layout.display = None if without_effect >= _SCENE else "none"
         return state
 
     # What is shown: in the worker's thread.
@@ -189,7 +247,7 @@ class Bench:
     def _full(self, state: State, is_old: Callable[[], bool]) -> None:
         self._shown(state, is_old)
         if not is_old():
-            self._code.value = python_code.of(state)
+            self._code.code = python_code.of(state)
             self._point(state)
 
     def _shown(self, state: State, is_old: Callable[[], bool]) -> None:
@@ -261,7 +319,7 @@ class _Upload:
             if not (paths["left"] and paths["right"]):
                 raise ValueError("a left and a right picture are needed")
             own = tuple(paths[name] for name in _UPLOADS)
-            chain.check_own(own)
+            offered.check_own(own)
         except (ValueError, OSError) as error:
             told = str(error)
             for path in filter(None, paths.values()):
@@ -288,7 +346,11 @@ def open_bench() -> Bench:
     -------
     Bench
     """
-    return Bench(tuple(json.loads(os.environ.get(chain.OWN_FILES, "[]"))))
+    return Bench(tuple(json.loads(os.environ.get(offered.OWN_FILES, "[]"))))
+
+
+def _first_state(own: tuple[str, ...]) -> State:
+    return State(source=OWN if own else VIRTUAL, own=own)
 
 
 def _control(knob: Knob, first: Any) -> Any:
@@ -301,7 +363,7 @@ def _control(knob: Knob, first: Any) -> Any:
     if isinstance(first, bool):
         return widgets.Checkbox(value=first, **look)
     if knob.choices:
-        return widgets.Dropdown(options=knob.choices, value=first, **look)
+        return widgets.Dropdown(options=[(knob.shown(one), one) for one in knob.choices], value=first, **look)
     limits = {"min": knob.low, "max": knob.high, "step": knob.step}
     if isinstance(first, int) and float(knob.step).is_integer():
         return widgets.IntSlider(value=first, **limits, **look)
@@ -314,6 +376,11 @@ def _sentence(text: str, color: str = "222") -> str:
 
 
 _WIDE = widgets.Layout(width="98%")
+_SCENE = frozenset(chain.OF_SCENE)
+_RECORDED = (
+    '<p>Nothing here can be turned in what was recorded: choose "virtual rig" above, and its box and cameras have '
+    "sliders here.</p>"
+)
 _TITLE = "<h2>stereolib: the whole measurement under your fingers</h2>"
 _CLICK_HELP = _sentence(
     "Click into a picture, or move in it with the arrow keys: disparity, depth, height, and what each disparity costs "

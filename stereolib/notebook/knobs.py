@@ -8,12 +8,15 @@ from dataclasses import dataclass, field, fields, replace
 from typing import Any, TypeAlias
 
 from stereolib.matching import SMOOTHING_METHODS, SGBMParams
+from stereolib.notebook.sliders import short
 
 Value: TypeAlias = float | int | str | bool
 VIRTUAL, OWN, MOTORCYCLE = "virtual rig", "own pair", "motorcycle (Middlebury)"
 WINDOWS = ("all disparities", "around the laser's")
 BEST = "best"
 MATCHERS = ("sgbm", "paper", "fast", BEST)
+_MATCHER_NAMES = ("OpenCV's, with these knobs", "the paper's", "fast: in half size", "best: takes seconds")
+_PATHS = {"sgbm": "sgbm: 5 paths", "hh": "hh: 8 paths", "3way": "3way: 3 paths", "hh4": "hh4: 4 paths"}
 FILTERS = ("none", *SMOOTHING_METHODS)
 DILATION, KERNELS = "dilation", ("rect", "ellipse", "cross")
 _SUM_LIMIT, _LEAST_ROOM = 32767, 88  # as of `SGBMParams.room`
@@ -37,6 +40,8 @@ class Knob:
         Of a slider.
     choices : tuple
         Of a menu; empty for a slider or a switch.
+    names : tuple of str
+        What the page calls the choices; empty: as they are.
     """
 
     group: str
@@ -46,23 +51,42 @@ class Knob:
     high: float = 0.0
     step: float = 0.0
     choices: tuple[Value, ...] = ()
+    names: tuple[str, ...] = ()
+
+    def shown(self, value: Value) -> str:
+        """Write a value as the page does.
+
+        Parameters
+        ----------
+        value : float, int, str or bool
+
+        Returns
+        -------
+        str
+
+        Examples
+        --------
+        >>> knobs()["mode"].shown("hh")
+        'hh: 8 paths'
+        """
+        if isinstance(value, bool):
+            return "on" if value else "off"
+        return self.names[self.choices.index(value)] if self.names else short(value)
 
 
-def _slider(first: float, low: float, high: float, step: float, *about: str) -> Any:
-    return field(default=first, metadata={"knob": Knob(*_three(about), low, high, step)})
+def _slider(first: Value, ends: tuple[float, float, float], group: str, label: str, help: str) -> Any:
+    """A slider between the first two of `ends` in steps of the third."""
+    return field(default=first, metadata={"knob": Knob(group, label, help, *ends)})
 
 
-def _menu(choices: tuple[Value, ...], first: Value, *about: str) -> Any:
-    return field(default=first, metadata={"knob": Knob(*_three(about), choices=choices)})
+def _menu(
+    choices: tuple[Value, ...], first: Value, group: str, label: str, help: str, names: tuple[str, ...] = ()
+) -> Any:
+    return field(default=first, metadata={"knob": Knob(group, label, help, choices=choices, names=names)})
 
 
-def _switch(first: bool, *about: str) -> Any:
-    return field(default=first, metadata={"knob": Knob(*_three(about))})
-
-
-def _three(about: tuple[str, ...]) -> tuple[str, str, str]:
-    group, label, words = about
-    return group, label, words
+def _switch(first: bool, group: str, label: str, help: str) -> Any:
+    return field(default=first, metadata={"knob": Knob(group, label, help)})
 
 
 @dataclass(frozen=True)
@@ -71,21 +95,23 @@ class State:
 
     source: str = field(default=VIRTUAL, metadata={})
     # Scene
-    distance_mm: float = _slider(700, 450, 1500, 10, "Box", "distance (mm)", "From the camera to the box's near edge.")
-    width_mm: float = _slider(300, 60, 500, 5, "Box", "length (mm)", "Of the box, along the side that faces right.")
-    depth_mm: float = _slider(300, 60, 500, 5, "Box", "width (mm)", "Of the box, along its other side.")
+    distance_mm: float = _slider(
+        700, (450, 1500, 10), "Box", "distance (mm)", "From the camera to the box's near edge."
+    )
+    width_mm: float = _slider(300, (60, 500, 5), "Box", "length (mm)", "Of the box, along the side that faces right.")
+    depth_mm: float = _slider(300, (60, 500, 5), "Box", "width (mm)", "Of the box, along its other side.")
     height_mm: float = _slider(
-        300, 40, 450, 5, "Box", "height (mm)", "Of the box: what the paper's recipe wants to read."
+        300, (40, 450, 5), "Box", "height (mm)", "Of the box: what the paper's recipe wants to read."
     )
     yaw_deg: float = _slider(
-        45, 0, 90, 1, "Box", "turn (degrees)", "At 45 one vertical edge is nearest, as in the paper."
+        45, (0, 90, 1), "Box", "turn (degrees)", "At 45 one vertical edge is nearest, as in the paper."
     )
-    lateral_mm: float = _slider(0, -300, 300, 5, "Box", "to the left (mm)", "How far to the left the box stands.")
+    lateral_mm: float = _slider(0, (-300, 300, 5), "Box", "to the left (mm)", "How far to the left the box stands.")
     contrast: float = _slider(
-        0.45, 0, 0.6, 0.05, "Box", "texture contrast", "0 is a plain box, which no matcher can match."
+        0.45, (0, 0.6, 0.05), "Box", "texture contrast", "0 is a plain box, which no matcher can match."
     )
-    grain_mm: float = _slider(6, 2, 40, 1, "Box", "texture grain (mm)", "Size of the spots on the box.")
-    gloss: float = _slider(0, 0, 0.95, 0.05, "Box", "gloss", "Glare and mirror images on box and floor.")
+    grain_mm: float = _slider(6, (2, 40, 1), "Box", "texture grain (mm)", "Size of the spots on the box.")
+    gloss: float = _slider(0, (0, 0.95, 0.05), "Box", "gloss", "Glare and mirror images on box and floor.")
     light: float = _menu(
         (1.0, 0.5, 0.2, 0.1, 0.05, 0.025, 0.012),
         1.0,
@@ -93,42 +119,34 @@ class State:
         "light",
         "Of a well-lit room's; 0.012 is the paper's poor light.",
     )
-    noise: float = _slider(1, 0.5, 6, 0.5, "Cameras", "noise (times a webcam's)", "Of the sensors, in both cameras.")
+    noise: float = _slider(1, (0.5, 6, 0.5), "Cameras", "noise (times a webcam's)", "Of the sensors, in both cameras.")
     exposure_ev: float = _slider(
         0,
-        -1,
-        1,
-        0.1,
+        (-1, 1, 0.1),
         "Cameras",
         "right exposure (stops)",
         "How much brighter the right picture is: two webcams never agree.",
     )
     camera_height_mm: float = _slider(
         85,
-        50,
-        600,
-        5,
+        (50, 600, 5),
         "Cameras",
         "camera height (mm)",
         "Of the left lens above the floor; the paper prints 8.5 without a unit.",
     )
     pitch_deg: float = _slider(
         8.3,
-        -25,
-        15,
-        0.1,
+        (-25, 15, 0.1),
         "Cameras",
         "camera pitch (degrees)",
         "Upwards; with 8.3 the cube's foot stands where the paper saw it.",
     )
     baseline_mm: float = _slider(
-        93, 30, 200, 1, "Cameras", "baseline (mm)", "Between the cameras. Twice the baseline, twice the disparity."
+        93, (30, 200, 1), "Cameras", "baseline (mm)", "Between the cameras. Twice the baseline, twice the disparity."
     )
     focal_px: float = _slider(
         760,
-        500,
-        1200,
-        10,
+        (500, 1200, 10),
         "Cameras",
         "focal length (px)",
         "After rectification. The longer, the larger and narrower the view.",
@@ -136,18 +154,16 @@ class State:
     # Calibration
     roll_deg: float = _slider(
         0,
-        -1,
-        1,
-        0.05,
+        (-1, 1, 0.05),
         "Calibration error",
         "roll (degrees)",
         "The right camera was turned about its axis after the calibration.",
     )
     row_px: float = _slider(
-        0, -3, 3, 0.25, "Calibration error", "row offset (px)", "Rows of the two pictures disagree by so much."
+        0, (-3, 3, 0.25), "Calibration error", "row offset (px)", "Rows of the two pictures disagree by so much."
     )
     baseline_pct: float = _slider(
-        0, -5, 5, 0.5, "Calibration error", "baseline (%)", "The baseline is believed longer by so much."
+        0, (-5, 5, 0.5), "Calibration error", "baseline (%)", "The baseline is believed longer by so much."
     )
     # Matcher
     matcher: str = _menu(
@@ -155,7 +171,8 @@ class State:
         MATCHERS[0],
         "Matcher",
         "matcher",
-        "OpenCV's with the knobs below, or one of the library's pipelines; best takes seconds.",
+        "OpenCV's with the knobs below, or one of the library's pipelines; the best takes seconds.",
+        names=_MATCHER_NAMES,
     )
     window: str = _menu(
         WINDOWS, WINDOWS[0], "Matcher", "search window", "Search everything, or 8 px around what the scan predicts."
@@ -168,39 +185,42 @@ class State:
         "Multiples of 16; so many columns at the left have no match.",
     )
     min_disparity: int = _slider(
-        0, -16, 96, 1, "Matcher", "from disparity (px)", "Where the search begins: nothing farther away is found."
+        0, (-16, 96, 1), "Matcher", "from disparity (px)", "Where the search begins: nothing farther away is found."
     )
     block_size: int = _menu(
         tuple(range(1, 16, 2)), 5, "Matcher", "block size (px)", "Edge of the compared blocks; large ones blur edges."
     )
     p1: int = _slider(
         8,
-        1,
-        60,
-        1,
+        (1, 60, 1),
         "Matcher",
         "P1 (per pixel of the block)",
         "Price of a step by one disparity: slanted surfaces pay it.",
     )
     p2: int = _slider(
-        32, 2, 150, 1, "Matcher", "P2 (per pixel of the block)", "Price of a jump: edges pay it. Always above P1."
+        32, (2, 150, 1), "Matcher", "P2 (per pixel of the block)", "Price of a jump: edges pay it. Always above P1."
     )
     mode: str = _menu(
-        ("sgbm", "hh", "3way", "hh4"), "sgbm", "Matcher", "paths", "sgbm sums along 5 paths, hh along 8, 3way 3, hh4 4."
+        tuple(_PATHS),
+        "sgbm",
+        "Matcher",
+        "paths",
+        "Directions through the picture along which costs are added up; the names are OpenCV's.",
+        names=tuple(_PATHS.values()),
     )
     uniqueness_ratio: int = _slider(
-        10, 0, 40, 1, "Matcher", "uniqueness (%)", "By how much the best match must beat the second."
+        10, (0, 40, 1), "Matcher", "uniqueness (%)", "By how much the best match must beat the second."
     )
     disp12_max_diff: int = _slider(
-        1, 1, 30, 1, "Matcher", "left-right check (px)", "How far the match back may land from where it began."
+        1, (1, 30, 1), "Matcher", "left-right check (px)", "How far the match back may land from where it began."
     )
     speckle_window_size: int = _slider(
-        100, 0, 400, 10, "Matcher", "specks below (pixels)", "Smaller patches are removed; 0 keeps all."
+        100, (0, 400, 10), "Matcher", "specks below (pixels)", "Smaller patches are removed; 0 keeps all."
     )
     speckle_range: int = _slider(
-        2, 1, 16, 1, "Matcher", "specks differ by (px)", "A patch ends where the disparity jumps by more."
+        2, (1, 16, 1), "Matcher", "specks differ by (px)", "A patch ends where the disparity jumps by more."
     )
-    pre_filter_cap: int = _slider(63, 1, 63, 1, "Matcher", "gradient cap", "Stronger gradients count as this one.")
+    pre_filter_cap: int = _slider(63, (1, 63, 1), "Matcher", "gradient cap", "Stronger gradients count as this one.")
     # Filter
     filter: str = _menu(FILTERS, FILTERS[0], "Filter", "filter", "What becomes of the map: the paper dilates it.")
     kernel_shape: str = _menu(
@@ -210,25 +230,27 @@ class State:
     # Method
     tolerance_px: float = _slider(
         7,
-        0,
-        80,
-        0.5,
+        (0, 80, 0.5),
         "Method",
         "recipe: threshold (px)",
         "So far below the map's maximum a disparity still counts. The paper prints none.",
     )
     constant_rows: int = _slider(
-        53, 0, 200, 1, "Method", "recipe: rows cut off", "Below the object, at the picture's bottom; the paper has 53."
+        53,
+        (0, 200, 1),
+        "Method",
+        "recipe: rows cut off",
+        "Below the object, at the picture's bottom; the paper has 53.",
     )
     # Laser
     laser: bool = _switch(True, "Laser", "laser on", "Without it the pictures measure alone.")
-    turns: int = _slider(5, 1, 30, 1, "Laser", "turns averaged", "The median of so many turns.")
-    laser_noise: float = _slider(1, 0, 6, 0.5, "Laser", "noise (times an XV-11's)", "Of each reading.")
+    turns: int = _slider(5, (1, 30, 1), "Laser", "turns averaged", "The median of so many turns.")
+    laser_noise: float = _slider(1, (0, 6, 0.5), "Laser", "noise (times an XV-11's)", "Of each reading.")
     laser_yaw_deg: float = _slider(
-        0, -5, 5, 0.25, "Laser", "turned by (degrees)", "The laser was turned, and nobody told the program."
+        0, (-5, 5, 0.25), "Laser", "turned by (degrees)", "The laser was turned, and nobody told the program."
     )
     laser_ahead_mm: float = _slider(
-        0, -50, 50, 5, "Laser", "moved forward by (mm)", "The laser was moved, and nobody told the program."
+        0, (-50, 50, 5), "Laser", "moved forward by (mm)", "The laser was moved, and nobody told the program."
     )
     #: Paths of an own pair: left, right, calibration, scan; the last two may be empty.
     own: tuple[str, ...] = field(default=(), metadata={})
@@ -321,7 +343,7 @@ def to_text(state: State) -> str:
     """
     first = State()
     changed = ((f.name, getattr(state, f.name)) for f in fields(State) if f.name not in ("half", "own"))
-    return "; ".join(f"{name}={_short(value)}" for name, value in changed if value != getattr(first, name))
+    return "; ".join(f"{name}={short(value)}" for name, value in changed if value != getattr(first, name))
 
 
 def from_text(text: str) -> State:
@@ -360,10 +382,6 @@ def from_text(text: str) -> State:
     return state
 
 
-def _short(value: Value) -> str:
-    return f"{value:g}" if isinstance(value, float) else str(value)
-
-
 def _read(name: str, text: str) -> Value:
     """Value of a knob, checked against what the page offers."""
     knob, first = knobs()[name], getattr(State(), name)
@@ -381,6 +399,6 @@ def _read(name: str, text: str) -> Value:
         raise ValueError(f'{name} must be a number, got "{text}"') from None
     offered = value in knob.choices if knob.choices else knob.low <= value <= knob.high
     if not (offered and math.isfinite(value)):
-        values = ", ".join(map(_short, knob.choices)) if knob.choices else f"{knob.low:g} to {knob.high:g}"
+        values = ", ".join(map(short, knob.choices)) if knob.choices else f"{knob.low:g} to {knob.high:g}"
         raise ValueError(f"{name} must be one of {values}" if knob.choices else f"{name} must be {values}, got {text}")
     return on_step(name, value)

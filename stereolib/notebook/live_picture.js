@@ -56,7 +56,7 @@ export default {
       pen.drawImage(picture, 0, 0);
       const at = place(k);
       if (!at) return;
-      for (const [color, width] of [["white", 4], ["#d55e00", 2]]) {
+      for (const [color, width] of [["white", 4], ["#111", 2]]) {
         pen.strokeStyle = color;
         pen.lineWidth = width;
         pen.beginPath();

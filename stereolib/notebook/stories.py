@@ -9,11 +9,8 @@ import numpy as np
 
 from stereolib.measurement import Measurement
 from stereolib.notebook import chain
-from stereolib.notebook.knobs import State
+from stereolib.notebook.knobs import State, knobs
 from stereolib.paper import HeightResult
-
-_LARGE_BLOCK = 15
-_LARGE_SPECK = 150  # pixels
 
 
 @dataclass(frozen=True)
@@ -24,18 +21,37 @@ class Story:
     ----------
     name : str
     state : State
+        It sets every knob.
     tell : callable
-        Takes the state, returns two sentences; what they count is computed from it.
+        Takes the state and those of `then`, returns two or three sentences; what they count is computed from these.
+    then : tuple of State
+        Where the sentences send the reader next, or what they compare with.
     """
 
     name: str
     state: State
-    tell: Callable[[State], str]
+    tell: Callable[..., str]
+    then: tuple[State, ...] = ()
+
+    @property
+    def sentence(self) -> str:
+        """What to look at."""
+        return self.tell(self.state, *self.then)
+
+    @property
+    def set_knobs(self) -> tuple[str, ...]:
+        """Knobs that it turns away from the paper's set-up."""
+        return tuple(name for name in knobs() if getattr(self.state, name) != getattr(State(), name))
+
+    @property
+    def next_knobs(self) -> tuple[str, ...]:
+        """Knobs that the reader turns to get to `then`."""
+        return tuple(n for n in knobs() if any(getattr(one, n) != getattr(self.state, n) for one in self.then))
 
 
 def _bad_pct(state: State) -> str:
     quality = chain.quality(state)
-    return f"{quality.bad2_pct:.0f} %" if quality else "an unknown share"
+    return f"{quality.bad2_pct:.1f} %" if quality else "an unknown share"
 
 
 def _recipe_cm(state: State) -> str:
@@ -45,15 +61,14 @@ def _recipe_cm(state: State) -> str:
 
 def _plain(state: State) -> str:
     quality = chain.quality(state)
-    found, right = (quality.density_pct, 100 - quality.bad2_pct) if quality else (np.nan, np.nan)
+    found = quality.density_pct if quality else np.nan
     return (
-        f"A plain box gives the matcher nothing to compare: it finds a disparity for {found:.0f} % of its pixels, "
-        f"and for {right:.0f} % one that is right to 2 px. Click on a face to see a cost curve without a clear minimum."
+        f"A plain box gives the matcher nothing to compare: it finds a disparity for {found:.1f} % of the box's "
+        f"pixels, and {_bad_pct(state)} are wrong or empty. Click on a face: its cost curve has no clear minimum."
     )
 
 
-def _dark(state: State) -> str:
-    large = replace(state, block_size=_LARGE_BLOCK)
+def _dark(state: State, large: State) -> str:
     return (
         f"In poor light noise drowns the texture, and {_bad_pct(state)} of the box's pixels are wrong or empty. Larger "
         f"blocks average the noise: set the block size to {large.block_size}, and {_bad_pct(large)} are."
@@ -72,49 +87,50 @@ def _glossy(state: State) -> str:
     )
 
 
-def _textured(state: State) -> str:
-    small = replace(state, block_size=1)
-    held, loose = (100 * np.isfinite(chain.filtered(one)).mean() for one in (small, replace(small, p1=1, p2=2)))
+def _textured(state: State, small: State, free: State) -> str:
+    held, loose = (100 * np.isfinite(chain.filtered(one)).mean() for one in (small, free))
     return (
         f"With texture almost the whole box is matched: {_bad_pct(state)} of its pixels are wrong or empty, nearly all "
-        "of them in the columns at the left, which have no partner for every disparity. Set the block size to 1, and "
-        f"{held:.0f} % of all pixels are still matched; move P1 to 1 and P2 to 2 then, and it is {loose:.0f} %: that "
-        "is what the paths do."
+        "of them in the columns at the left, which have no partner for every disparity. Set the block size to "
+        f"{small.block_size}, and {held:.1f} % of all pixels still have a disparity; move P1 to {free.p1} and P2 to "
+        f"{free.p2} then, and it is {loose:.1f} %: that is what the paths do."
     )
 
 
 def _too_high(state: State) -> str:
     return (
-        f"At this threshold the recipe marks the whole near edge, and reads {_recipe_cm(state)} for 30 cm. Its rows "
+        f"At this threshold the recipe counts the whole near edge, and reads {_recipe_cm(state)} for 30 cm. Its rows "
         "are right, its scale is not: the centimetres per pixel belong to the side corners, which are farther away."
     )
 
 
-def _accident(state: State) -> str:
+def _accident(state: State, cleaned: State) -> str:
     read, truth = chain.recipe(state), chain.known(state)
-    cleaned, near, right = replace(state, speckle_window_size=_LARGE_SPECK), np.nan, np.nan
+    near, right = np.nan, np.nan
     if isinstance(read, HeightResult) and truth is not None:
         near, right = read.disparity_px, float(truth.disparity_px[read.top_row, read.column])
     return (
-        f"Right, by accident: the map's maximum is one stray patch on the wall beside the box, at {near:.0f} px where "
-        f"{right:.0f} px would be right, and it lies in the row in which the recipe reads {_recipe_cm(state)}. Remove "
-        f"specks below {cleaned.speckle_window_size} pixels, and it reads {_recipe_cm(cleaned)}."
+        f"Right, by accident: above the {state.constant_rows} rows cut off, the map's greatest disparity is one stray "
+        f"patch on the wall beside the box, at {near:.1f} px where {right:.1f} px would be right, and it lies in the "
+        f"row in which the recipe reads {_recipe_cm(state)}. Remove specks below {cleaned.speckle_window_size} pixels, "
+        f"and it reads {_recipe_cm(cleaned)}."
     )
 
 
-def _dilated(state: State) -> str:
-    quality = chain.quality(state)
-    bias = quality.bias_px if quality else np.nan
+def _dilated(state: State, plain: State) -> str:
+    mean = [f"{q.bias_px:+z.2f}" if (q := chain.quality(one)) else "?" for one in (state, plain)]
     return (
-        f"Each pixel takes the largest disparity around it, so that holes close and the box grows by half a kernel. "
-        f"What was matched is now {bias:+.1f} px too near on average: look at the red in the error picture."
+        "Each pixel takes the largest disparity around it, so that holes close and the box grows by half a kernel. The "
+        f"mean error is {mean[0]} px now and {mean[1]} px without the filter: red in the error's picture. The floor "
+        f"grows too, by half a kernel above the {state.constant_rows} rows cut off, where the recipe takes it for the "
+        f"near edge and reads {_recipe_cm(state)}; without the filter it reads {_recipe_cm(plain)}."
     )
 
 
-def _rows(state: State) -> str:
+def _rows(state: State, level: State) -> str:
     attempt = chain.ground_plane(state)
     text = f"{attempt.height_mm / 10:.1f} cm" if attempt and not attempt.refused else "nothing"
-    scatter = [q.rms_px if (q := chain.quality(one)) else np.nan for one in (state, replace(state, row_px=0))]
+    scatter = [q.scatter_px if (q := chain.quality(one)) else np.nan for one in (state, level)]
     return (
         f"Where the rows disagree by half a pixel, disparities on the box scatter by {scatter[0]:.2f} px in place of "
         f"{scatter[1]:.2f} px. The ground plane's method measures the offset, corrects it, and reads {text}."
@@ -130,17 +146,21 @@ def _turned(state: State) -> str:
     )
 
 
+_PLAIN, _DARK, _GLARE, _TEXTURE = (
+    State(source=f"conditions/{name}") for name in ("plain", "poor_light", "glare", "texture")
+)
+_SMALL_BLOCK, _DILATED = replace(_TEXTURE, block_size=1), replace(_TEXTURE, filter="dilation", kernel_px=15)
 #: The recipe as printed: the dilated map, and no threshold below its maximum.
 _ACCIDENT = State(source="series/medium_900", tolerance_px=0, filter="dilation", kernel_px=9)
 #: In the order of their buttons.
 STORIES = (
-    Story("Fig. 4: plain", State(source="conditions/plain"), _plain),
-    Story("Fig. 4: poor light", State(source="conditions/poor_light"), _dark),
-    Story("Fig. 4: glare", State(source="conditions/glare", tolerance_px=6.5), _glossy),
-    Story("Fig. 4: texture", State(source="conditions/texture"), _textured),
-    Story("Why 37.7 cm?", State(source="conditions/texture", tolerance_px=6.5), _too_high),
-    Story("30 cm by accident", _ACCIDENT, _accident),
-    Story("What dilation destroys", State(source="conditions/texture", filter="dilation", kernel_px=15), _dilated),
-    Story("Half a row off", State(source="conditions/texture", row_px=0.5), _rows),
-    Story("A turned laser", State(source="conditions/texture", laser_yaw_deg=2.0), _turned),
+    Story("Fig. 4: plain", _PLAIN, _plain),
+    Story("Fig. 4: poor light", _DARK, _dark, (replace(_DARK, block_size=15),)),
+    Story("Fig. 4: glare", replace(_GLARE, tolerance_px=6.5), _glossy),
+    Story("Fig. 4: texture", _TEXTURE, _textured, (_SMALL_BLOCK, replace(_SMALL_BLOCK, p1=1, p2=2))),
+    Story("Why 37.7 cm?", replace(_TEXTURE, tolerance_px=6.5), _too_high),
+    Story("30 cm by accident", _ACCIDENT, _accident, (replace(_ACCIDENT, speckle_window_size=150),)),
+    Story("What dilation destroys", _DILATED, _dilated, (replace(_DILATED, filter="none"),)),
+    Story("Half a row off", replace(_TEXTURE, row_px=0.5), _rows, (_TEXTURE,)),
+    Story("A turned laser", replace(_TEXTURE, laser_yaw_deg=2.0), _turned),
 )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from support.browser import Page
 
-from stereolib.notebook import chain
+from stereolib.notebook import offered
 from stereolib.notebook.knobs import MOTORCYCLE, State, from_text, knobs
 
 #: States in which a knob has something to change, where the first one has not.
@@ -18,7 +18,7 @@ WHERE = {
     "tolerance_px": "tolerance_px=5",
 }
 #: What is chosen from a menu, where its last entry is slow.
-CHOSEN = {"matcher": "fast", "filter": "median", "light": "0.1"}
+CHOSEN = {"matcher": "fast", "filter": "median", "light": 0.1}
 
 
 @pytest.mark.parametrize("name", knobs())
@@ -31,7 +31,7 @@ def test_knob_changes_a_picture(bench: Page, name: str) -> None:
     if isinstance(first, bool):
         row.locator("input").click()
     elif knob.choices:
-        row.locator("select").select_option(CHOSEN.get(name, str(knob.choices[-1])))
+        row.locator("select").select_option(knob.shown(CHOSEN.get(name, knob.choices[-1])))
     else:
         bench.slider(knob.label).press("PageUp" if first < knob.high else "PageDown")
     bench.painted_after(moment, "full")
@@ -44,12 +44,24 @@ def test_knob_changes_a_picture(bench: Page, name: str) -> None:
 @pytest.mark.parametrize("text", ["source=conditions/texture", f"source={MOTORCYCLE}", "source=room/1; matcher=fast"])
 def test_knobs_without_effect_cannot_be_turned(bench: Page, text: str) -> None:
     bench.restore(text)
-    without_effect = chain.idle(from_text(text))
+    without_effect = offered.idle(from_text(text))
     assert "distance_mm" in without_effect and "kernel_px" in without_effect
     for name, knob in knobs().items():
         field = bench.row(knob.label).locator("select, input, .noUi-target").first
         disabled = field.evaluate("field => field.disabled || field.hasAttribute('disabled')")
         assert disabled == (name in without_effect), name
+    bench.open_group("Box")
+    assert not bench.row(knobs()["distance_mm"].label).is_visible()  # its value would be none of the recording's
+    assert bench.page.get_by_text("Nothing here can be turned in what was recorded").first.is_visible()
+
+
+def test_reset_sets_all_knobs_back(bench: Page) -> None:
+    bench.restore("distance_mm=800; filter=median; laser=False")
+    bench.page.get_by_role("button", name="Reset", exact=True).click()
+    bench.wait_for("")
+    assert bench.row(knobs()["laser"].label).locator("input").is_checked()
+    bench.open_group("Box")
+    assert bench.row(knobs()["distance_mm"].label).is_visible()
 
 
 def test_p2_offers_nothing_below_p1_and_nothing_beyond_16_bits(bench: Page) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from support.browser import Page
 
-from stereolib.notebook import chain
+from stereolib.notebook import chain, python_code
 from stereolib.notebook.explorer_panels import scale_of
 from stereolib.notebook.knobs import State, from_text
 from stereolib.notebook.stories import STORIES
@@ -66,6 +66,19 @@ def test_clicks_tell_depths_whose_intervals_hold_the_truth(bench: Page) -> None:
     bench.page.locator(".stereolib-costs canvas").nth(1).wait_for()
 
 
+def test_costs_of_a_click_are_in_sight_below_the_pictures_that_were_clicked(bench: Page) -> None:
+    bench.restore("")
+    bench.page.evaluate("scrollTo(0, 0)")
+    clicked(bench, 1, 300, 250)
+    curve, pictures = bench.page.locator(".stereolib-costs canvas").first, bench.page.locator(".stereolib-scene canvas")
+    curve.wait_for()
+    box = curve.bounding_box()
+    assert box is not None and box["y"] + 0.8 * box["height"] < 1000
+    boxes = [pictures.nth(k).bounding_box() for k in range(4)]
+    assert boxes[0]["y"] < box["y"] < boxes[2]["y"]
+    assert max(abs(one["height"] - boxes[0]["height"]) for one in boxes) <= 1  # all of one size
+
+
 def test_turning_a_knob_looks_the_same_pixel_up_again(bench: Page) -> None:
     bench.restore("")
     before = clicked(bench, 1, 300, 250)
@@ -119,6 +132,7 @@ def test_last_of_many_keys_is_what_is_shown(bench: Page) -> None:
 @pytest.mark.parametrize(("width", "height"), WIDTHS)
 def test_nothing_is_clipped_or_wider_than_the_window(opened: Opened, width: int, height: int) -> None:
     bench = opened(width, height)
+    bench.page.locator(".stereolib-legend details").evaluate("details => { details.open = true; }")
     for group in ("Matcher", "Cameras", "Own pair", "Keep"):
         bench.open_group(group)
         bench.page.wait_for_timeout(300)
@@ -129,9 +143,19 @@ def test_nothing_is_clipped_or_wider_than_the_window(opened: Opened, width: int,
         assert box is not None and box["x"] >= 0 and box["x"] + box["width"] <= width
     button = bench.page.get_by_role("button", name="prepare files")
     button.scroll_into_view_if_needed()
-    if width < 800:  # the pictures stay where the knobs can be turned
+    if width < 800:  # the pictures stay where the knobs can be turned, the left one as wide as the page
         canvas = bench.page.locator(".stereolib-scene canvas").first.bounding_box()
-        assert canvas is not None and 0 <= canvas["y"] < height / 3
+        assert canvas is not None and 0 <= canvas["y"] < height / 3 and canvas["width"] > 0.9 * width
+
+
+def test_code_is_whole_and_copied(bench: Page) -> None:
+    bench.restore("source=conditions/texture; filter=median")
+    bench.page.context.grant_permissions(["clipboard-read", "clipboard-write"])
+    code = python_code.of(from_text("source=conditions/texture; filter=median"))
+    bench.page.locator(".stereolib-code pre", has_text="median").wait_for(timeout=5000)
+    bench.page.locator(".stereolib-code button").click()
+    bench.page.get_by_text("copied", exact=True).wait_for()
+    assert bench.page.evaluate("navigator.clipboard.readText()") == code
 
 
 def test_files_to_take_away(bench: Page) -> None:

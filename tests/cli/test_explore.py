@@ -11,7 +11,7 @@ import pytest
 
 from stereolib.base import data_path
 from stereolib.cli import commands
-from stereolib.notebook.chain import OWN_FILES
+from stereolib.notebook.offered import OWN_FILES
 from stereolib.virtual import recordings
 
 PAIR = [str(data_path(f"virtual/conditions/texture_{side}.jpg")) for side in ("left", "right")]

@@ -200,3 +200,9 @@ def test_overreach_skips_the_slanted_border_and_needs_a_step() -> None:
     assert scoring.overreach_px(filters.dilate(truth, 5), truth, mask) == 2
     with pytest.raises(ValueError, match="no row"):
         scoring.overreach_px(truth, truth, mask, step_px=61)
+
+
+def test_scatter_is_what_the_errors_have_beside_their_mean():
+    error = np.array([0.5, 1.5, -0.5, 3.0, 40.0, np.nan])  # the last two are not within 4 px
+    quality = scoring.score(20 + error, np.full(6, 20.0))
+    assert quality.scatter_px == pytest.approx(np.std(error[:4])) and quality.bias_px == pytest.approx(1.125)

@@ -78,6 +78,18 @@ def test_a_scan_that_tells_nothing_leaves_the_pair(readings):
     np.testing.assert_allclose(the_cube(found).size_mm, 300, atol=2)
 
 
+@pytest.mark.parametrize("noise", [5.0, 10.0])
+def test_a_scan_noisier_than_any_laser_takes_no_size_away(noise):
+    """The faces are lost in its noise; the pair has them."""
+    worse = replace(SENSOR, sigma_mm=SENSOR.sigma_mm * noise, sigma_per_mm=SENSOR.sigma_per_mm * noise)
+    data = worse.scan(cube_scene(700.0), recordings.LASER_POSE, np.random.default_rng(4), turns=5)
+    thing, alone = the_cube(texture(laser.average(laser.turns(laser.decode(data))))), the_cube(measured(scan=None))
+    np.testing.assert_allclose(thing.size_mm, alone.size_mm)
+    np.testing.assert_allclose(thing.std_mm, alone.std_mm)
+    assert thing.shape == "box" and thing.sources["lines"] is Source.IMAGE and thing.scan_share == 0
+    assert thing.reasons["object"].reason is Reason.SCAN_IRREGULAR
+
+
 def test_a_scan_of_another_moment_is_said_and_dropped():
     found, alone = measured(scan="series/medium_1000"), the_cube(measured(scan=None))
     assert re.search(

@@ -11,13 +11,14 @@ import pytest
 
 from stereolib.matching import SGBMParams, compute_disparity
 from stereolib.measurement import Measurement
-from stereolib.notebook import chain
-from stereolib.notebook.explorer_panels import draw_panels, result_line
+from stereolib.notebook import chain, offered, steps
+from stereolib.notebook.explorer_panels import draw_panels
+from stereolib.notebook.explorer_results import result_line
 from stereolib.notebook.knobs import FILTERS, MOTORCYCLE, OWN, VIRTUAL, State, knobs
 from stereolib.virtual import Webcam, recordings
 
 TEXTURE = State(source="conditions/texture")
-STEPS = {name: step for name, step in vars(chain).items() if isinstance(step, chain.Step)}
+STEPS = {name: step for name, step in vars(chain).items() if isinstance(step, steps.Step)}
 
 
 @pytest.fixture
@@ -71,7 +72,7 @@ def test_long_steps_are_taken_once_and_given_up_when_a_newer_state_came(counted)
     assert counted["taken"] == counted["known"] == 1 and counted["matched"] == counted["measured"] == 0
     assert chain.is_made(state, lambda: False)
     assert draw_panels(state) and result_line(state)
-    assert max(counted.values()) == 1 and counted["measured"] == counted["ground_plane"] == counted["views"] == 1
+    assert max(counted.values()) == 1 and counted["measured"] == counted["ground_plane"] == counted["standing"] == 1
 
 
 def test_a_long_step_holds_up_no_preview(counted, monkeypatch):
@@ -168,17 +169,17 @@ def test_half_agrees_with_full(state):
 @pytest.mark.parametrize("window", ["all disparities", "around the laser's"])
 def test_each_source_is_measured(source, window):
     state = State(source=source, window=window)
-    assert source in chain.sources(state)
+    assert source in offered.sources(state)
     for one in (replace(state, half=True), state):
         assert [picture.dtype for picture in draw_panels(one)] == [np.uint8] * 4
-        assert "bad 2" in result_line(one)
+        assert "wrong or empty" in result_line(one)
     if source in (VIRTUAL, "conditions/level"):
         assert isinstance(chain.measured(state), Measurement)
 
 
 def test_own_pair_with_and_without_its_calibration(tmp_path):
     state = own(tmp_path)
-    assert OWN in chain.sources(state) and OWN not in chain.sources(TEXTURE)
+    assert OWN in offered.sources(state) and OWN not in offered.sources(TEXTURE)
     measured = chain.measured(state)
     assert isinstance(measured, Measurement)
     assert measured.objects[0].size_mm[2] == pytest.approx(300, abs=3)
@@ -190,29 +191,29 @@ def test_own_pair_with_and_without_its_calibration(tmp_path):
 
 def test_own_files_are_checked(tmp_path):
     good = own(tmp_path).own
-    chain.check_own(good)
+    offered.check_own(good)
     text = tmp_path / "text.png"
     text.write_text("no picture")
     with pytest.raises(ValueError, match=r"text\.png"):
-        chain.check_own((good[0], str(text), "", ""))
+        offered.check_own((good[0], str(text), "", ""))
     with pytest.raises(ValueError, match=r"text\.png"):
-        chain.check_own((*good[:2], str(text), ""))
+        offered.check_own((*good[:2], str(text), ""))
     small = tmp_path / "small.png"
     cv2.imwrite(str(small), cv2.imread(good[1])[::2, ::2])
     with pytest.raises(ValueError, match=r"small\.png"):
-        chain.check_own((good[0], str(small), "", ""))
+        offered.check_own((good[0], str(small), "", ""))
     cv2.imwrite(str(tmp_path / "other.png"), cv2.imread(good[0])[::2, ::2])
     with pytest.raises(ValueError, match=r"other\.png and small\.png do not fit calibration\.json: .*320"):
-        chain.check_own((str(tmp_path / "other.png"), str(small), good[2], ""))
+        offered.check_own((str(tmp_path / "other.png"), str(small), good[2], ""))
 
 
 def test_idle_knobs_change_nothing_and_the_others_are_offered():
     """Every knob is idle in one of these states, or none; where it is, its ends give the same pictures."""
     states = [State(half=True), replace(TEXTURE, half=True), State(source=MOTORCYCLE, half=True, matcher="fast")]
-    assert "distance_mm" not in chain.idle(states[0])
+    assert "distance_mm" not in offered.idle(states[0])
     for state in states:
         first = draw_panels(state), chain.filtered(state)
-        for name in chain.idle(state):
+        for name in offered.idle(state):
             knob = knobs()[name]
             value = (not getattr(state, name)) if isinstance(getattr(state, name), bool) else knob.high
             value = knob.choices[-1] if knob.choices else value
@@ -228,7 +229,7 @@ def test_idle_knobs_change_nothing_and_the_others_are_offered():
 def test_kernel_is_idle_for_the_filters_that_have_none(name):
     state = replace(TEXTURE, half=True, filter=name)
     small, large = (chain.filtered(replace(state, kernel_px=size)) for size in (5, 25))
-    assert np.array_equal(small, large, equal_nan=True) == ("kernel_px" in chain.idle(state))
+    assert np.array_equal(small, large, equal_nan=True) == ("kernel_px" in offered.idle(state))
 
 
 def test_a_wrong_calibration_shows():

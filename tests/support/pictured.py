@@ -12,9 +12,9 @@ from stereolib.measurement import Instrument, Views, find_floor, find_objects
 from stereolib.measurement.box import Own, World
 from stereolib.measurement.faces import find_face
 from stereolib.measurement.follow import Stretch, follow_face
-from stereolib.measurement.measure import scene_priors
 from stereolib.measurement.pictured import Pictured, see_box
 from stereolib.measurement.scene_solver import Priors
+from stereolib.measurement.standing import scene_priors
 from stereolib.paper import rig_pose
 from stereolib.rig import rigid
 from stereolib.virtual import Webcam, cube_scene, recordings, render_pair

@@ -1,0 +1,117 @@
+"""What stands on the floor in one pair: the floor, the objects, and each of them as a box."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stereolib.measurement.floor import Floor, floor_from_pose
+from stereolib.measurement.instrument import Instrument
+from stereolib.measurement.laser_on_floor import LaserOnFloor
+from stereolib.measurement.missing_floor import find_floor
+from stereolib.measurement.pictured import Pictured, see_box
+from stereolib.measurement.plane_alignment import CannotMeasure
+from stereolib.measurement.regions import ObjectRegion, find_objects
+from stereolib.measurement.scene_solver import Priors
+from stereolib.measurement.views import Views
+from stereolib.rig import pose_left_world, rigid
+
+#: A laser that nobody calibrated: straight below the camera within 50 mm and five degrees.
+_BELOW = LaserOnFloor(np.eye(2), np.zeros(2), np.diag([50.0**2, 50.0**2, np.radians(5.0) ** 2]))
+_LASER_ABOVE_FLOOR_MM = 100.0  # where no floor is seen; the scan's sizes do not depend on it
+_LEAST_STD = 1e-5  # of what a calibration knows, px or mm
+_CALIBRATED = [2, 3, 0]  # of offset, rows, focal length and baseline: in the order of `SystematicUncertainty`
+
+
+@dataclass(frozen=True, eq=False)
+class Standing:
+    """All that the pictures of one pair show, before any scan.
+
+    Attributes
+    ----------
+    views : Views
+    instrument : Instrument
+    priors : Priors
+        Where no floor was seen, those of one below camera and laser.
+    floor : Floor or None
+    no_floor : CannotMeasure or None
+        Why there is no floor.
+    regions : tuple of ObjectRegion
+        Nearest first.
+    boxes : tuple of Pictured or CannotMeasure
+        Each region as a box, or why it is none.
+    """
+
+    views: Views
+    instrument: Instrument
+    priors: Priors
+    floor: Floor | None
+    no_floor: CannotMeasure | None
+    regions: tuple[ObjectRegion, ...]
+    boxes: tuple[Pictured | CannotMeasure, ...]
+
+
+def see_standing(views: Views, instrument: Instrument, *, floor: Floor | None = None) -> Standing:
+    """Find floor, objects and their faces in a pair.
+
+    Parameters
+    ----------
+    views : Views
+        Of the instrument's cameras.
+    instrument : Instrument
+    floor : Floor, optional
+        Where it is known; else it is found in the pictures.
+
+    Returns
+    -------
+    Standing
+    """
+    no_floor, regions = None, list[ObjectRegion]()
+    try:
+        floor = floor or find_floor(views, instrument.rectified)
+        regions = find_objects(views.disparity_px, floor)
+    except CannotMeasure as error:
+        no_floor = error
+    priors = scene_priors(views, instrument, floor or _floor_below(instrument))
+    boxes = tuple(_box(views, priors, region) for region in regions)
+    return Standing(views, instrument, priors, floor, no_floor, tuple(regions), boxes)
+
+
+def _box(views: Views, priors: Priors, region: ObjectRegion) -> Pictured | CannotMeasure:
+    try:
+        return see_box(views, priors, region)
+    except CannotMeasure as error:
+        return error
+
+
+def scene_priors(views: Views, instrument: Instrument, floor: Floor) -> Priors:
+    """What calibration, pictures and floor tell of what all objects share.
+
+    Parameters
+    ----------
+    views : Views
+    instrument : Instrument
+    floor : Floor
+
+    Returns
+    -------
+    Priors
+    """
+    rectified, share = instrument.rectified, np.ones(4)
+    share[2:] = rectified.f_px, rectified.baseline_mm
+    cameras = np.diag([_LEAST_STD**2] * 4)
+    cameras[1, 1] += views.rows.std_px**2
+    cameras[np.ix_(_CALIBRATED, _CALIBRATED)] += instrument.uncertainty.covariance
+    laser = _BELOW if instrument.lidar is None else LaserOnFloor.of(instrument.lidar, floor)
+    return Priors(floor, laser, cameras / np.outer(share, share))
+
+
+def _floor_below(instrument: Instrument) -> Floor:
+    """A floor nobody saw: parallel to the laser's plane, and below it and the camera."""
+    rectified, lidar, above = instrument.rectified, instrument.lidar, _LASER_ABOVE_FLOOR_MM
+    if lidar is None:
+        return floor_from_pose(rectified, rigid(rectified.R1.T, np.zeros(3)) @ pose_left_world(0.0, above))
+    up = lidar.T_left_lidar[:3, 2]
+    camera_mm = -float(up @ lidar.T_left_lidar[:3, 3])  # above the laser's plane
+    return floor_from_pose(rectified, lidar.T_left_lidar @ rigid(np.eye(3), [0.0, 0.0, min(camera_mm, 0.0) - above]))

@@ -10,6 +10,8 @@ from types import ModuleType
 
 # One thread for each worker, set before numpy is loaded: more get in each other's way.
 os.environ |= {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+# As the command line does: OpenCV says nothing of its own about damaged files.
+os.environ |= {"OPENCV_LOG_LEVEL": "SILENT", "OPENCV_FFMPEG_LOGLEVEL": "-8"}
 
 import cv2
 import pytest

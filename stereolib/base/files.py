@@ -24,7 +24,7 @@ _POLL_S = 0.02
 _BRACKETS = re.compile(r'"(?:\\.|[^"\\])*"|([\[{])|([\]}])|<[?!][^>]*>|<(?!/)[^<>]*[^<>/]>|(</[^<>]*>)', re.DOTALL)
 
 
-def read_bytes(path: str | PathLike[str], *, limit_bytes: int = LIMIT_BYTES, silence_s: float = SILENCE_S) -> bytes:
+def read_bytes(path: str | PathLike[str], *, limit_bytes: int = LIMIT_BYTES, silence_s: float | None = None) -> bytes:
     """Read a regular file, or what a pipe delivers until it is closed.
 
     Parameters
@@ -32,8 +32,8 @@ def read_bytes(path: str | PathLike[str], *, limit_bytes: int = LIMIT_BYTES, sil
     path : path
     limit_bytes : int
         The most that is read, bytes.
-    silence_s : float
-        The longest wait for a pipe's next byte, s.
+    silence_s : float, optional
+        The longest wait for a pipe's next byte, s; default: `SILENCE_S`.
 
     Returns
     -------
@@ -64,7 +64,7 @@ def read_bytes(path: str | PathLike[str], *, limit_bytes: int = LIMIT_BYTES, sil
     if stat.S_ISDIR(kind.st_mode):
         raise ValueError(f"{path}: is a folder; name a file in it")
     if stat.S_ISFIFO(kind.st_mode):
-        return _read_pipe(path, limit_bytes, silence_s)
+        return _read_pipe(path, limit_bytes, SILENCE_S if silence_s is None else silence_s)
     if not stat.S_ISREG(kind.st_mode):
         raise ValueError(f"{path}: is a device, not a file; record from it into a file first")
     if kind.st_size > limit_bytes:

@@ -7,11 +7,12 @@ import sys
 
 from stereolib.cli.command import Command
 from stereolib.cli.errors import DONE, REFUSED
+from stereolib.cli.ranges import whole
 
 
 def _configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("names", nargs="*", metavar="NAME", help="notebooks by number or name; default: all")
-    parser.add_argument("--jobs", type=int, default=2, metavar="N", help="notebooks at once (default: 2)")
+    parser.add_argument("--jobs", type=whole(1, 64), default=2, metavar="N", help="notebooks at once (default: 2)")
     outcome = parser.add_mutually_exclusive_group()
     outcome.add_argument("--check", action="store_true", help="compare only; replace no file")
     outcome.add_argument("--accept", action="store_true", help="replace the files although numbers changed")

@@ -24,6 +24,7 @@ _PART = re.compile(r"(?P<name>.+?)[_-](?P<part>left|right|scan)", re.IGNORECASE)
 _PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp")
 _SCANS = (".bin", ".csv")
 _POSE_COLUMNS, _SCAN_COLUMNS = ("station", "x_mm", "y_mm", "yaw_deg"), ("angle_deg", "range_mm")
+_MOST = 1e7  # mm, degrees: ten kilometres
 _LEAST_BEAMS = 30  # of a scan
 _LEAST_TURNS = 3  # that may stand for a whole one, if each of them lost a packet
 _UNEVEN = 0.01  # share of a step by which beams of a file may stand off their even places
@@ -224,7 +225,10 @@ def _read_poses(path: Path, names: Iterable[str]) -> dict[str, tuple[float, floa
 
 def _table(path: Path, columns: tuple[str, ...]) -> list[tuple[int, list[str]]]:
     """Rows of a file with a known head, each with its line's number."""
-    lines = list(csv.reader(read_text(path).splitlines()))
+    try:
+        lines = list(csv.reader(read_text(path).splitlines()))
+    except csv.Error as error:
+        raise ValueError(f"{path}: not a table of {','.join(columns)} ({error})") from None
     head = tuple(cell.strip().lower() for cell in lines[0]) if lines else ()
     if head != columns:
         raise ValueError(f"{path}: its first line must be {','.join(columns)}; it is {','.join(head)!r}")
@@ -244,8 +248,8 @@ def _numbers(path: Path, line: int, cells: Iterable[str], *, empty: float | None
             value = empty if empty is not None and not cell.strip() else float(cell)
         except ValueError:
             value = math.inf
-        if value is None or math.isinf(value) or (math.isnan(value) and empty is None):
-            raise ValueError(f"{path}, line {line}: {cell.strip()!r} is no number") from None
+        if value is None or abs(value) > _MOST or (math.isnan(value) and empty is None):
+            raise ValueError(f"{path}, line {line}: {cell.strip()!r} is no number up to {_MOST:g}") from None
         values.append(value)
     return values
 

@@ -258,6 +258,32 @@ def write_atomic(path: str | PathLike[str], data: bytes | str) -> Path:
     return path
 
 
+def check_name(path: str | PathLike[str]) -> None:
+    """Refuse a name that is no text: OpenCV crashes on it, and no figure can show it.
+
+    Parameters
+    ----------
+    path : path
+
+    Raises
+    ------
+    ValueError
+        If it is not in UTF-8.
+
+    Examples
+    --------
+    >>> check_name("left/01.png")
+    >>> check_name("left/01\udcff.png")
+    Traceback (most recent call last):
+    ...
+    ValueError: 'left/01\\udcff.png': the name is not in UTF-8; rename it
+    """
+    try:
+        os.fspath(path).encode("utf-8")
+    except UnicodeEncodeError:
+        raise ValueError(f"{os.fspath(path)!r}: the name is not in UTF-8; rename it") from None
+
+
 def check_target(path: str | PathLike[str]) -> None:
     """Find out before long work whether a file can be written; nothing is made or left there.
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import io
 import os
+import sys
 from collections.abc import Sequence
 from typing import NoReturn
 
@@ -88,6 +90,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     for variable, silence in _QUIET.items():
         os.environ.setdefault(variable, silence)
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # a terminal that has no ± gets its code: no work ends for that
+            stream.reconfigure(errors="backslashreplace")
     arguments, unknown = make_parser().parse_known_args(argv)
     if unknown:  # said by the command's own parser, whose help lists its options
         arguments.parser.error(f"unrecognized arguments: {' '.join(unknown)}")

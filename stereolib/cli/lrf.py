@@ -51,7 +51,7 @@ def _show(arguments: argparse.Namespace) -> int:
     check_outputs([output], force=arguments.force, option="--output")
     scan = laser.average(laser.take_scans(arguments.source, arguments.turns))
     figure, ax = plotting.panels(1, width_in=7, aspect=1.0, subplot_kw={"projection": "polar"})
-    title = f"{Path(arguments.source).name}: median of {scan.n_turns} turns, mm"
+    title = f"{plotting.as_written(Path(arguments.source).name)}: median of {scan.n_turns} turns, mm"
     plotting.plot_scan_polar(scan.angles_rad, scan.ranges_mm, ax[0], title)
     write_atomic(output, plotting.show_figure(None, figure).data)
     print(f"{output}: {int((scan.count > 0).sum())} of 360 beams with a reading, {scan.speed_rpm:.0f} turns a minute")

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from stereolib.base import Float64, UInt8, read_text
+from stereolib.base import Float64, UInt8, check_name, read_text
 from stereolib.laser import LaserScan, average, read_recording, turns
 from stereolib.rig import read_pair
 
@@ -171,6 +171,7 @@ def list_stations(folder: Path, poses: Path | None = None) -> StationFolder:
         if found is None or path.suffix.lower() not in (*_PICTURES, *_SCANS):
             unused += [path.name] if path.name not in (CALIBRATION, POSES) else []
             continue
+        check_name(path)
         name, part = _plain(found["name"]), found["part"].lower()
         if path.suffix.lower() not in (_SCANS if part == "scan" else _PICTURES):
             kinds = " or ".join(_SCANS) if part == "scan" else "a picture (PNG, JPEG, ...)"

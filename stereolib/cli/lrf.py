@@ -49,7 +49,8 @@ def _show(arguments: argparse.Namespace) -> int:
     output = arguments.output or Path(f"{Path(arguments.source).stem}.png")
     check_ending(output, ".png", "the picture")
     check_outputs([output], force=arguments.force, option="--output")
-    scan = laser.average(laser.take_scans(arguments.source, arguments.turns))
+    scans = laser.take_scans(arguments.source, arguments.turns)
+    scan = laser.average(scans, complete_only=any(turn.complete for turn in scans))
     figure, ax = plotting.panels(1, width_in=7, aspect=1.0, subplot_kw={"projection": "polar"})
     title = f"{plotting.as_written(Path(arguments.source).name)}: median of {scan.n_turns} turns, mm"
     plotting.plot_scan_polar(scan.angles_rad, scan.ranges_mm, ax[0], title)

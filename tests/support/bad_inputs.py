@@ -363,6 +363,8 @@ _RIG = "--calibration good/calibration.json"
 OTHERS = {
     "reproduce": [
         Bad("reproduce 99", "0 notebooks fit '99'"),
+        Bad("reproduce 03 --output good/left.jpg", "good/left.jpg"),
+        Bad("reproduce 03 --output /proc/nowhere", "cannot be written"),
         Bad("reproduce 0", "notebooks fit '0'"),
         Bad("reproduce ../../etc/passwd", "0 notebooks fit"),
         Bad("reproduce 03 --jobs 0", "--?jobs"),

@@ -39,6 +39,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         action="store_true",
         help="only the files that call OpenCV: they import cv2, or a name from a module of the library that does",
     )
+    parser.addoption("--fuzz-minutes", default="0", metavar="N", help="tests/test_untrusted.py for so many minutes")
     parser.addoption("--browser", action="store_true", help="also tests/browser: the bench in Chromium")
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import csv
 import math
 import re
+import reprlib
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -216,7 +217,7 @@ def _read_poses(path: Path, names: Iterable[str]) -> dict[str, tuple[float, floa
     for line, row in _table(path, _POSE_COLUMNS):
         name = _plain(row[0].strip())
         if name not in names:
-            raise ValueError(f"{path}, line {line}: there is no station {name!r}, only {', '.join(names)}")
+            raise ValueError(f"{path}, line {line}: there is no station {reprlib.repr(name)}, only {', '.join(names)}")
         if name in found:
             raise ValueError(f"{path}, line {line}: the pose of station {name} stands there twice: keep one")
         x, y, yaw = _numbers(path, line, row[1:])
@@ -232,13 +233,12 @@ def _table(path: Path, columns: tuple[str, ...]) -> list[tuple[int, list[str]]]:
         raise ValueError(f"{path}: not a table of {','.join(columns)} ({error})") from None
     head = tuple(cell.strip().lower() for cell in lines[0]) if lines else ()
     if head != columns:
-        raise ValueError(f"{path}: its first line must be {','.join(columns)}; it is {','.join(head)!r}")
+        raise ValueError(f"{path}: its first line must be {','.join(columns)}; it is {reprlib.repr(','.join(head))}")
     rows = [(k, row) for k, row in enumerate(lines[1:], start=2) if any(cell.strip() for cell in row)]
     for line, row in rows:
         if len(row) != len(columns):
-            raise ValueError(
-                f"{path}, line {line}: {len(columns)} values are expected ({','.join(columns)}), got {row}"
-            )
+            wanted = f"{len(columns)} values are expected ({','.join(columns)})"
+            raise ValueError(f"{path}, line {line}: {wanted}, got {reprlib.repr(row)}")
     return rows
 
 
@@ -250,7 +250,9 @@ def _numbers(path: Path, line: int, cells: Iterable[str], *, empty: float | None
         except ValueError:
             value = math.inf
         if value is None or abs(value) > _MOST or (math.isnan(value) and empty is None):
-            raise ValueError(f"{path}, line {line}: {cell.strip()!r} is no number up to {_MOST:g}") from None
+            raise ValueError(
+                f"{path}, line {line}: {reprlib.repr(cell.strip())} is no number up to {_MOST:g}"
+            ) from None
         values.append(value)
     return values
 

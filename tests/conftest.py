@@ -40,6 +40,9 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         help="only the files that call OpenCV: they import cv2, or a name from a module of the library that does",
     )
     parser.addoption("--fuzz-minutes", default="0", metavar="N", help="tests/test_untrusted.py for so many minutes")
+    parser.addoption(
+        "--interruptions", default="0", metavar="N", help="tests/test_interruptions.py: stop every command so often"
+    )
     parser.addoption("--browser", action="store_true", help="also tests/browser: the bench in Chromium")
 
 

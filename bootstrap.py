@@ -11,8 +11,11 @@ import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
+# Python 2 stops at the next line and shows it, so it has to say what is wrong.
+NEEDS = f"stereolib needs Python 3.11 or newer; {sys.executable} is older"
 ROOT = Path(__file__).resolve().parent
 VENV = ROOT / ".venv"
 PYTHON = VENV / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
@@ -48,6 +51,7 @@ COMMANDS = {  # what each hands to the environment's Python; nox's sessions stan
     "explore": ["-m", "stereolib", "explore"],
     "test-browser": ["-m", "pytest", "--browser", "-q", "tests/browser"],
 }
+ROOM_MB = 900  # of .venv and of what is unpacked on the way
 WHY = """the lines above say why. No network? The first run needs it once.
   Behind a mirror or a proxy, tell pip about it (pip config set ...), then run the same command again."""
 ADDITIONS = {"explore": ["explore"], "test-browser": ["explore", "browser"]}  # requirements-NAME.txt, for them alone
@@ -58,7 +62,7 @@ def check_python() -> None:
     version = "{}.{}".format(*sys.version_info)
     if sys.version_info < (3, 11):  # noqa: UP036 (old Pythons read this too)
         raise SystemExit(
-            f"stereolib needs Python 3.11 or newer; {sys.executable} is {version}. Install a newer one (Debian:\n"
+            f"{NEEDS}: {version}. Install a newer one (Debian:\n"
             "  sudo apt install python3 python3-venv; macOS: brew install python@3.13; Windows: winget install\n"
             "  Python.Python.3.13), then name it: make PYTHON=python3.13 reproduce, python3.13 bootstrap.py reproduce"
         )
@@ -80,6 +84,19 @@ def is_fresh() -> bool:
     return made == stamp() or (not os.environ.get("PYTHON") and made.split(" ")[0] == stamp().split(" ")[0])
 
 
+def why() -> str:
+    """Tell the likeliest reason of a failed set-up: no right to write, no room, or no network."""
+    for folder in (ROOT, VENV):
+        if folder.exists() and not os.access(str(folder), os.W_OK):
+            return f"{folder} cannot be written. Remove it if it is a .venv of somebody else, or copy the project."
+    for folder in (Path(tempfile.gettempdir()), ROOT):
+        if shutil.disk_usage(str(folder)).free < ROOM_MB * 1e6:
+            return (
+                f"{folder} has less than {ROOM_MB} MB free. Make room; for temporary files, TMPDIR names another place."
+            )
+    return WHY
+
+
 def setup() -> None:
     """Make the environment and write the stamp last, so that an interrupted set-up is taken up again."""
     check_python()
@@ -87,7 +104,7 @@ def setup() -> None:
     base = getattr(sys, "_base_executable", sys.executable)  # not the Python inside another environment
     made = subprocess.call([base, "-m", "venv", "--clear", str(VENV)], env=ENVIRON) == 0
     if not (made and install("-r", "requirements.txt") and install("--no-deps", "--no-build-isolation", "-e", ".")):
-        raise SystemExit("stereolib: .venv could not be made; " + WHY)
+        raise SystemExit("stereolib: .venv could not be made; " + why())
     STAMP.write_text(stamp())
 
 
@@ -106,7 +123,7 @@ def add(name: str) -> None:
         return
     print(f"Adding {pins.name} to .venv ...", flush=True)
     if not install("-r", pins.name):
-        raise SystemExit(f"stereolib: {pins.name} could not be installed; " + WHY)
+        raise SystemExit(f"stereolib: {pins.name} could not be installed; " + why())
     made.write_bytes(pins.read_bytes())
 
 
@@ -126,10 +143,13 @@ def main(argv: "list[str]") -> int:
         return 0
     if name not in COMMANDS:
         raise SystemExit(f"stereolib: no command {name!r}.\n\n{HELP}")
-    if not is_fresh():
-        setup()
-    for addition in ADDITIONS.get(name, []):
-        add(addition)
+    try:
+        if not is_fresh():
+            setup()
+        for addition in ADDITIONS.get(name, []):
+            add(addition)
+    except OSError as error:
+        raise SystemExit(f"stereolib: .venv could not be made: {error}; {why().replace(WHY, 'is it yours?')}") from None
     command = ["-m", "pytest"] if name == "test" and options else COMMANDS[name]
     child = subprocess.Popen([str(PYTHON), *command, *options], cwd=str(ROOT), env=ENVIRON)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the child's, which cleans up

@@ -107,6 +107,17 @@ def lint(session: nox.Session) -> None:
         session.error(f"failed: {', '.join(failed)}")
 
 
+@nox.session(default=False)
+def audit(session: nox.Session) -> None:
+    """Known vulnerabilities of everything that is pinned; it fails where the package index does not tell of them."""
+    session.install("pip-audit")
+    files = [PINS, *(ROOT / f"requirements-{name}.txt" for name in ADDITIONS)]
+    pinned = [word for file in files for word in ("--requirement", str(file))]
+    session.run(
+        "pip-audit", "--strict", "--disable-pip", "--no-deps", "--progress-spinner=off", *pinned, *session.posargs
+    )
+
+
 @nox.session(name="format", venv_backend="none", default=False)
 def format_(session: nox.Session) -> None:
     """Let ruff mend what it can and lay out the rest."""

@@ -10,6 +10,8 @@ from types import ModuleType
 
 # One thread for each worker, set before numpy is loaded: more get in each other's way.
 os.environ |= {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+# As the command line does: OpenCV says nothing of its own about damaged files.
+os.environ |= {"OPENCV_LOG_LEVEL": "SILENT", "OPENCV_FFMPEG_LOGLEVEL": "-8"}
 
 import cv2
 import pytest
@@ -36,6 +38,10 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         "--only-opencv",
         action="store_true",
         help="only the files that call OpenCV: they import cv2, or a name from a module of the library that does",
+    )
+    parser.addoption("--fuzz-minutes", default="0", metavar="N", help="tests/test_untrusted.py for so many minutes")
+    parser.addoption(
+        "--interruptions", default="0", metavar="N", help="tests/test_interruptions.py: stop every command so often"
     )
     parser.addoption("--browser", action="store_true", help="also tests/browser: the bench in Chromium")
 

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import argparse
 import ast
 import importlib.util
+import os
+import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -15,7 +19,7 @@ import bootstrap
 
 def test_old_python_is_named_with_its_fix(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "version_info", (3, 9, 2))
-    with pytest.raises(SystemExit, match=r"needs Python 3\.11 or newer; .* is 3\.9\.(.|\n)*python3-venv"):
+    with pytest.raises(SystemExit, match=r"needs Python 3\.11 or newer; .* is older: 3\.9\.(.|\n)*python3-venv"):
         bootstrap.check_python()
 
 
@@ -29,7 +33,7 @@ def test_missing_venv_module_is_named_with_its_fix(monkeypatch: pytest.MonkeyPat
 def test_script_is_short_and_readable_for_old_pythons() -> None:
     """Python 3.6 must get as far as the message that it is too old."""
     source = Path(bootstrap.__file__).read_text(encoding="utf-8")
-    assert len(source.splitlines()) <= 140
+    assert len(source.splitlines()) <= 160
     imported = set()
     for node in ast.walk(ast.parse(source, feature_version=(3, 6))):
         if isinstance(node, ast.Import):
@@ -133,3 +137,36 @@ def test_unknown_command_shows_the_help(capsys: pytest.CaptureFixture[str]) -> N
         bootstrap.main(["nonsense"])
     assert bootstrap.main([]) == 0
     assert "make reproduce" in capsys.readouterr().out
+
+
+def test_python_2_stops_at_a_line_that_says_what_it_lacks() -> None:
+    """It cannot parse the file at all, and shows the first line that it does not understand."""
+    lines = Path(bootstrap.__file__).read_text(encoding="utf-8").splitlines()
+    only_python3 = [line for line in lines if re.search(r"""(^|[^\w"'])f["']|-> |\*\*\{""", line)]
+    assert only_python3[0] == 'NEEDS = f"stereolib needs Python 3.11 or newer; {sys.executable} is older"'
+
+
+@pytest.mark.parametrize(
+    ("writable", "free", "says"),
+    [
+        (False, 10**12, "cannot be written. Remove it if it is a .venv of somebody else"),
+        (True, 4 * 10**6, "has less than 900 MB free"),
+        (True, 10**12, "No network?"),
+    ],
+)
+def test_a_failed_set_up_says_the_likeliest_reason(
+    made: Path, monkeypatch: pytest.MonkeyPatch, writable: bool, free: int, says: str
+) -> None:
+    monkeypatch.setattr(bootstrap, "install", lambda *wanted: False)
+    monkeypatch.setattr(subprocess, "call", lambda *words, **_: 1)
+    monkeypatch.setattr(os, "access", lambda path, mode: writable)
+    monkeypatch.setattr(shutil, "disk_usage", lambda path: argparse.Namespace(free=free))
+    with pytest.raises(SystemExit, match=re.escape(says)):
+        bootstrap.setup()
+
+
+def test_a_stamp_that_cannot_be_read_or_written_is_one_line(made: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    bootstrap.STAMP.unlink()
+    bootstrap.STAMP.mkdir()  # whoever is root may read and write all else
+    with pytest.raises(SystemExit, match=r"\.venv could not be made: .*stamp.*is it yours\?"):
+        bootstrap.main(["reproduce"])

@@ -2,7 +2,7 @@ from . import datasets
 from .angles import direction, turn_2d, turn_about_z, wrap_rad
 from .arrays import Bools, Float32, Float64, Floats, Ints, UInt8, finite_array, set_frozen
 from .datasets import ROOT, NotAvailable, available, data_path, figures_dir, real_recording, real_recordings, repository
-from .files import check_nesting, check_target, read_bytes, read_json, read_text, read_yaml, write_atomic
+from .files import check_name, check_nesting, check_target, read_bytes, read_json, read_text, read_yaml, write_atomic
 from .numbers import counted, listed, plus_minus
 from .statistics import clustered_covariance, median
 
@@ -16,6 +16,7 @@ __all__ = [
     "NotAvailable",
     "UInt8",
     "available",
+    "check_name",
     "check_nesting",
     "check_target",
     "clustered_covariance",

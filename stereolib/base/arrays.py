@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import reprlib
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -15,16 +16,18 @@ Bools: TypeAlias = npt.NDArray[np.bool_]
 Ints: TypeAlias = npt.NDArray[np.integer[Any]]
 
 
-def finite_array(value: Any, shape: tuple[int, ...], name: str) -> Float64:
+def finite_array(value: Any, shape: tuple[int, ...] | None, name: str, *, most: float = np.inf) -> Float64:
     """Return a read-only float64 copy of an array that must be finite.
 
     Parameters
     ----------
     value : array_like
-    shape : tuple of int
-        The shape it must have.
+    shape : tuple of int or None
+        The shape it must have; None: any.
     name : str
         What the message calls it.
+    most : float
+        The largest magnitude that makes sense; beyond it products overflow, or a file is damaged.
 
     Returns
     -------
@@ -33,16 +36,23 @@ def finite_array(value: Any, shape: tuple[int, ...], name: str) -> Float64:
     Raises
     ------
     ValueError
-        If the shape is another, or a value is not finite; the text shows what came.
+        If it is not made of numbers, the shape is another, or a value is not finite or beyond `most`; the text shows
+        what came.
 
     Examples
     --------
     >>> finite_array([1, 2, 3], (3,), "T")
     array([1., 2., 3.])
     """
-    array = np.array(value, float)
-    if array.shape != shape or not np.isfinite(array).all():
-        raise ValueError(f"{name} must be {shape} finite numbers, got shape {array.shape}: {value!r}")
+    wanted = "finite numbers" if shape is None else f"{shape} finite numbers"
+    try:
+        array = np.array(value, float)
+    except (TypeError, ValueError, OverflowError):  # words, rows of different length, integers of 400 digits
+        raise ValueError(f"{name} must be {wanted}, got {reprlib.repr(value)}") from None
+    if (shape is not None and array.shape != shape) or not np.isfinite(array).all():
+        raise ValueError(f"{name} must be {wanted}, got shape {array.shape}: {reprlib.repr(value)}")
+    if (np.abs(array) > most).any():
+        raise ValueError(f"{name} must be numbers up to {most:g}, got {reprlib.repr(value)}")
     array.setflags(write=False)
     return array
 

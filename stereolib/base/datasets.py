@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from functools import cache
+import time
+from functools import cache, partial
 from pathlib import Path
 from threading import Thread
 
@@ -19,6 +20,10 @@ _MINORU = (
     "2c3375a1c551ed4e6e13f2241d52e534a170b291/calibration"
 )
 _XV11 = "https://raw.githubusercontent.com/Xevel/NXV11/b2bc69d1229921f0990f97c3a22ff8979d2ac83c/data"
+
+
+_LARGEST_BYTES = 32 * 2**20  # of a download; the recordings have some 100 kB each
+_LONGEST_S, _CHUNK_BYTES = 300.0, 2**16
 
 
 class NotAvailable(OSError):
@@ -152,7 +157,7 @@ def real_recording(name: str, timeout_s: float = 4.0) -> Path:
             known_hash=f"sha256:{known}",
             fname=cached.name,
             path=cached.parent,
-            downloader=pooch.HTTPDownloader(timeout=timeout_s),
+            downloader=partial(_download, timeout_s=timeout_s),
         )
     except (OSError, ValueError) as error:  # ValueError: what came has another sha256
         raise NotAvailable(
@@ -186,6 +191,20 @@ def real_recordings(folder: str) -> list[Path]:
     if not names:
         raise ValueError(f"no recordings under {folder!r}; known are xv11, minoru3d/left and minoru3d/right")
     return [real_recording(name) for name in names]
+
+
+def _download(url: str, output_file: str, _: object, *, timeout_s: float) -> None:
+    """Fetch a file of bounded size in bounded time, for pooch, which then holds it against its sha256."""
+    import requests
+
+    end_s, left = time.monotonic() + _LONGEST_S, _LARGEST_BYTES
+    with requests.get(url, stream=True, timeout=timeout_s) as answer, Path(output_file).open("wb") as file:
+        answer.raise_for_status()
+        for chunk in answer.iter_content(_CHUNK_BYTES):
+            left -= len(chunk)
+            if left < 0 or time.monotonic() > end_s:
+                raise OSError(f"more than {_LARGEST_BYTES / 1e6:.0f} MB, or longer than {_LONGEST_S:.0f} s")
+            file.write(chunk)
 
 
 def _wait_for_answer(url: str, timeout_s: float) -> None:

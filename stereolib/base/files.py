@@ -11,6 +11,7 @@ import secrets
 import select
 import stat
 import time
+from contextlib import suppress
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -21,10 +22,11 @@ SILENCE_S = 10.0  # a pipe that says nothing for so long has nobody at its other
 NESTING = 64  # levels of brackets, tags or lists; calibrations have four
 YAML_NODES = 100_000  # entries after all aliases are followed
 _POLL_S = 0.02
+_LEFT = re.compile("[0-9a-f]{8}")  # how the name of a file that is being written ends
 _BRACKETS = re.compile(r'"(?:\\.|[^"\\])*"|([\[{])|([\]}])|<[?!][^>]*>|<(?!/)[^<>]*[^<>/]>|(</[^<>]*>)', re.DOTALL)
 
 
-def read_bytes(path: str | PathLike[str], *, limit_bytes: int = LIMIT_BYTES, silence_s: float = SILENCE_S) -> bytes:
+def read_bytes(path: str | PathLike[str], *, limit_bytes: int = LIMIT_BYTES, silence_s: float | None = None) -> bytes:
     """Read a regular file, or what a pipe delivers until it is closed.
 
     Parameters
@@ -32,8 +34,8 @@ def read_bytes(path: str | PathLike[str], *, limit_bytes: int = LIMIT_BYTES, sil
     path : path
     limit_bytes : int
         The most that is read, bytes.
-    silence_s : float
-        The longest wait for a pipe's next byte, s.
+    silence_s : float, optional
+        The longest wait for a pipe's next byte, s; default: `SILENCE_S`.
 
     Returns
     -------
@@ -64,7 +66,7 @@ def read_bytes(path: str | PathLike[str], *, limit_bytes: int = LIMIT_BYTES, sil
     if stat.S_ISDIR(kind.st_mode):
         raise ValueError(f"{path}: is a folder; name a file in it")
     if stat.S_ISFIFO(kind.st_mode):
-        return _read_pipe(path, limit_bytes, silence_s)
+        return _read_pipe(path, limit_bytes, SILENCE_S if silence_s is None else silence_s)
     if not stat.S_ISREG(kind.st_mode):
         raise ValueError(f"{path}: is a device, not a file; record from it into a file first")
     if kind.st_size > limit_bytes:
@@ -244,18 +246,50 @@ def write_atomic(path: str | PathLike[str], data: bytes | str) -> Path:
             stream.write(payload)
         return path
     target = Path(os.path.realpath(path))
-    temporary = target.with_name(f".{target.name[:100]}.{secrets.token_hex(4)}")
+    _sweep(target)
+    temporary = _beside(target)
     try:
         descriptor = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o666)
         with os.fdopen(descriptor, "wb") as stream:
+            held = _hold(stream)
             stream.write(payload)
-        if target.exists():
-            os.chmod(temporary, stat.S_IMODE(target.stat().st_mode))
-        os.replace(temporary, target)
+            stream.flush()
+            if target.exists():
+                os.chmod(temporary, stat.S_IMODE(target.stat().st_mode))
+            if held:  # until it has its name: whoever sweeps leaves it alone
+                os.replace(temporary, target)
+        if not held:
+            os.replace(temporary, target)
     except BaseException:
         temporary.unlink(missing_ok=True)
         raise
     return path
+
+
+def check_name(path: str | PathLike[str]) -> None:
+    """Refuse a name that is no text: OpenCV crashes on it, and no figure can show it.
+
+    Parameters
+    ----------
+    path : path
+
+    Raises
+    ------
+    ValueError
+        If it is not in UTF-8.
+
+    Examples
+    --------
+    >>> check_name("left/01.png")
+    >>> check_name("left/01\udcff.png")
+    Traceback (most recent call last):
+    ...
+    ValueError: 'left/01\\udcff.png': the name is not in UTF-8; rename it
+    """
+    try:
+        os.fspath(path).encode("utf-8")
+    except UnicodeEncodeError:
+        raise ValueError(f"{os.fspath(path)!r}: the name is not in UTF-8; rename it") from None
 
 
 def check_target(path: str | PathLike[str]) -> None:
@@ -277,12 +311,43 @@ def check_target(path: str | PathLike[str]) -> None:
     if path.exists() and not path.is_file():
         return
     folder = next(above for above in Path(os.path.abspath(path)).parents if above.exists())
-    probe = folder / f".{path.name[:100]}.{secrets.token_hex(4)}"
+    probe = _beside(folder / path.name)
     try:
         probe.open("xb").close()
         probe.unlink()
     except OSError as error:
         raise ValueError(f"{path}: cannot be written ({error.strerror or error}); choose another place") from None
+
+
+def _beside(target: Path) -> Path:
+    """A new name beside a file, by which `_sweep` knows it again."""
+    return target.with_name(f".{target.name[:100]}.{secrets.token_hex(4)}")
+
+
+def _hold(stream: Any) -> bool:
+    """Lock a file as long as it is open, so that nobody sweeps it; False where an open file is safe anyhow."""
+    try:
+        import fcntl
+    except ModuleNotFoundError:  # Windows removes and renames no open file
+        return False
+    with suppress(OSError):  # a file system without locks
+        fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    return True
+
+
+def _sweep(target: Path) -> None:
+    """Take away what writers of a file that were killed left beside it; those still at work hold theirs."""
+    begin = f".{target.name[:100]}."
+    for left in target.parent.iterdir():
+        if not (left.name.startswith(begin) and _LEFT.fullmatch(left.name[len(begin) :])):
+            continue
+        with suppress(OSError):
+            if os.name != "nt":
+                import fcntl
+
+                with left.open("rb") as stream:
+                    fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            left.unlink()
 
 
 def _open_to_write(path: Path) -> int:

@@ -11,10 +11,11 @@ import numpy as np
 
 from stereolib.base import Float32, UInt8
 from stereolib.calibration.refinement import refine
-from stereolib.rig import check_pair, to_grey
+from stereolib.rig import check_image, check_pair, to_grey
 
 _LEAST_NUMBERED = 8  # corners of a ChArUco board: a pose has six unknowns, some are to spare
 _LEAST_SQUARE_MM = 1.0  # no camera sees a board of smaller ones at a distance: metres were given
+_MOST_SQUARE_MM = 1e6  # a kilometre: no board has larger ones
 _ASPECTS = (0.8, 1.25)  # printers stretch by a per cent, so that anything beyond is a slip
 
 
@@ -233,11 +234,17 @@ def find_board(image: UInt8, board: Board) -> Float32 | None:
     -------
     (columns * rows, 2) float32, px, or None
 
+    Raises
+    ------
+    ValueError
+        If `image` is no such picture.
+
     Examples
     --------
     >>> find_board(np.full((240, 320), 128, np.uint8), Checkerboard(9, 6, 25.0)) is None
     True
     """
+    check_image(image)
     return find_charuco(image, board) if isinstance(board, Charuco) else find_checkerboard(image, board)
 
 
@@ -373,8 +380,9 @@ def pair_views(
 
 
 def _check_square(square_mm: float) -> None:
-    if not (np.isfinite(square_mm) and square_mm > 0):
-        raise ValueError(f"the square's edge must be a positive number of mm, got {square_mm}")
+    if not 0 < square_mm <= _MOST_SQUARE_MM:
+        most = f"{_MOST_SQUARE_MM:g} at most"
+        raise ValueError(f"the square's edge must be a positive number of mm, got {square_mm}; {most}")
     if square_mm < _LEAST_SQUARE_MM:
         meant = f"for {square_mm:g} m that is {1000 * square_mm:g}"
         raise ValueError(f"the square's edge was given as {square_mm:g}, but millimetres are expected: {meant}")

@@ -9,16 +9,17 @@ from typing import Any
 
 import numpy as np
 
-from stereolib.base import Bools, Float64, finite_array, read_json
+from stereolib.base import Bools, Float64, finite_array
 from stereolib.calibration.boards import BoardViews
 from stereolib.calibration.bundle_adjustment import RigFit, inverse_normal
 from stereolib.calibration.uncertainty import rig_covariance
-from stereolib.rig import StereoRig
+from stereolib.rig import StereoRig, calibration_notes
 
 #: Two views whose outer corners stand so near to each other are one picture, perhaps stored again: a camera that takes
 #: the same board twice differs by its noise in some of the eight numbers.
 _SAME_PX = 0.02
 _DECIMALS = 3  # px: far finer than that
+_MOST = 1e12  # of any number that is kept: a larger one is damage, and products overflow
 _POSE = slice(-6, None)  # R and T among the shared parameters
 _SIDES = ("left", "right")
 
@@ -85,14 +86,16 @@ class CalibrationRecord:
             If what the file says of its calibration is damaged.
         """
         count = 2 * (4 + rig.left.dist.size) + 6
-        notes = read_json(path).get("calibration") or {}
+        notes = calibration_notes(path)
         try:
             if "record" not in notes:
                 return cls(_from_deviations(notes, count), whole=False)
             kept = notes["record"]
-            outer = {str(name): finite_array(at, (8,), name).tolist() for name, at in kept["outer_px"].items()}
-            covariance = finite_array(kept["covariance"], (count, count), "covariance")
-            numbers = finite_array([kept["sigma_px"], kept["scatter"]], (2,), "sigma_px and scatter")
+            outer = {
+                str(name): finite_array(at, (8,), name, most=_MOST).tolist() for name, at in kept["outer_px"].items()
+            }
+            covariance = finite_array(kept["covariance"], (count, count), "covariance", most=_MOST)
+            numbers = finite_array([kept["sigma_px"], kept["scatter"]], (2,), "sigma_px and scatter", most=_MOST)
             return cls(covariance, float(numbers[0]), float(numbers[1]), outer)
         except (ValueError, LookupError, TypeError, AttributeError) as error:
             why = f"it has no {error}" if isinstance(error, KeyError) else str(error).partition(":")[0]  # no matrix
@@ -166,4 +169,5 @@ def _from_deviations(notes: Mapping[str, Any], count: int) -> Float64:
         return np.zeros((count, count))
     std = notes["std"]
     lenses = [np.concatenate([std["K"][side], std["dist"][side]]) for side in _SIDES]
-    return np.diag(finite_array(np.concatenate([*lenses, std["R_rad"], std["T"]]), (count,), "std") ** 2)
+    std = finite_array(np.concatenate([*lenses, std["R_rad"], std["T"]]), (count,), "std", most=_MOST)
+    return np.diag(std**2)

@@ -5,10 +5,11 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from stereolib.cli.boards import parse_board
+from stereolib.cli.boards import parse_board, square_edges
 from stereolib.cli.command import Command
 from stereolib.cli.errors import DONE
 from stereolib.cli.outputs import check_ending, check_outputs
+from stereolib.cli.ranges import MM, number
 
 _MARKER = 0.72  # share of a square, if nothing else is asked; the white around it is needed
 
@@ -18,7 +19,7 @@ def _configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--board", default="9x6", metavar="9x6", help="inner corners, columns x rows (default: 9x6)")
     parser.add_argument("--square-mm", metavar="MM", help="edge of a square (default: the largest that fits)")
     parser.add_argument("--charuco", action="store_true", help="with a marker in each white square: may be cut off")
-    parser.add_argument("--marker-mm", type=float, metavar="MM", help="edge of a marker; the board is ChArUco then")
+    parser.add_argument("--marker-mm", type=number(1, MM), metavar="MM", help="edge of a marker: a ChArUco board")
     parser.add_argument("--dictionary", default="5X5_100", metavar="NAME", help="its markers (default: 5X5_100)")
     parser.add_argument("--paper", default="a4", metavar="NAME", help="a4 (default), letter or a3")
     parser.add_argument("--force", action="store_true", help="replace the file if it is there")
@@ -30,11 +31,13 @@ def _run(arguments: argparse.Namespace) -> int:
     from stereolib.base import write_atomic
     from stereolib.plotting import board_sheet, board_words, largest_square_mm
 
-    plain = parse_board(arguments.board, arguments.square_mm or "25")
-    square_mm = arguments.square_mm or f"{largest_square_mm(plain.columns, plain.rows, arguments.paper):g}"
-    marker_mm = arguments.marker_mm
+    square_mm, marker_mm = arguments.square_mm, arguments.marker_mm
+    if square_mm is None:
+        any_marker = 1.0 if arguments.charuco or marker_mm is not None else None
+        counted = parse_board(arguments.board, "25", any_marker, arguments.dictionary)
+        square_mm = f"{largest_square_mm(counted.columns, counted.rows, arguments.paper):g}"
     if arguments.charuco and marker_mm is None:
-        marker_mm = round(_MARKER * parse_board(arguments.board, square_mm).square_mm, 1)
+        marker_mm = round(_MARKER * square_edges(square_mm)[0], 1)
     board = parse_board(arguments.board, square_mm, marker_mm, arguments.dictionary)
     write_atomic(arguments.out, board_sheet(board, arguments.paper))
     print(f"written: {arguments.out}; print it in actual size, measure the bar of 100 mm and ten squares both ways")

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import math
 import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from stereolib.cli.ranges import MM, number, whole
 
 if TYPE_CHECKING:
     from stereolib.calibration import Board
@@ -20,7 +22,9 @@ def add_board(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--square-mm", required=True, metavar="MM", help="edge of a square, or width x height, as 24.9x25.1"
     )
-    parser.add_argument("--marker-mm", type=float, metavar="MM", help="edge of a marker, if the board is ChArUco")
+    parser.add_argument(
+        "--marker-mm", type=number(1, MM), metavar="MM", help="edge of a marker, if the board is ChArUco"
+    )
     parser.add_argument("--dictionary", default="5X5_100", metavar="NAME", help="its markers (default: 5X5_100)")
     parser.add_argument("--legacy", action="store_true", help="a ChArUco board printed by OpenCV before 4.6")
 
@@ -35,7 +39,10 @@ def add_recording(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("right", nargs="?", metavar="RIGHT", help="of the right one, by the same names or numbers")
     parser.add_argument(
-        "--every", type=int, metavar="N", help="of a video: the sharpest of so many frames (default: 60 in all)"
+        "--every",
+        type=whole(1, 10**6),
+        metavar="N",
+        help="of a video: the sharpest of so many frames (default: 60 in all)",
     )
 
 
@@ -66,15 +73,7 @@ def parse_board(
     if not found:
         raise ValueError(f"--board is columns x rows of inner corners, as 9x6 for 10 x 7 squares; got {text!r}")
     columns, rows = int(found[1]), int(found[2])
-    try:
-        edges = [float(part) for part in re.split("[x×X*]", square_mm)]
-    except ValueError:
-        edges = []
-    if len(edges) not in (1, 2):
-        raise ValueError(f"--square-mm is an edge in mm, as 25, or width x height, as 24.9x25.1; got {square_mm!r}")
-    for edge in edges:
-        if not (math.isfinite(edge) and edge > 0):
-            raise ValueError(f"the square's edge must be a positive number of mm, got {edge:g}")
+    edges = square_edges(square_mm)
     mean, aspect = sum(edges) / len(edges), edges[-1] / edges[0]
     if marker_mm is None:
         if legacy:
@@ -85,15 +84,43 @@ def parse_board(
     return Charuco(columns, rows, mean, marker_mm, dictionary, legacy)
 
 
+def square_edges(text: str) -> list[float]:
+    """The edge of a square, mm, or its width and height.
+
+    Raises
+    ------
+    ValueError
+        If the text is neither, or no camera sees such squares.
+    """
+    try:
+        edges = [float(part) for part in re.split("[x×X*]", text)]
+    except ValueError:
+        edges = []
+    if len(edges) not in (1, 2):
+        raise ValueError(f"--square-mm is an edge in mm, as 25, or width x height, as 24.9x25.1; got {text!r}")
+    for edge in edges:
+        if not 0 < edge <= MM:
+            raise ValueError(f"the square's edge must be a positive number of mm, got {edge:g}; {MM:g} at most")
+    return edges
+
+
 def said_of(calibration: Path, square_mm: float | None = None) -> list[str]:
     """What is to be said first to whoever uses a rig file: that it was judged bad, or that its squares were others."""
-    from stereolib.base import read_json
+    from stereolib.rig import calibration_notes
 
-    notes = read_json(calibration).get("calibration") or {}
-    said, square = [], (notes.get("board") or {}).get("square_mm")
+    notes, said = calibration_notes(calibration), []
+    board = notes.get("board")
+    square = board.get("square_mm") if isinstance(board, Mapping) else None
     if notes.get("verdict") == "bad":
-        said.append(f"{calibration} was judged bad when it was made ({'; '.join(notes.get('reasons') or ['?'])})")
-    if square_mm is not None and square is not None and abs(square_mm / square - 1) > _OTHER_SQUARE:
+        said.append(
+            f"{calibration} was judged bad when it was made ({'; '.join(map(str, notes.get('reasons') or ['?']))})"
+        )
+    if (
+        square_mm is not None
+        and isinstance(square, int | float)
+        and square > 0
+        and abs(square_mm / square - 1) > _OTHER_SQUARE
+    ):
         said.append(
             f"{calibration} was made with squares of {square:g} mm, now they are {square_mm:g} mm: which is right?"
         )

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import math
 import sys
 from pathlib import Path
 
@@ -13,6 +12,7 @@ from stereolib.cli.boards import add_board, add_recording, board_of
 from stereolib.cli.command import Command
 from stereolib.cli.errors import DONE, REFUSED
 from stereolib.cli.outputs import check_outputs
+from stereolib.cli.ranges import MM, number
 
 #: Kind of file that `stereolib.rig` saves -> its names, and how many lens coefficients it holds at most.
 _FORMATS = {"opencv": (["opencv.yml"], 14), "ros": (["left.yaml", "right.yaml"], 8), "kalibr": (["camchain.yaml"], 4)}
@@ -38,9 +38,15 @@ def _configure(parser: argparse.ArgumentParser) -> None:
         default="brown3",
         help="lens: pinhole, brown2, brown3 (default), rational8, thin_prism12 or tilted14",
     )
-    parser.add_argument("--ruler-mm", type=float, metavar="MM", help="distance of the lenses by a ruler: a check")
     parser.add_argument(
-        "--at-mm", type=float, default=1000.0, metavar="MM", help="where you measure: judged there (default: 1000)"
+        "--ruler-mm", type=number(1, MM), metavar="MM", help="distance of the lenses by a ruler: a check"
+    )
+    parser.add_argument(
+        "--at-mm",
+        type=number(_NEAREST_MM, MM),
+        default=1000.0,
+        metavar="MM",
+        help="where you measure: judged there (default: 1000)",
     )
     parser.add_argument("--output", type=Path, default=Path(), metavar="DIR", help="default: this folder")
     parser.add_argument(
@@ -58,9 +64,6 @@ def _run(arguments: argparse.Namespace) -> int:
         raise ValueError(f"--output must name a folder, but {in_the_way[0]} is a file")
     check_outputs(written, force=arguments.force, option="--output")
     board = board_of(arguments)
-    for name, value, least in (("--ruler-mm", arguments.ruler_mm, 1.0), ("--at-mm", arguments.at_mm, _NEAREST_MM)):
-        if value is not None and not (math.isfinite(value) and value >= least):
-            raise ValueError(f"{name} is a number of millimetres, {least:g} or more; got {value:g}")
     from stereolib.calibration import (
         LENS_MODELS,
         MIN_PAIRS,

@@ -9,6 +9,7 @@ from stereolib.base import check_target, counted
 from stereolib.cli.boards import parse_board
 from stereolib.cli.command import Command
 from stereolib.cli.errors import DONE
+from stereolib.cli.ranges import MM, number
 
 _PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp")
 
@@ -22,7 +23,11 @@ def _configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--board", required=True, metavar="9x6", help="inner corners, columns x rows")
     parser.add_argument("--square-mm", required=True, metavar="MM", help="edge of a square, or width x height")
     parser.add_argument(
-        "--margin-mm", type=float, default=0.0, metavar="MM", help="board beyond its squares (default: 0)"
+        "--margin-mm",
+        type=number(0, MM),
+        default=0.0,
+        metavar="MM",
+        help="board beyond its squares (default: 0)",
     )
 
 

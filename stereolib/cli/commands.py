@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import io
+import os
+import sys
 from collections.abc import Sequence
 from typing import NoReturn
 
@@ -23,6 +26,10 @@ from stereolib.cli.measure import MEASURE
 from stereolib.cli.reproduce import REPRODUCE
 
 COMMANDS = (REPRODUCE, EXPLORE, BAKE, DATA, DISPARITY, LRF, BOARD, CALIBRATE, CHECK, CALIBRATE_LASER, MEASURE, MAP)
+
+
+#: OpenCV and the video library in it write notes of their own about damaged files; ours are enough.
+_QUIET = {"OPENCV_LOG_LEVEL": "SILENT", "OPENCV_FFMPEG_LOGLEVEL": "-8"}
 
 
 class _Parser(argparse.ArgumentParser):
@@ -81,6 +88,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     int
         Exit code: 0 done, 1 the work says no, 2 wrong input, 130 interrupted.
     """
+    for variable, silence in _QUIET.items():
+        os.environ.setdefault(variable, silence)
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # a terminal that has no ± gets its code: no work ends for that
+            stream.reconfigure(errors="backslashreplace")
     arguments, unknown = make_parser().parse_known_args(argv)
     if unknown:  # said by the command's own parser, whose help lists its options
         arguments.parser.error(f"unrecognized arguments: {' '.join(unknown)}")

@@ -11,10 +11,12 @@ from stereolib.base import Float32
 from stereolib.cli.command import Command
 from stereolib.cli.errors import DONE, named
 from stereolib.cli.outputs import check_ending, check_outputs
+from stereolib.cli.ranges import whole
 
 _OUT = """(H, W) float32, px, NaN invalid; a picture goes beside it, and from `best` NPY_std.npy, the standard deviation
 in px as measured on virtual scenes"""
 _AUTO = "auto"
+_WIDEST_PX = 2**15  # no picture is wider
 _BEYOND = 0.005  # share of the roughly matched pixels that may lie beyond the range before it is told
 _OPTIONS = {
     "looks for a multiple of 16 disparities, got": "needs a --max-disparity that is a multiple of 16, got",
@@ -38,10 +40,12 @@ def _configure(parser: argparse.ArgumentParser) -> None:
 
 def _count(word: str) -> int | None:
     """What --max-disparity says; None for auto."""
+    if word == _AUTO:
+        return None
     try:
-        return None if word == _AUTO else int(word)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"{word!r} is neither a whole number of pixels nor {_AUTO}") from None
+        return whole(1, _WIDEST_PX)(word)
+    except argparse.ArgumentTypeError as error:
+        raise argparse.ArgumentTypeError(f"{error} pixels, nor {_AUTO}") from None
 
 
 def _run(arguments: argparse.Namespace) -> int:

@@ -13,6 +13,7 @@ from importlib.resources import files
 from pathlib import Path
 
 from stereolib.cli.command import Command
+from stereolib.cli.ranges import whole
 
 _PAGE = "explore.ipynb"
 _STRANGERS = ["@jupyter-notebook/lab-extension"]  # it needs parts that Voila has not
@@ -27,7 +28,7 @@ def _configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("pair", type=Path, nargs="*", metavar="LEFT RIGHT", help="an own pair, left one first")
     parser.add_argument("--calibration", type=Path, metavar="FILE", help="calibration.json, for lengths")
     parser.add_argument("--scan", type=Path, metavar="FILE", help="the laser, recorded at the same time")
-    parser.add_argument("--port", type=int, default=0, metavar="N", help="default: a free one")
+    parser.add_argument("--port", type=whole(0, 65535), default=0, metavar="N", help="default: a free one")
     parser.add_argument("--no-browser", action="store_true", help="print the address and open nothing")
 
 

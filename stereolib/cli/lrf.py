@@ -12,6 +12,7 @@ from stereolib.base import read_bytes
 from stereolib.cli.command import Command
 from stereolib.cli.errors import DONE, INTERRUPTED
 from stereolib.cli.outputs import check_ending, check_outputs
+from stereolib.cli.ranges import FOR_EVER, MM, number, whole
 
 
 def _configure_info(parser: argparse.ArgumentParser) -> None:
@@ -34,7 +35,9 @@ def _info(arguments: argparse.Namespace) -> int:
 
 def _configure_show(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("source", metavar="FILE|PORT", help="a recording, or the port of a sensor or emulator")
-    parser.add_argument("--turns", type=int, default=5, metavar="N", help="turns combined by the median (default: 5)")
+    parser.add_argument(
+        "--turns", type=whole(1, 10_000), default=5, metavar="N", help="turns combined by the median (default: 5)"
+    )
     parser.add_argument("--output", type=Path, metavar="PNG", help="default: NAME.png in this folder")
     parser.add_argument("--force", action="store_true", help="replace the picture if it is there")
 
@@ -46,11 +49,10 @@ def _show(arguments: argparse.Namespace) -> int:
     output = arguments.output or Path(f"{Path(arguments.source).stem}.png")
     check_ending(output, ".png", "the picture")
     check_outputs([output], force=arguments.force, option="--output")
-    if arguments.turns < 1:
-        raise ValueError(f"--turns must be 1 or more, got {arguments.turns}")
-    scan = laser.average(laser.take_scans(arguments.source, arguments.turns))
+    scans = laser.take_scans(arguments.source, arguments.turns)
+    scan = laser.average(scans, complete_only=any(turn.complete for turn in scans))
     figure, ax = plotting.panels(1, width_in=7, aspect=1.0, subplot_kw={"projection": "polar"})
-    title = f"{Path(arguments.source).name}: median of {scan.n_turns} turns, mm"
+    title = f"{plotting.as_written(Path(arguments.source).name)}: median of {scan.n_turns} turns, mm"
     plotting.plot_scan_polar(scan.angles_rad, scan.ranges_mm, ax[0], title)
     write_atomic(output, plotting.show_figure(None, figure).data)
     print(f"{output}: {int((scan.count > 0).sum())} of 360 beams with a reading, {scan.speed_rpm:.0f} turns a minute")
@@ -60,7 +62,9 @@ def _show(arguments: argparse.Namespace) -> int:
 def _configure_record(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("port", metavar="PORT", help="for example /dev/ttyUSB0, COM3 or socket://127.0.0.1:4000")
     parser.add_argument("file", type=Path, metavar="FILE", help="what to write; FILE.json beside it has the notes")
-    parser.add_argument("--seconds", type=float, default=float("inf"), metavar="S", help="default: until Ctrl-C")
+    parser.add_argument(
+        "--seconds", type=number(0, FOR_EVER), default=FOR_EVER, metavar="S", help="default: until Ctrl-C"
+    )
     parser.add_argument("--force", action="store_true", help="replace a recording that is there")
 
 
@@ -100,9 +104,15 @@ def _configure_emulate(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--scene", choices=("cube", "room"), default="cube", help="the cube in a room, or the room alone"
     )
-    parser.add_argument("--distance-mm", type=float, default=700.0, metavar="MM", help="of the cube (default: 700)")
-    parser.add_argument("--seconds", type=float, default=float("inf"), metavar="S", help="default: until Ctrl-C")
-    parser.add_argument("--seed", type=int, default=0, metavar="N", help="of noise and faults (default: 0)")
+    parser.add_argument(
+        "--distance-mm", type=number(1, MM), default=700.0, metavar="MM", help="of the cube (default: 700)"
+    )
+    parser.add_argument(
+        "--seconds", type=number(0, FOR_EVER), default=FOR_EVER, metavar="S", help="default: until Ctrl-C"
+    )
+    parser.add_argument(
+        "--seed", type=whole(0, 2**32 - 1), default=0, metavar="N", help="of noise and faults (default: 0)"
+    )
     parser.add_argument("--link", choices=("auto", "pty", "socket"), default="auto", help="what to serve it on")
     for name, what in (
         ("bit-error-rate", "chance of each bit to flip"),
@@ -112,7 +122,8 @@ def _configure_emulate(parser: argparse.ArgumentParser) -> None:
         ("spin-down-after-s", "the motor runs out from then on"),
         ("disconnect-after-s", "the port goes away"),
     ):
-        parser.add_argument(f"--{name}", type=float, metavar="X", help=what)
+        most = 1.0 if name.endswith("rate") else FOR_EVER
+        parser.add_argument(f"--{name}", type=number(0, most), metavar="X", help=what)
 
 
 def _emulate(arguments: argparse.Namespace) -> int:

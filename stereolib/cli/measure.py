@@ -13,6 +13,7 @@ from stereolib.cli.boards import said_of
 from stereolib.cli.command import Command
 from stereolib.cli.errors import DONE, REFUSED, named
 from stereolib.cli.outputs import check_ending, check_outputs
+from stereolib.cli.ranges import MM, number
 from stereolib.cli.told import object_details, object_facts, object_title, wrapped
 
 if TYPE_CHECKING:
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 
 _FLOOR_STD = (1.0, 0.2)  # mm, degrees: what a ruler and a phone's level tell
 _STEEPEST = 90.0  # degrees
+_LAST_PX = 2**15  # no picture is larger
 _LEAST_MM = 1.0  # a lower camera was meant in metres
 _OTHER_FLOOR = 16.3  # squared deviations of three numbers, which chance passes once in 1,000
 
@@ -109,6 +111,12 @@ def between(
     """A picture with the line between two pixels, its length as facts and as a sentence."""
     from stereolib.measurement import Views, draw_length, find_surface, match_views, measure_between
 
+    height, width = pair[0].shape[:2]
+    for column, row in pixels:
+        if not (column < width and row < height):
+            raise ValueError(f"--between {column:g},{row:g} lies outside the left picture, which is {width}x{height}")
+    if pixels[0] == pixels[1]:
+        raise ValueError(f"--between needs two pixels, got {pixels[0][0]:g},{pixels[0][1]:g} twice")
     views = Views.of(*pair, instrument.rectified)
     map_px = match_views(views)
     one, other = (find_surface(views, map_px, at) for at in instrument.rectified.rectify_points(pixels, "left"))
@@ -122,9 +130,10 @@ def between(
 
 def _pixel(text: str) -> tuple[float, float]:
     """Column and row of ``X,Y``."""
+    inside = number(0, _LAST_PX)
     try:
-        column, row = (float(part) for part in text.split(","))
-    except ValueError:
+        column, row = (inside(part) for part in text.split(","))
+    except (ValueError, argparse.ArgumentTypeError):
         raise argparse.ArgumentTypeError(f"{text!r} is not X,Y: a column and a row, as 320,240") from None
     return column, row
 
@@ -142,8 +151,9 @@ def _floor(text: str) -> tuple[float, ...]:
     height, pitch, *deviations = numbers
     if 0 < height < _LEAST_MM:
         raise argparse.ArgumentTypeError(f"{text!r}: the height is in millimetres, and no lens is {height:g} mm up")
-    if not (height > 0 and abs(pitch) < _STEEPEST and all(0 <= std < height for std in deviations)):
-        why = f"{text!r}: the height must be above 0 mm, the pitch between -{_STEEPEST:g} and {_STEEPEST:g} degrees"
+    if not (0 < height <= MM and abs(pitch) < _STEEPEST and all(0 <= std < height for std in deviations)):
+        heights = f"the height must be above 0 mm and up to {MM:g}"
+        why = f"{text!r}: {heights}, the pitch between -{_STEEPEST:g} and {_STEEPEST:g} degrees"
         raise argparse.ArgumentTypeError(f"{why}, deviations not negative")
     return numbers
 

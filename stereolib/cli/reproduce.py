@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 import argparse
+import shutil
 import sys
+from pathlib import Path
 
 from stereolib.cli.command import Command
 from stereolib.cli.errors import DONE, REFUSED
+from stereolib.cli.ranges import whole
 
 
 def _configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("names", nargs="*", metavar="NAME", help="notebooks by number or name; default: all")
-    parser.add_argument("--jobs", type=int, default=2, metavar="N", help="notebooks at once (default: 2)")
+    parser.add_argument("--jobs", type=whole(1, 64), default=2, metavar="N", help="notebooks at once (default: 2)")
+    parser.add_argument(
+        "--output", type=Path, metavar="DIR", help="work on a copy of the notebooks and figures, made there"
+    )
     outcome = parser.add_mutually_exclusive_group()
     outcome.add_argument("--check", action="store_true", help="compare only; replace no file")
     outcome.add_argument("--accept", action="store_true", help="replace the files although numbers changed")
@@ -20,8 +26,9 @@ def _configure(parser: argparse.ArgumentParser) -> None:
 def _run(arguments: argparse.Namespace) -> int:
     from stereolib.reproduction import REPEAT_RTOL, NotebookError, reproduce
 
+    notebooks, figures = _copied(arguments.output) if arguments.output else (None, None)
     try:
-        changed = reproduce(names=arguments.names, jobs=arguments.jobs, check=arguments.check, accept=arguments.accept)
+        changed = reproduce(notebooks, figures, arguments.names, arguments.jobs, arguments.check, arguments.accept)
     except NotebookError as error:
         print(f"stereolib: failed, nothing was replaced\n{error}", file=sys.stderr)
         return REFUSED
@@ -36,6 +43,19 @@ def _run(arguments: argparse.Namespace) -> int:
         file=sys.stderr,
     )
     return REFUSED
+
+
+def _copied(folder: Path) -> tuple[Path, Path]:
+    """Copies of the notebooks and figures, for a checkout that cannot be written."""
+    from stereolib.base import check_target, datasets
+
+    places = folder / "notebooks", folder / "figures"
+    if there := [place for place in places if place.exists()]:
+        raise FileExistsError(f"{there[0]} is there already: name another folder with --output")
+    check_target(folder / "figures")
+    for place in places:
+        shutil.copytree(datasets.repository() / place.name, place, copy_function=shutil.copyfile)
+    return places
 
 
 REPRODUCE = Command(

@@ -15,7 +15,6 @@ from collections.abc import Callable, Generator
 from contextlib import closing
 from dataclasses import replace
 from datetime import UTC, datetime
-from itertools import islice
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -33,6 +32,8 @@ _SILENCE_S = 2.0  # a turning sensor sends every 2 ms; adapters hold bytes back 
 _POLL_S = 0.05  # how often a port is emptied and a recording written
 _CHUNK_BYTES = 4096  # what a port delivers in 0.36 s: more than it holds at a poll
 _REPORT_S = 0.5  # between two reports of a recording's progress
+_START_S, _LONGEST_TURN_S = 10.0, 1.0  # to wait for the first turn, and for each: a sensor needs 0.2 s
+_LEAST_PARTS = 3  # turns that lack packets, which together may make a whole one
 _GIVE_UP_BYTES = 8000  # without one packet in so many bytes (0.8 s) it is no XV-11
 
 
@@ -40,8 +41,10 @@ class LidarError(OSError):
     """The port cannot be opened, or gives nothing of use; the text names the fix."""
 
 
-def open_lidar(port: str, timeout_s: float = _SILENCE_S, partial: bool = False) -> Generator[LaserScan, None, None]:
-    """Read scans from a sensor, one a turn, for ever; ``stamp_s`` counts from the opening of the port.
+def open_lidar(
+    port: str, timeout_s: float = _SILENCE_S, partial: bool = False, end_s: float = np.inf
+) -> Generator[LaserScan, None, None]:
+    """Read scans from a sensor, one a turn; ``stamp_s`` counts from the opening of the port.
 
     Parameters
     ----------
@@ -51,6 +54,8 @@ def open_lidar(port: str, timeout_s: float = _SILENCE_S, partial: bool = False) 
         Longest silence, s.
     partial : bool
         Give turns with lost packets, too.
+    end_s : float
+        When to end, s; default: never.
 
     Yields
     ------
@@ -71,6 +76,8 @@ def open_lidar(port: str, timeout_s: float = _SILENCE_S, partial: bool = False) 
     with closing(read_chunks(port, timeout_s)) as chunks:
         for chunk in chunks:
             pending = join_readings([pending[:], decoder.feed(chunk)])
+            if time.monotonic() - start_s > end_s:
+                return
             heard = (heard + chunk)[-_CHUNK_BYTES:]
             _check_packets(port, decoder.totals, heard)
             ends = np.flatnonzero(np.diff(pending.index.astype(int)) <= 0) + 1
@@ -95,34 +102,41 @@ def take_scans(source: str | PathLike[str], count: int = 5) -> list[LaserScan]:
     source : path or str
         A file, a pipe, a device name or a pyserial address.
     count : int
-        Turns wanted; a recording or a replay that ends before gives fewer.
+        Turns wanted; a recording or a replay that ends before gives fewer, and so does a line too slow or too lossy
+        to bring them in ten seconds and one more for each.
 
     Returns
     -------
     list of LaserScan
-        At least one.
+        At least one. From a line that brings no complete turn in that time: those with lost packets, three at least.
 
     Raises
     ------
     ValueError
         If the recording holds no complete turn, or as `read_recording`.
     LidarError
-        As `open_lidar`, if not even one turn came.
+        As `open_lidar`, if not even one turn came, or no three with lost packets.
     """
     path = Path(source)
     if path.is_file() or path.is_fifo():
         if scans := [scan for scan in turns(read_recording(path)) if scan.complete][:count]:
             return scans
         raise ValueError(f"{source} holds no complete turn, only parts; record for at least one second")
-    scans = []
-    with closing(open_lidar(str(source))) as live:
+    scans, parts, end_s = list[LaserScan](), list[LaserScan](), _START_S + _LONGEST_TURN_S * count
+    with closing(open_lidar(str(source), partial=True, end_s=end_s)) as live:
         try:
-            for scan in islice(live, count):
-                scans.append(scan)
+            for scan in live:
+                (scans if scan.complete else parts).append(scan)
+                if len(scans) == count:
+                    break
         except LidarError:  # the end of a replay, or unplugged: what came before is good
             if not scans:
                 raise
-    return scans
+    if not scans and len(parts) < _LEAST_PARTS:
+        why = "the line is too slow, or loses too many bytes"
+        advice = "try a shorter cable or a direct connection; `stereolib lrf record` keeps whatever comes"
+        raise LidarError(f"{source} brought no complete turn in {end_s:g} s: {why}. {advice}")
+    return scans or parts
 
 
 def read_chunks(port: str, timeout_s: float = _SILENCE_S) -> Generator[bytes, None, None]:

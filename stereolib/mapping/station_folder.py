@@ -9,13 +9,14 @@ from __future__ import annotations
 import csv
 import math
 import re
+import reprlib
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
-from stereolib.base import Float64, UInt8, read_text
+from stereolib.base import Float64, UInt8, check_name, read_text
 from stereolib.laser import LaserScan, average, read_recording, turns
 from stereolib.rig import read_pair
 
@@ -24,6 +25,7 @@ _PART = re.compile(r"(?P<name>.+?)[_-](?P<part>left|right|scan)", re.IGNORECASE)
 _PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp")
 _SCANS = (".bin", ".csv")
 _POSE_COLUMNS, _SCAN_COLUMNS = ("station", "x_mm", "y_mm", "yaw_deg"), ("angle_deg", "range_mm")
+_MOST = 1e7  # mm, degrees: ten kilometres
 _LEAST_BEAMS = 30  # of a scan
 _LEAST_TURNS = 3  # that may stand for a whole one, if each of them lost a packet
 _UNEVEN = 0.01  # share of a step by which beams of a file may stand off their even places
@@ -170,6 +172,7 @@ def list_stations(folder: Path, poses: Path | None = None) -> StationFolder:
         if found is None or path.suffix.lower() not in (*_PICTURES, *_SCANS):
             unused += [path.name] if path.name not in (CALIBRATION, POSES) else []
             continue
+        check_name(path)
         name, part = _plain(found["name"]), found["part"].lower()
         if path.suffix.lower() not in (_SCANS if part == "scan" else _PICTURES):
             kinds = " or ".join(_SCANS) if part == "scan" else "a picture (PNG, JPEG, ...)"
@@ -214,7 +217,7 @@ def _read_poses(path: Path, names: Iterable[str]) -> dict[str, tuple[float, floa
     for line, row in _table(path, _POSE_COLUMNS):
         name = _plain(row[0].strip())
         if name not in names:
-            raise ValueError(f"{path}, line {line}: there is no station {name!r}, only {', '.join(names)}")
+            raise ValueError(f"{path}, line {line}: there is no station {reprlib.repr(name)}, only {', '.join(names)}")
         if name in found:
             raise ValueError(f"{path}, line {line}: the pose of station {name} stands there twice: keep one")
         x, y, yaw = _numbers(path, line, row[1:])
@@ -224,16 +227,18 @@ def _read_poses(path: Path, names: Iterable[str]) -> dict[str, tuple[float, floa
 
 def _table(path: Path, columns: tuple[str, ...]) -> list[tuple[int, list[str]]]:
     """Rows of a file with a known head, each with its line's number."""
-    lines = list(csv.reader(read_text(path).splitlines()))
+    try:
+        lines = list(csv.reader(read_text(path).splitlines()))
+    except csv.Error as error:
+        raise ValueError(f"{path}: not a table of {','.join(columns)} ({error})") from None
     head = tuple(cell.strip().lower() for cell in lines[0]) if lines else ()
     if head != columns:
-        raise ValueError(f"{path}: its first line must be {','.join(columns)}; it is {','.join(head)!r}")
+        raise ValueError(f"{path}: its first line must be {','.join(columns)}; it is {reprlib.repr(','.join(head))}")
     rows = [(k, row) for k, row in enumerate(lines[1:], start=2) if any(cell.strip() for cell in row)]
     for line, row in rows:
         if len(row) != len(columns):
-            raise ValueError(
-                f"{path}, line {line}: {len(columns)} values are expected ({','.join(columns)}), got {row}"
-            )
+            wanted = f"{len(columns)} values are expected ({','.join(columns)})"
+            raise ValueError(f"{path}, line {line}: {wanted}, got {reprlib.repr(row)}")
     return rows
 
 
@@ -244,8 +249,10 @@ def _numbers(path: Path, line: int, cells: Iterable[str], *, empty: float | None
             value = empty if empty is not None and not cell.strip() else float(cell)
         except ValueError:
             value = math.inf
-        if value is None or math.isinf(value) or (math.isnan(value) and empty is None):
-            raise ValueError(f"{path}, line {line}: {cell.strip()!r} is no number") from None
+        if value is None or abs(value) > _MOST or (math.isnan(value) and empty is None):
+            raise ValueError(
+                f"{path}, line {line}: {reprlib.repr(cell.strip())} is no number up to {_MOST:g}"
+            ) from None
         values.append(value)
     return values
 

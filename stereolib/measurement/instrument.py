@@ -11,11 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from stereolib.base import Float64, read_json, write_atomic
+from stereolib.base import Float64, finite_array, read_json, write_atomic
 from stereolib.calibration import LidarCamera
-from stereolib.rig import RectifiedRig, StereoRig, formats
+from stereolib.rig import RectifiedRig, StereoRig, calibration_notes, formats
 
 _ROTATION_TOLERANCE = 1e-6  # of R R', for which a file's digits are enough
+_MOST_STD = 1e6  # of deviations and of the laser's place, mm or px: a kilometre is damage, and products overflow
 
 
 @dataclass(frozen=True)
@@ -84,10 +85,9 @@ class Instrument:
         rig, text = _read_rig(path)
         with formats.naming(path):
             rectified = rig.rectify()
-        remedy = "run `stereolib calibrate` again"
+        remedy, std = "run `stereolib calibrate` again", calibration_notes(path).get("std", {})
         try:
-            known = text.get("calibration", {}).get("std", {}).get("rectified", {})
-            uncertainty = _uncertainty(**known)
+            uncertainty = _uncertainty(**std.get("rectified", {}))
             laser = text.get("lidar")
             remedy = 'run `stereolib calibrate-laser` again, or take the entry "lidar" out of the file'
             lidar = None if laser is None else _lidar(laser["T_left_lidar"], laser["covariance"])
@@ -129,21 +129,16 @@ def _read_rig(path: str | PathLike[str]) -> tuple[StereoRig, Mapping[str, Any]]:
 
 
 def _uncertainty(correlation: Any = (0.0, 0.0, 0.0), **stds: Any) -> SystematicUncertainty:
-    together = tuple(float(r) for r in correlation)
-    if len(together) != 3 or not all(abs(r) <= 1 for r in together):
-        raise ValueError(f"three correlations from -1 to 1 are needed, got {correlation}")
-    for name, value in stds.items():
-        if not 0 <= float(value) < np.inf:
-            raise ValueError(f"the deviation of {name} must be a finite number from 0 on, got {value}")
-    return SystematicUncertainty(**{name: float(value) for name, value in stds.items()}, correlation=together)
+    r = finite_array(correlation, (3,), "correlation", most=1.0)
+    known = {name: float(finite_array(value, (), name, most=_MOST_STD)) for name, value in stds.items()}
+    if any(value < 0 for value in known.values()):
+        raise ValueError(f"a deviation is 0 or more, got {known}")
+    return SystematicUncertainty(**known, correlation=(float(r[0]), float(r[1]), float(r[2])))
 
 
 def _lidar(pose: Any, covariance: Any) -> LidarCamera:
-    T, C = np.array(pose, float), np.array(covariance, float)
-    if (T.shape, C.shape) != ((4, 4), (6, 6)):
-        raise ValueError(f"T_left_lidar must be a (4, 4) pose and covariance (6, 6), got {T.shape} and {C.shape}")
-    if not (np.isfinite(T).all() and np.isfinite(C).all()):
-        raise ValueError("T_left_lidar and covariance must be finite numbers")
+    T = finite_array(pose, (4, 4), "T_left_lidar", most=_MOST_STD)
+    C = finite_array(covariance, (6, 6), "covariance", most=_MOST_STD**2)
     is_rotation = np.allclose(T[:3, :3] @ T[:3, :3].T, np.eye(3), atol=_ROTATION_TOLERANCE)
     if not (is_rotation and np.linalg.det(T[:3, :3]) > 0 and np.array_equal(T[3], (0, 0, 0, 1))):
         raise ValueError("T_left_lidar must be a rotation (3, 3) and a shift in mm, above the row 0 0 0 1")

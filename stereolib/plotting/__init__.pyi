@@ -57,7 +57,7 @@ from .side_views import (
     plot_floor_rays,
     plot_laser_triangle,
 )
-from .style import COLORS, LASER, OURS, PAPER, REFUSED, RIVAL, TRUTH, panels
+from .style import COLORS, LASER, OURS, PAPER, REFUSED, RIVAL, TRUTH, as_written, panels
 from .triangulation import plot_triangulation
 from .two_views import (
     plot_camera_and_cube,
@@ -80,6 +80,7 @@ __all__ = [
     "TRUTH",
     "Exhibit",
     "ImageQuantity",
+    "as_written",
     "board_sheet",
     "board_words",
     "check_figure",

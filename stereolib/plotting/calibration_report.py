@@ -40,7 +40,7 @@ from stereolib.plotting.pictures import (
     plot_points,
     plot_quantity,
 )
-from stereolib.plotting.style import panels
+from stereolib.plotting.style import as_written, panels
 from stereolib.rig import Camera, read_image
 
 Files: TypeAlias = Mapping[str, tuple[Path, Path]]
@@ -114,7 +114,7 @@ def _corners(diagnosis: Diagnosis, files: Files) -> list[str]:
     figure, axes = panels(2, -(-len(chosen) // 2), width_in=12, aspect=0.42)
     for ax, k in zip(axes, chosen, strict=False):
         images = [read_image(file, grey=True) for file in files[views.names[k]]]
-        plot_image(np.hstack(images), ax, views.names[k])
+        plot_image(np.hstack(images), ax, as_written(views.names[k]))
         for corners, shift in ((views.left_px[k], 0), (views.right_px[k], views.size[0])):
             plot_corners(None, corners + np.array([shift, 0]), views.board.columns, ax)
     for ax in axes:
@@ -168,9 +168,9 @@ def _residuals(diagnosis: Diagnosis) -> list[str]:
     bars, (ax,) = panels(1, width_in=12, aspect=0.26)
     worst = int(np.argmax(diagnosis.pair_rms_px.max(axis=1)))
     curves = {side: (numbers, diagnosis.pair_rms_px[:, k]) for k, side in enumerate(("left", "right"))}
-    title = f"rms of each pair; the largest is {views.names[worst]}"
+    title = f"rms of each pair; the largest is {as_written(views.names[worst])}"
     plot_curves(curves, ax, xlabel="", ylabel="rms (px)", title=title, joined=False, ylim=(0, None))
-    ax.set_xticks(numbers, [name[-16:] for name in views.names], rotation=70)
+    ax.set_xticks(numbers, [as_written(name[-16:]) for name in views.names], rotation=70)
     return [_embedded(shown) for shown in (figure, bars)]
 
 
@@ -189,7 +189,7 @@ def _worst_corners(diagnosis: Diagnosis, files: Files) -> list[str]:
         file = files[corner.pair][corner.side == "right"]
         where = f"corner of column {corner.column}, row {corner.row}"
         left_out = ", left out" * (corner in diagnosis.wrong_corners)
-        title = f"{file.name} ({corner.side})\n{where}: {corner.off_px:.2f} px off{left_out}"
+        title = f"{as_written(file.name)} ({corner.side})\n{where}: {corner.off_px:.2f} px off{left_out}"
         plot_crop(read_image(file, grey=True), np.array(corner.found_px), np.array(corner.expected_px), ax, title)
     for ax in axes[len(worst) :]:
         ax.set_axis_off()

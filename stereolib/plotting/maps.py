@@ -15,7 +15,7 @@ from stereolib.mapping import COLORS as RGB
 from stereolib.mapping import FREE, OCCUPIED, Map, OccupancyGrid, Station, station_names
 from stereolib.measurement import Measurement, draw_objects
 from stereolib.plotting.pictures import plot_image
-from stereolib.plotting.style import LASER, OURS, RIVAL, default_style
+from stereolib.plotting.style import LASER, OURS, RIVAL, as_written, default_style
 
 _DISC_MM, _HEADING_MM = 65, 330  # of a station: its radius, and how far its line reaches, beyond a neighbour's disc
 _OVER_RING: dict[str, Any] = {"facecolor": "white", "lw": 0, "pad": 1}
@@ -188,7 +188,7 @@ def plot_station(station: Station, ax: Axes, name: str, *, color: Any = "black")
     end = x + _HEADING_MM * np.cos(yaw), y + _HEADING_MM * np.sin(yaw)
     ax.plot([x, end[0]], [y, end[1]], color=color, lw=1.5, zorder=4.5)  # behind all discs, those of neighbours too
     ax.add_patch(Circle((x, y), _DISC_MM, fc=color, ec="white", zorder=5))
-    ax.text(x, y, name, color="white", ha="center", va="center", fontsize=8, zorder=6)
+    ax.text(x, y, as_written(name), color="white", ha="center", va="center", fontsize=8, zorder=6)
     return ax
 
 
@@ -209,7 +209,7 @@ def plot_scans(stations: Sequence[Station], ax: Axes, title: str = "") -> Axes:
     for k, (station, name) in enumerate(zip(stations, station_names(stations), strict=True)):
         color = _STATION_COLORS[k % len(_STATION_COLORS)]
         readings = station.to_map(station.scan_mm)
-        ax.scatter(readings[:, 0], readings[:, 1], s=6, color=color, lw=0, label=f"station {name}")
+        ax.scatter(readings[:, 0], readings[:, 1], s=6, color=color, lw=0, label=f"station {as_written(name)}")
         plot_station(station, ax, name, color=color)
     return _floor_axes(ax, title)
 

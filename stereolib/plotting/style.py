@@ -44,6 +44,25 @@ def default_style(draw: Callable[_Arguments, _Result]) -> Callable[_Arguments, _
     return drawn
 
 
+def as_written(name: str) -> str:
+    """Make a file's or a station's name fit for a figure, in which dollars begin a formula.
+
+    Parameters
+    ----------
+    name : str
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> print(as_written("price_$5_$6.bin"))
+    price_\\$5_\\$6.bin
+    """
+    return name.encode("utf-8", "backslashreplace").decode("utf-8").replace("$", r"\$")
+
+
 @default_style
 def panels(columns: int, rows: int = 1, *, width_in: float = 10.0, aspect: float = 0.75, **subplots: Any) -> Any:
     """Make a figure of equal panels.

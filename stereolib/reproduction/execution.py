@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import asyncio
 import re
+import subprocess
 import sys
 import tempfile
 import time
@@ -286,8 +287,10 @@ def execute_notebooks(
         raise ValueError(f"jobs is {jobs}; give the number of notebooks to run at once, 1 or more")
     target_dir.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix="stereolib-") as settings:
-        # The user's IPython profile and kernels' connection files stay out of it.
-        env = kernel_environment(figures_dir) | {"IPYTHONDIR": settings}
+        # The user's IPython profile and matplotlibrc stay out of it; a home that cannot be written is not asked for.
+        env = kernel_environment(figures_dir) | {"IPYTHONDIR": settings, "MPLCONFIGDIR": settings}
+        list_fonts = [sys.executable, "-c", "import matplotlib.font_manager"]  # said on stderr where it takes long
+        subprocess.run(list_fonts, env=env, capture_output=True, check=False)
         with asyncio.Runner(loop_factory=asyncio.SelectorEventLoop) as runner:
             errors = runner.run(
                 _execute_all([Path(s).resolve() for s in sources], target_dir, env, jobs, limits or Limits())

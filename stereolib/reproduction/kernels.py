@@ -15,6 +15,8 @@ ONE_THREAD = {
 _BLAS_KERNELS = "Haswell"
 _CV_CPU_AVX2 = 11  # OpenCV's number of it, for which Python has no name
 _BEYOND_AVX2 = ("X86_V4", "AVX512")  # how the names of numpy's wider kernels begin
+#: The user's variables that would change what a kernel computes, draws or says.
+_CLEARED = ("MPLBACKEND", "MATPLOTLIBRC", "OPENCV_IPP", "PYTHONWARNINGS", "PYTHONIOENCODING", "PYTHONSTARTUP")
 
 
 def _one_processor() -> dict[str, str]:
@@ -43,11 +45,11 @@ def kernel_environment(figures_dir: str | os.PathLike[str]) -> dict[str, str]:
     Returns
     -------
     dict
-        This process's variables with one thread per kernel, a fixed hash seed and no back end of the user's, and on
+        This process's variables with one thread per kernel, a fixed hash seed, UTF-8, no settings of the user's, and on
         x86-64 the arithmetic of a processor with AVX2, unless the user chose another (``OPENBLAS_CORETYPE``,
         ``NPY_DISABLE_CPU_FEATURES``).
     """
-    user = {name: value for name, value in os.environ.items() if name != "MPLBACKEND"}
+    user = {name: value for name, value in os.environ.items() if name not in _CLEARED}
     return (
         _one_processor()
         | user
@@ -55,6 +57,7 @@ def kernel_environment(figures_dir: str | os.PathLike[str]) -> dict[str, str]:
         | {
             "STEREOLIB_FIGURES": str(Path(figures_dir).resolve()),
             "PYTHONHASHSEED": "0",
+            "PYTHONUTF8": "1",
             "OPENCV_FOR_THREADS_NUM": "1",  # its calibration adds up in the order in which threads come
             "PYDEVD_DISABLE_FILE_VALIDATION": "1",
         }

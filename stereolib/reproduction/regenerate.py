@@ -60,7 +60,12 @@ def find_notebooks(folder: Path, names: Sequence[str] = ()) -> list[Path]:
 @contextmanager
 def _locked(path: Path) -> Iterator[None]:
     """Hold a lock that the system drops with the process: one run at a time, and no lock outlives its run."""
-    with path.open("a") as stream:
+    try:
+        stream = path.open("a")
+    except OSError as error:
+        why = f"{path.parent} cannot be written ({error.strerror})"
+        raise ValueError(f"{why}: name a folder of your own with --output, or copy the project to one") from None
+    with stream:
         try:
             if os.name == "nt":
                 import msvcrt

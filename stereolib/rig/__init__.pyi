@@ -1,9 +1,9 @@
 from .camera import Camera, distort
 from .formats import load_kalibr, load_opencv, load_rig, load_ros, save_kalibr, save_opencv, save_ros
-from .images import check_pair, image_size, read_image, read_pair, to_grey, to_light
+from .images import check_image, check_pair, image_size, read_image, read_pair, to_grey, to_light
 from .matlab_format import from_matlab_struct, to_matlab_struct
 from .pair_files import PairFile, find_pairs
-from .stereo_rig import RectifiedRig, StereoRig
+from .stereo_rig import RectifiedRig, StereoRig, calibration_notes
 from .transforms import pose_left_world, rigid, skew
 
 __all__ = [
@@ -11,6 +11,8 @@ __all__ = [
     "PairFile",
     "RectifiedRig",
     "StereoRig",
+    "calibration_notes",
+    "check_image",
     "check_pair",
     "distort",
     "find_pairs",

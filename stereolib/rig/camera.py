@@ -11,6 +11,9 @@ from numpy.typing import ArrayLike
 from stereolib.base import Float64, finite_array, set_frozen
 
 _DIST_LENGTHS = (0, 4, 5, 8, 12, 14)
+_LARGEST_PX = 2**15 - 1  # a side of a picture: OpenCV's lookup maps hold no more
+_LEAST_FOCAL_PX, _MOST_PX = 0.1, 1e6  # of K: whatever lies outside is no lens but a slip, and products overflow
+_MOST_DIST = 1e6  # a coefficient of the lens: those that are fitted to noise reach thousands
 _NEWTON_STEPS = 20  # four or five do far from the fold
 _START_INSIDE = 0.9  # of the fold radius: on it the Jacobian is singular
 _SETTLED = 1e-12  # step of ideal coordinates: a thousandth of a millionth of a pixel
@@ -35,7 +38,7 @@ class Camera:
     Raises
     ------
     ValueError
-        If a shape is wrong or a value is not finite.
+        If a shape is wrong, or a value is not finite or out of range.
     """
 
     K: Float64
@@ -43,16 +46,19 @@ class Camera:
     size: tuple[int, int]
 
     def __post_init__(self) -> None:
-        size = finite_array(self.size, (2,), "size")
+        size = finite_array(self.size, (2,), "size", most=_LARGEST_PX)
         if (size < 1).any() or (size % 1).any():
             raise ValueError(f"size must be a positive (width, height) in whole pixels, got {self.size!r}")
-        set_frozen(self, K=finite_array(self.K, (3, 3), "K"), size=(int(size[0]), int(size[1])))
-        dist = np.asarray(self.dist, float).ravel()
+        set_frozen(self, K=finite_array(self.K, (3, 3), "K", most=_MOST_PX), size=(int(size[0]), int(size[1])))
+        if self.K[1, 0] != 0 or not np.array_equal(self.K[2], (0, 0, 1)):
+            raise ValueError(f"K must be [[fx, skew, cx], [0, fy, cy], [0, 0, 1]], got {self.K.tolist()}")
+        if min(self.K[0, 0], self.K[1, 1]) < _LEAST_FOCAL_PX:
+            why = f"focal lengths must be positive, {_LEAST_FOCAL_PX:g} px at least"
+            raise ValueError(f"{why}, got fx={self.K[0, 0]:g}, fy={self.K[1, 1]:g}")
+        dist = finite_array(self.dist, None, "dist", most=_MOST_DIST).ravel()
         if dist.size not in _DIST_LENGTHS:
             raise ValueError(f"dist has {dist.size} coefficients; OpenCV's models have {_DIST_LENGTHS}")
-        set_frozen(self, dist=finite_array(dist, dist.shape, "dist"))
-        if self.K[0, 0] <= 0 or self.K[1, 1] <= 0:
-            raise ValueError(f"focal lengths must be positive, got fx={self.K[0, 0]:g}, fy={self.K[1, 1]:g}")
+        set_frozen(self, dist=dist)
 
     def project(self, points_mm: ArrayLike) -> Float64:
         """Pixels of points in the camera's own frame.

@@ -16,13 +16,14 @@ import cv2
 import numpy as np
 import yaml
 
-from stereolib.base import Float64, check_nesting, read_text, read_yaml, write_atomic
+from stereolib.base import Float64, check_nesting, finite_array, read_text, read_yaml, write_atomic
 from stereolib.rig.camera import Camera
 from stereolib.rig.stereo_rig import StereoRig
 from stereolib.rig.transforms import rigid
 
 AnyPath = str | PathLike[str]
 _MM_PER_M = 1000.0
+_MOST = 1e9  # of any number in such files: a larger one is damage, and products overflow
 #: What OpenCV files call the left and right camera's matrix and lens, before the number of the camera.
 _OPENCV_NAMES = (("M", "D"), ("K", "D"), ("cameraMatrix", "distCoeffs"))
 _OPENCV_RECTIFIED = ("R1", "R2", "P1", "P2", "Q")
@@ -97,7 +98,7 @@ def load_opencv(*paths: AnyPath, size: tuple[int, int] | None = None, unit_mm: f
             raise ValueError("it does not say how large the images are: pass size=(width, height)")
         size = size or (entries["image_width"], entries["image_height"])
         K1, d1, K2, d2, R, T = (need(entries, name) for name in (*names, "R", "T"))
-        return StereoRig(Camera(K1, d1, size), Camera(K2, d2, size), R, np.ravel(T) * unit_mm)
+        return StereoRig(Camera(K1, d1, size), Camera(K2, d2, size), R, numbers(T).ravel() * unit_mm)
 
 
 def save_ros(left: AnyPath, right: AnyPath, rig: StereoRig, *, alpha: float = 0.0) -> tuple[Path, Path]:
@@ -175,7 +176,8 @@ def load_ros(left: AnyPath, right: AnyPath) -> StereoRig:
                 raise ValueError(f"{model} has {_ROS_MODELS[model]} coefficients, it lists {dist.size}")
             cameras.append(Camera(K, dist, (need(info, "image_width"), need(info, "image_height"))))
             turns.append(R)
-            shifts.append(np.linalg.solve(P[:, :3], P[:, 3]) * _MM_PER_M)
+            shift_m = np.linalg.solve(P[:, :3], P[:, 3])
+            shifts.append(finite_array(shift_m, (3,), "the shift in its projection matrix, m,", most=_MOST) * _MM_PER_M)
     with naming(left, right):
         if not np.linalg.norm(shifts[1]) > 0:
             raise ValueError("the right camera's projection matrix holds no baseline: is it one of a stereo pair?")
@@ -337,14 +339,19 @@ def numbers(values: Any) -> Float64:
 
     Returns
     -------
-    float64, shaped like `values`
+    float64, shaped like `values`, read-only
+
+    Raises
+    ------
+    ValueError
+        If one is none, not finite, or so large that products would overflow.
 
     Examples
     --------
     >>> numbers(["1e-05", 2])
     array([1.e-05, 2.e+00])
     """
-    return np.array(values, float)
+    return finite_array(values, None, "numbers of the file", most=_MOST)
 
 
 def at_least(dist: Float64, count: int) -> Float64:

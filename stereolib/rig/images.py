@@ -15,6 +15,7 @@ from stereolib.base import Float32, UInt8, read_bytes
 
 #: Kind, first bytes, end marker: decoders may fill the rest of a cut picture with grey and say nothing.
 _ENDS = (("JPEG", b"\xff\xd8\xff", b"\xff\xd9"), ("PNG", b"\x89PNG", b"IEND"))
+_LEAST_SIDE_PX = 2  # of a picture that is looked at in half size
 MAX_MEGAPIXELS = 100.0  # no webcam comes near; a few kB can claim a thousand times as much
 _GAMMA = 2.2  # of cameras' and screens' grey levels (sRGB, nearly)
 _LIGHT = ((np.arange(256) / 255) ** _GAMMA).astype(np.float32)
@@ -45,10 +46,13 @@ def read_image(path: str | PathLike[str], *, grey: bool = False) -> UInt8:
         if data.startswith(start) and end not in data[-64:]:
             why = f"{path}: the {kind} is cut short ({len(data)} bytes, no end marker)"
             raise ValueError(f"{why}: copy or record it again")
-    if (megapixels := _megapixels_of_header(data)) > MAX_MEGAPIXELS:
+    megapixels = _megapixels_of_header(data)
+    if megapixels > MAX_MEGAPIXELS:
         why = f"{path}: the picture has {megapixels:.0f} megapixels, at most {MAX_MEGAPIXELS:.0f} are read"
         raise ValueError(f"{why}: scale it down")
-    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH) if data else None
+    broken = not megapixels and any(data.startswith(start) for _, start, _ in _ENDS)  # OpenCV's decoders are talkative
+    raw = np.frombuffer(b"" if broken else data, np.uint8)
+    image = cv2.imdecode(raw, cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH) if raw.size else None
     if image is None:
         raise ValueError(f"{path}: not a readable image ({len(data)} bytes): save it as JPEG or PNG")
     if image.dtype != np.uint8:  # cutting off the low bits would lose a dark picture
@@ -114,7 +118,7 @@ def read_pair(left: str | PathLike[str], right: str | PathLike[str], *, grey: bo
 
 
 def check_pair(left: UInt8, right: UInt8, names: tuple[str, str] = ("left", "right")) -> None:
-    """Refuse a pair of different sizes, channels or types, or one that is not 8-bit.
+    """Refuse a pair of different sizes, channels or types, one that is not 8-bit, or of a single row or column.
 
     Parameters
     ----------
@@ -135,17 +139,44 @@ def check_pair(left: UInt8, right: UInt8, names: tuple[str, str] = ("left", "rig
     ValueError: left is 6x4, right is 5x4: a stereo pair must have one size
     """
     for name, image in zip(names, (left, right), strict=True):
-        if not isinstance(image, np.ndarray) or image.dtype != np.uint8:
-            kind = getattr(image, "dtype", type(image).__name__)
-            raise ValueError(f"{name}: images must be uint8 arrays, got {kind}; scale to 0..255 and convert first")
-        if image.ndim not in (2, 3) or (image.ndim == 3 and image.shape[2] != 3) or image.size == 0:
-            raise ValueError(f"{name}: expected (H, W) grey or (H, W, 3) colour, got shape {image.shape}")
+        check_image(image, name)
+        if min(image.shape[:2]) < _LEAST_SIDE_PX:
+            size = f"{image.shape[1]}x{image.shape[0]}"
+            raise ValueError(f"{name} is {size}: pictures of a single row or column cannot be matched")
     if left.shape[:2] != right.shape[:2]:
         sizes = [f"{image.shape[1]}x{image.shape[0]}" for image in (left, right)]
         raise ValueError(f"{names[0]} is {sizes[0]}, {names[1]} is {sizes[1]}: a stereo pair must have one size")
     if left.ndim != right.ndim:
         kinds = ["grey" if image.ndim == 2 else "colour" for image in (left, right)]
         raise ValueError(f"{names[0]} is {kinds[0]}, {names[1]} is {kinds[1]}: read both the same way")
+
+
+def check_image(image: UInt8, name: str = "the picture") -> None:
+    """Refuse what is no 8-bit picture.
+
+    Parameters
+    ----------
+    image : (H, W) or (H, W, 3) uint8
+    name : str
+        What the message calls it.
+
+    Raises
+    ------
+    ValueError
+        If it is none; the text says what came.
+
+    Examples
+    --------
+    >>> check_image([[0, 255]])
+    Traceback (most recent call last):
+    ...
+    ValueError: the picture: images must be uint8 arrays, got list; scale to 0..255 and convert first
+    """
+    if not isinstance(image, np.ndarray) or image.dtype != np.uint8:
+        kind = getattr(image, "dtype", type(image).__name__)
+        raise ValueError(f"{name}: images must be uint8 arrays, got {kind}; scale to 0..255 and convert first")
+    if image.ndim not in (2, 3) or (image.ndim == 3 and image.shape[2] != 3) or image.size == 0:
+        raise ValueError(f"{name}: expected (H, W) grey or (H, W, 3) colour, got shape {image.shape}")
 
 
 def to_light(image: UInt8) -> Float32:

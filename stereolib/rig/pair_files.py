@@ -10,7 +10,7 @@ from os import PathLike
 from pathlib import Path
 from typing import NamedTuple
 
-from stereolib.base import listed
+from stereolib.base import check_name, listed
 from stereolib.rig.images import image_size
 from stereolib.rig.unpacked import VIDEOS, WIDE, unpack_halves, unpack_videos
 
@@ -120,6 +120,8 @@ def _pictures(*sources: str) -> list[list[Path]]:
     import cv2
 
     found = [_files(source) for source in sources]
+    for path in (path for files in found for path in files):
+        check_name(path)
     wrong = [[path for path in files if not cv2.haveImageReader(str(path))] for files in found]
     if any(wrong):
         others = "; in ".join(f"{source}: {_names(bad)}" for source, bad in zip(sources, wrong, strict=True) if bad)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+import reprlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from os import PathLike
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -15,12 +17,15 @@ import numpy.typing as npt
 
 from stereolib.base import Float64, UInt8, finite_array, read_json, set_frozen, write_atomic
 from stereolib.rig.camera import Camera
+from stereolib.rig.images import check_image
 from stereolib.rig.transforms import skew
 
 _FORMAT = "stereolib.rig/1"
+_MOST_OF_R = 2.0  # what is no rotation is said below; beyond this it may overflow
 _ROTATION_ATOL = 1e-6  # of R R' - 1: a float32 rotation passes, one printed with four digits does not
 #: Lenses stand farther apart: a shorter T is in metres, or of one camera twice. Even endoscopes have some millimetres.
 _LEAST_BASELINE_MM = 1.0
+_MOST_BASELINE_MM = 1e7  # ten kilometres
 _REMEDY = "`stereolib calibrate` makes a rig file (calibration.json)"
 RemapTables = tuple[npt.NDArray[np.int16], npt.NDArray[np.uint16]]
 
@@ -50,7 +55,9 @@ class StereoRig:
     T: Float64
 
     def __post_init__(self) -> None:
-        set_frozen(self, R=finite_array(self.R, (3, 3), "R"), T=finite_array(np.ravel(self.T), (3,), "T"))
+        set_frozen(self, R=finite_array(self.R, (3, 3), "R", most=_MOST_OF_R))
+        T = finite_array(self.T, None, "T", most=_MOST_BASELINE_MM)
+        set_frozen(self, T=finite_array(T.ravel(), (3,), "T"))
         if np.abs(self.R @ self.R.T - np.eye(3)).max() > _ROTATION_ATOL or np.linalg.det(self.R) < 0:
             raise ValueError("R is not a rotation: R R^T differs from 1. Printed matrices must be re-orthonormalised")
         if self.baseline_mm < _LEAST_BASELINE_MM:
@@ -89,7 +96,8 @@ class StereoRig:
         Raises
         ------
         ValueError
-            If alpha is out of range, or the right camera does not stand to the right of the left one.
+            If alpha is out of range, the cameras look away from each other, or the right camera does not stand to the
+            right of the left one.
 
         Examples
         --------
@@ -100,6 +108,9 @@ class StereoRig:
         """
         if not 0 <= alpha <= 1:
             raise ValueError(f"alpha must lie between 0 (only valid pixels) and 1 (all pixels), got {alpha}")
+        if self.R[2, 2] <= 0:
+            angle = f"R turns their view by {np.degrees(np.arccos(max(self.R[2, 2], -1.0))):.0f} degrees"
+            raise ValueError(f"the cameras look away from each other ({angle}): calibrate again, both the same way up")
         if not -self.T[0] > abs(self.T[1]):
             why = "the right camera must stand to the right of the left one (T along -x), got"
             T = ", ".join(f"{value:.1f}" for value in self.T)
@@ -170,6 +181,31 @@ class StereoRig:
         except (ValueError, LookupError, TypeError, OverflowError) as error:
             why = f"it has no {error}" if isinstance(error, KeyError) else error
             raise ValueError(f"{path} is not a rig file of stereolib: {why}; {_REMEDY}") from error
+
+
+def calibration_notes(path: str | PathLike[str]) -> Mapping[str, Any]:
+    """Read what a rig file says of its calibration, as `StereoRig.save` got it.
+
+    Parameters
+    ----------
+    path : path
+
+    Returns
+    -------
+    mapping
+        Empty where it says nothing.
+
+    Raises
+    ------
+    ValueError
+        If it is no rig file, or what it says is no table of named entries.
+    """
+    entries = read_json(path)
+    notes = entries.get("calibration") if isinstance(entries, Mapping) else entries
+    if notes is not None and not isinstance(notes, Mapping):
+        what = f'its entry "calibration" holds no named entries but {reprlib.repr(notes)}'
+        raise ValueError(f"{path}: {what}: take it out, or calibrate again")
+    return notes or {}
 
 
 @dataclass(frozen=True, eq=False)
@@ -246,9 +282,10 @@ class RectifiedRig:
         Raises
         ------
         ValueError
-            If an image is not of the calibrated size, or one is grey and the other in colour.
+            If an image is no picture of 8 bits or not of the calibrated size, or one is grey and the other in colour.
         """
         for side, image in (("left", left), ("right", right)):
+            check_image(image, f"the {side} image")
             if image.shape[1::-1] != self.size:
                 sizes = f"{image.shape[1]}x{image.shape[0]}, the calibration is for {self.size[0]}x{self.size[1]}"
                 raise ValueError(f"the {side} image is {sizes}: use images of that size or calibrate again")

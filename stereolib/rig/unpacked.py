@@ -10,7 +10,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from stereolib.base import UInt8, write_atomic
+from stereolib.base import UInt8, check_name, write_atomic
 from stereolib.rig.images import read_image, to_grey
 
 VIDEOS = (".mp4", ".avi", ".mkv", ".mov", ".webm", ".mjpeg", ".mjpg", ".m4v")
@@ -77,6 +77,7 @@ def unpack_videos(videos: Sequence[Path], every: int | None = None) -> list[tupl
     if every is not None and every < 1:
         raise ValueError(f"every {every} frames cannot be taken: expected 1 or more")
     for video in videos:
+        check_name(video)
         if not video.is_file():
             raise ValueError(f"{video}: no such file")
     folder = _kept(videos, every)

@@ -133,6 +133,13 @@ def test_download_of_something_else_is_refused(server, tmp_path):
     assert not [p for p in (tmp_path / "cache").rglob("*") if p.is_file()]
 
 
+def test_a_download_without_end_is_left(server, tmp_path, monkeypatch):
+    monkeypatch.setattr(datasets, "_LARGEST_BYTES", len(CONTENT) - 1)
+    with pytest.raises(datasets.NotAvailable, match="download failed"):
+        datasets.real_recording(NAME)
+    assert not [p for p in (tmp_path / "cache").rglob("*") if p.is_file()]
+
+
 def test_names(registry):
     with pytest.raises(ValueError, match=r"no recording 'nothing'; known are"):
         datasets.real_recording("nothing")

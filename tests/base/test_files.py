@@ -225,3 +225,20 @@ def test_a_pipe_is_written_to_and_stays(tmp_path):
         files.write_atomic(pipe, "through")
         assert read.result(timeout=10) == b"through"
     assert pipe.is_fifo()
+
+
+@pytest.mark.skipif(os.name == "nt", reason="locks are of Unix")
+def test_what_a_killed_writer_left_goes_with_the_next_write(tmp_path):
+    target, others = (
+        tmp_path / "map.png",
+        [tmp_path / name for name in (".map.png.old", ".map.png.0123456z", ".map.pn")],
+    )
+    for path in (tmp_path / ".map.png.0123abcd", *others):
+        path.write_bytes(b"half")
+    at_work = tmp_path / ".map.png.fedcba98"
+    with at_work.open("wb") as stream:
+        assert files._hold(stream)
+        files.write_atomic(target, b"new")
+        assert set(tmp_path.iterdir()) == {target, at_work, *others}
+    files.write_atomic(target, b"newer")
+    assert set(tmp_path.iterdir()) == {target, *others}

@@ -143,7 +143,7 @@ def test_reproduce_says_how_it_went(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    def answer(**options: object) -> list[str]:
+    def answer(*options: object) -> list[str]:
         if isinstance(outcome, Exception):
             raise outcome
         return outcome
@@ -153,6 +153,25 @@ def test_reproduce_says_how_it_went(
     output = capsys.readouterr()
     assert said in output.err
     assert all(line in output.out for line in (outcome if isinstance(outcome, list) else []))
+
+
+def test_reproduce_works_on_a_copy(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """For a checkout that cannot be written; what is there is not copied over."""
+    checkout = tmp_path / "checkout"
+    for name in ("notebooks/01.ipynb", "figures/fig01.png"):
+        (checkout / name).parent.mkdir(parents=True)
+        (checkout / name).write_text(name)
+        (checkout / name).chmod(0o444)
+    given = []
+    monkeypatch.setattr(datasets, "ROOT", checkout)
+    monkeypatch.setattr(reproduction, "reproduce", lambda *options: given.extend(options) or [])
+    assert commands.main(["reproduce", "01", "--output", str(tmp_path / "own")]) == 0
+    assert given[:3] == [tmp_path / "own" / "notebooks", tmp_path / "own" / "figures", ["01"]]
+    (tmp_path / "own" / "figures" / "fig01.png").write_text("new")  # the copy can be written
+    assert commands.main(["reproduce", "--output", str(tmp_path / "own")]) == 2
+    assert "is there already" in capsys.readouterr().err
 
 
 def test_data_verify_names_damaged_and_missing_files(

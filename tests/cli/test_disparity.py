@@ -61,7 +61,7 @@ def test_a_range_that_is_too_small_is_told(pair, tmp_path, capsys):
 def test_a_range_is_a_number_or_auto(pair, capsys):
     with pytest.raises(SystemExit, match="2"):
         run(*pair, "--max-disparity", "many")
-    assert "'many' is neither a whole number of pixels nor auto" in capsys.readouterr().err
+    assert "'many' is not a whole number from 1 to 32768 pixels, nor auto" in capsys.readouterr().err
 
 
 def told(capsys):

@@ -82,8 +82,6 @@ def test_show_draws_the_readings_and_keeps_a_picture_that_is_there(
         (["info", str(data_path("paper/published.toml"))], "no XV-11 recording"),
         (["replay", os.devnull], "device"),
         (["show", "no_such_port"], "Ports found"),
-        (["emulate", "--bit-error-rate", "2"], "bit_error_rate must be 0 to 1"),
-        (["show", ROOM, "--turns", "0"], "--turns"),
     ],
 )
 def test_bad_input_is_one_line_that_says_what_to_do(

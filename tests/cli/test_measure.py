@@ -81,7 +81,10 @@ def test_between_two_pixels_without_a_floor(files, capsys):
     assert facts["length_mm"] == pytest.approx(260, abs=2 * facts["std_mm"]) and 0 < facts["std_mm"] < 3
     assert np.linalg.norm(np.subtract(*facts["points_mm"])) == pytest.approx(facts["length_mm"])
     assert run(files, "--between", *words, "--force") == 0 and "at depths of" in capsys.readouterr().out
-    assert run(files, "--between", "5,5", "9999,5", "--force") == 2 and "outside the picture" in capsys.readouterr().err
+    assert (
+        run(files, "--between", "5,5", "9999,5", "--force") == 2
+        and "outside the left picture" in capsys.readouterr().err
+    )
     with pytest.raises(SystemExit):
         run(files, "--between", "5;5", "6,6")
     assert "is not X,Y" in capsys.readouterr().err

@@ -102,6 +102,15 @@ def test_corner_seen_squarely_is_measured_to_the_beam_spacing():
     assert centre == pytest.approx(found.centre_mm) and centre == pytest.approx([912, 0], abs=15)
 
 
+@pytest.mark.parametrize("turn", [0.0, 0.4, -1.2])
+def test_the_outline_runs_counter_clockwise_along_the_length(turn):
+    (found,) = find_footprints(scan_of(cube_scene(700.0), 1))
+    known = replace(found, centre_mm=np.array([10.0, 5.0]), length_mm=4.0, width_mm=2.0, yaw_rad=turn)
+    flat = np.array([(-2.0, -1.0), (2.0, -1.0), (2.0, 1.0), (-2.0, 1.0)])
+    turned = flat @ np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]]) + [10.0, 5.0]
+    assert known.outline_mm == pytest.approx(turned)
+
+
 def test_one_face_has_a_width_and_no_depth():
     (found,) = find_footprints(scan_of(cube_scene(800.0, size_mm=(200.0, 260.0, 300.0), yaw_rad=0.0), 2))
     assert found.shape == "face" and np.isnan([found.length_mm, found.length_std_mm]).all()

@@ -60,6 +60,20 @@ def test_lost_packets_and_cut_turns():
     assert laser.turns(laser.decode(b"")) == []
 
 
+def test_one_lost_packet_leaves_a_turn_incomplete():
+    whole = packets(270)
+    holes = laser.join_readings([whole[:130], whole[131:]])
+    assert [s.complete for s in laser.turns(holes)] == [True, False, True]
+
+
+def test_an_index_that_comes_again_begins_a_turn():
+    """A sensor that sends one packet only, or a whole turn that was lost."""
+    again = laser.join_readings([packets(90), packets(1, start=89), packets(1, start=89)])
+    scans = laser.turns(again)
+    assert [s.complete for s in scans] == [True, False, False]
+    assert [int(np.isfinite(s.ranges_mm).sum()) for s in scans] == [360, 4, 4]
+
+
 @given(seed=st.integers(0, 2**32))
 @settings(deadline=None, max_examples=30)
 def test_no_reading_is_lost_or_moved_by_turns(seed):

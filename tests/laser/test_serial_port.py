@@ -18,6 +18,7 @@ import pytest
 from support.old_firmware import encode_turns
 
 from stereolib import laser
+from stereolib.laser import serial_port
 from stereolib.virtual import emulator
 
 LINKS = ["pty", "socket"] if hasattr(os, "openpty") else ["socket"]
@@ -263,6 +264,28 @@ def test_take_needs_a_whole_turn(tmp_path):
     path.write_bytes(turning(1)[:-22])
     with pytest.raises(ValueError, match="no complete turn, only parts"):
         laser.take_scans(path)
+
+
+def lossy(turns, lost_every):
+    """A schedule of turns in which every so many-th packet is missing."""
+    packets = list(emulator.replay(turning(turns)))
+    return [entry for k, entry in enumerate(packets) if k % lost_every]
+
+
+def test_a_lossy_line_gives_what_came(monkeypatch):
+    monkeypatch.setattr(serial_port, "_START_S", 1.0)
+    with emulator.serve(lossy(20, 50)) as served:  # in each turn another packet or two
+        scans = laser.take_scans(served.port, 1)
+    assert len(scans) >= 3 and not any(scan.complete for scan in scans)
+    assert (laser.average(scans, complete_only=False).count > 0).mean() > 0.95
+
+
+def test_a_line_too_slow_for_a_turn_ends(monkeypatch):
+    monkeypatch.setattr(serial_port, "_START_S", 0.5)
+    monkeypatch.setattr(serial_port, "_LONGEST_TURN_S", 0.1)
+    drops = [(0.1 * k, bytes(1)) for k in range(100)]
+    with emulator.serve(drops) as served, pytest.raises(laser.LidarError, match=r"no complete turn in 0\.7 s"):
+        laser.take_scans(served.port, 2)
 
 
 def test_links():

@@ -73,6 +73,18 @@ def test_window_from_depths_holds_them_and_no_more():
         SGBMParams.for_range(paper_rig(), 600, 1200)
 
 
+def test_both_ends_of_the_window_have_a_neighbour():
+    """Also where the count of disparities is a multiple of 16, so that rounding up adds none."""
+    rig = recordings.rectified()
+    fB, exact = rig.f_px * rig.baseline_mm, 0
+    for near in np.arange(300.0, 1500.0, 2.0):
+        params = SGBMParams.for_range(rig, near, 3000.0)
+        last = params.min_disparity + params.num_disparities - 1
+        assert params.min_disparity <= fB / 3000.0 - 1 and last >= fB / near + 1
+        exact += last < fB / near + 2
+    assert exact > 10  # where one pixel fewer would be missed
+
+
 def test_window_from_depths_matches_the_cube(cube):
     true = recordings.load_truth("conditions/texture")
     where = true.visible & (true.box == 1)

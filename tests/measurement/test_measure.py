@@ -13,7 +13,15 @@ from support.instruments import INSTRUMENT, LIDAR, RECT, SENSOR
 from support.measured import measured, the_cube
 
 from stereolib import laser
-from stereolib.measurement import Instrument, Reason, Source, draw_objects, floor_from_pose, measure_objects
+from stereolib.measurement import (
+    Instrument,
+    Reason,
+    Source,
+    SystematicUncertainty,
+    draw_objects,
+    floor_from_pose,
+    measure_objects,
+)
 from stereolib.rig import rigid
 from stereolib.virtual import cube_scene, recordings
 
@@ -54,6 +62,18 @@ def test_without_a_scan_the_pair_alone_measures():
     np.testing.assert_allclose(thing.size_mm, 300, atol=2)
     assert thing.sources["lines"] is Source.IMAGE and not thing.reasons and thing.scan_share == 0
     assert found.scan_mm.shape == (0, 2)
+
+
+def test_what_the_calibration_leaves_open_of_the_scale_is_in_the_sizes():
+    """A baseline known to 1 %: no picture tells more of the sizes; the height's is that of the camera's, too."""
+    pair, share = recordings.load_pair("conditions/texture"), 0.01
+    unsure = SystematicUncertainty(baseline_mm=share * RECT.baseline_mm)
+    sure, vague = (
+        the_cube(measure_objects(*pair, None, Instrument(RECT, uncertainty=known)))
+        for known in (SystematicUncertainty(), unsure)
+    )
+    added = np.sqrt(vague.std_mm**2 - sure.std_mm**2)
+    assert added == pytest.approx(share * sure.size_mm, rel=0.15)
 
 
 def test_a_scan_adds_to_what_is_known():

@@ -72,6 +72,21 @@ def test_the_edge_of_the_cube_between_two_marks() -> None:
     assert found.length_mm == pytest.approx(260.0, abs=2 * found.std_mm) and found.std_mm < 3
 
 
+def test_the_deviation_is_what_chance_does_to_the_length() -> None:
+    """Pixels within their half, disparities by their deviation, focal length, baseline and offset by theirs."""
+    rng, n = np.random.default_rng(8), 20_000
+    known = SystematicUncertainty(3.0, 0.2, 0.15, correlation=(0.5, -0.3, 0.2))
+    ends = [SurfacePoint(np.array([250.0, 180]), 85.0, 0.2), SurfacePoint(np.array([420.0, 330]), 70.0, 0.3)]
+    told = measure_between(*ends, RECTIFIED, known).std_mm
+    f, B, offset = rng.multivariate_normal([RECTIFIED.f_px, RECTIFIED.baseline_mm, 0], known.covariance, n).T
+    places = []
+    for end in ends:
+        u, v = (at + rng.uniform(-0.5, 0.5, n) for at in end.pixel)
+        depth = f * B / (end.disparity_px + rng.normal(0, end.std_px, n) - offset)
+        places.append(np.stack([(u - RECTIFIED.P1[0, 2]) / f * depth, (v - RECTIFIED.P1[1, 2]) / f * depth, depth]))
+    assert np.linalg.norm(places[0] - places[1], axis=0).std() == pytest.approx(told, rel=0.03)
+
+
 def test_the_calibration_widens_the_interval() -> None:
     one, other = SurfacePoint(np.array([300.0, 200]), 80.0, 0.05), SurfacePoint(np.array([300.0, 400]), 80.0, 0.05)
     bare = measure_between(one, other, RECTIFIED)

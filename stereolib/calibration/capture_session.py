@@ -129,8 +129,7 @@ class CaptureSession:
         """
         if self._is_enough():
             return
-        pairs = self.rig.pairs()
-        looked = 0
+        pairs, self._is_finished = self.rig.pairs(), False
         while True:
             try:
                 pair = next(pairs, None)
@@ -139,15 +138,15 @@ class CaptureSession:
                 raise CameraError(f"{error}; {kept}") from error
             if pair is None:
                 return
-            looked += 1
-            self._now_s = looked / _RECORDED_HZ if self.rig.recorded else time.monotonic()
+            self._now_s = self._now_s + 1 / _RECORDED_HZ if self.rig.recorded else time.monotonic()
             yield self._with_board(self.watch, pair) if self.watch else self._in_turn(pair)
             if self._is_finished or self._is_enough():
                 return
 
     def _with_board(self, watch: BoardWatch, pair: LivePair) -> CaptureState:
         look = watch.look(pair.left, pair.right, self._now_s)
-        if look.advice and not (self._is_asked and None not in look.corners_px):
+        is_seen = all(corners is not None for corners in look.corners_px)
+        if look.advice and not (self._is_asked and is_seen):
             return CaptureState(pair, look, self.taken, "", look.advice)
         if (corners := watch.find(pair.left, pair.right)) is None:
             return CaptureState(pair, look, self.taken, "", "hold it a little longer, or nearer")

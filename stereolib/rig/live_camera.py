@@ -167,7 +167,13 @@ class LiveCamera:
             return self._frame
 
     def read(self) -> Frame | None:
-        """Read the next picture of a recording; None at its end."""
+        """Read the next picture of a recording.
+
+        Returns
+        -------
+        Frame or None
+            None at its end.
+        """
         is_there, image = self._capture.read()
         self.grabbed += is_there
         return Frame(np.asarray(image, np.uint8), math.nan) if is_there else None

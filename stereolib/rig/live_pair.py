@@ -64,8 +64,8 @@ class LiveRig:
         self.cameras: tuple[LiveCamera, ...] = ()
         self._wish = wish
         try:
-            for source, name in ((left, "left"), (right, "right")):
-                self.cameras += (LiveCamera(source, name, wish),)
+            self.cameras = (LiveCamera(left, "left", wish),)
+            self.cameras += (self._open_beside(right),)
             self._check()
         except BaseException:
             self.close()
@@ -120,6 +120,16 @@ class LiveRig:
         for camera in self.cameras:
             camera.close()
 
+    def _open_beside(self, source: str) -> LiveCamera:
+        """Open the right camera; if that fails while the left one runs, see whether it would go alone."""
+        try:
+            return LiveCamera(source, "right", self._wish)
+        except CameraError:
+            self.close()
+            if not self.cameras[0].recorded and _delivers_alone(source, "right", self._wish):
+                raise CameraError(_on_one_cable(f"the right camera ({source})")) from None
+            raise
+
     def _check(self) -> None:
         left, right = self.cameras
         if left.recorded != right.recorded:
@@ -146,12 +156,8 @@ class LiveRig:
             return
         names = " and ".join(f"the {camera.name} camera ({camera.source})" for camera in silent)
         self.close()
-        if all(_delivers_alone(camera, self._wish) for camera in silent):
-            raise CameraError(
-                f"{names} delivers alone, but nothing while both run: together they need more than their cable "
-                f"carries. Plug one into another port (not the same hub), ask for MJPG (--code MJPG) or a smaller size "
-                f"(--size 640x480)"
-            )
+        if all(_delivers_alone(camera.source, camera.name, self._wish) for camera in silent):
+            raise CameraError(_on_one_cable(names))
         raise CameraError(f"{names} opens but sends no picture, alone either: unplug it and plug it in again")
 
     def _recorded_pair(self) -> LivePair | None:
@@ -190,9 +196,16 @@ def _frame_or_none(camera: LiveCamera, timeout_s: float) -> Frame | None:
         return None
 
 
-def _delivers_alone(camera: LiveCamera, wish: CameraWish | None) -> bool:
+def _on_one_cable(names: str) -> str:
+    return (
+        f"{names} delivers alone, but nothing while both run: together they need more than their cable carries. Plug "
+        f"one into another port (not the same hub), ask for MJPG (--code MJPG) or a smaller size (--size 640x480)"
+    )
+
+
+def _delivers_alone(source: str, name: str, wish: CameraWish | None) -> bool:
     try:
-        alone = LiveCamera(camera.source, camera.name, wish)
+        alone = LiveCamera(source, name, wish)
     except CameraError:
         return False
     alone.ask()

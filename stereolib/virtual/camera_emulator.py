@@ -267,9 +267,10 @@ class _Camera:
         reader.send_response(200)
         reader.send_header("Content-Type", f"multipart/x-mixed-replace; boundary={_BOUNDARY}")
         reader.end_headers()
-        has_share = self._stage.reserve(self._need_bytes_per_s)
+        has_share = False
         try:
             for picture in self._sent():
+                has_share = has_share or self._stage.reserve(self._need_bytes_per_s)
                 head = f"--{_BOUNDARY}\r\nContent-Type: image/jpeg\r\nContent-Length: {len(picture)}\r\n\r\n"
                 reader.wfile.write(head.encode() + picture + b"\r\n" if has_share and picture else b"")
                 reader.wfile.flush()

@@ -37,6 +37,8 @@ class BoardLook:
         Of the board in the pictures, in widths of a picture a second; NaN at the first sight of it.
     edge_px : (left, right)
         Width of the edges between its squares, px; NaN where not known.
+    place : (5,) float64 or None
+        Where it is, as `BoardWatch.places` has it; None where the left camera does not see it.
     advice : str
         What to do so that the pair can be taken; "" if it can.
     """
@@ -44,6 +46,7 @@ class BoardLook:
     corners_px: tuple[Float32 | None, Float32 | None]
     speed: float
     edge_px: tuple[float, float]
+    place: Float64 | None
     advice: str
 
 
@@ -118,7 +121,8 @@ class BoardWatch:
         speed = max(self._moved(now, earlier) for now, earlier in zip(corners, before, strict=True)) / (at_s - then_s)
         self._before = at_s, corners
         edges = self._edge_px(left, corners[0]), self._edge_px(right, corners[1])
-        return BoardLook(corners, speed, edges, self._advice(corners, speed, edges))
+        place = None if corners[0] is None else self._place(corners[0])
+        return BoardLook(corners, speed, edges, place, self._advice(corners, speed, edges))
 
     def find(self, left: UInt8, right: UInt8) -> tuple[Float32, Float32] | None:
         """Find the board in both pictures as a calibration does.
@@ -200,10 +204,10 @@ class BoardWatch:
         if blurred:
             return f"blurred in the {' and '.join(blurred)} picture: more light, or set the focus"
         if not self._is_new(left):
-            return f"this place is taken: {_next(self.coverage)}"
+            return f"this place is taken; {_next(self.coverage)}"
         return ""
 
 
 def _next(coverage: Coverage | None) -> str:
     missing: Sequence[str] = coverage.missing if coverage else ()
-    return f"go where it is missing ({missing[0]})" if missing else "move it, tilt it, or take it nearer or farther"
+    return f"so far, {missing[0]}" if missing else "move it, tilt it, or take it nearer or farther"

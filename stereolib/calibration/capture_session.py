@@ -66,7 +66,7 @@ class CaptureSession:
     patience_s : float
         How long to wait for what is lacking once there are `pairs`, s.
     every_s : float
-        Time between two pairs without a board, s.
+        Time between two pairs without a board, s; infinite: only when asked.
 
     Attributes
     ----------
@@ -96,7 +96,8 @@ class CaptureSession:
         self.watch = BoardWatch(board, rig.size) if board else None
         self._about = _described(board)
         self._is_asked, self._is_finished = False, False
-        self._next_s, self._now_s, self._taken_s, self._patience_s = -math.inf, 0.0, math.inf, patience_s
+        self._next_s = math.inf if math.isinf(every_s) else -math.inf
+        self._now_s, self._taken_s, self._patience_s = 0.0, math.inf, patience_s
         self.taken = self._resumed()
 
     @property
@@ -154,12 +155,14 @@ class CaptureSession:
         watch.add(name, *corners)
         self._is_asked = False
         coverage = watch.coverage
-        said = "" if coverage is None else f"missing: {[*coverage.missing, 'nothing'][0]}"
+        missing = coverage.missing if coverage else ()
+        said = f"so far, {missing[0]}" if missing else "nothing is missing" if coverage else ""
         return CaptureState(pair, look, self.taken, name, said)
 
     def _in_turn(self, pair: LivePair) -> CaptureState:
         if (wait_s := self._next_s - self._now_s) > 0 and not self._is_asked:
-            return CaptureState(pair, None, self.taken, "", f"the next pair in {wait_s:.0f} s")
+            said = "" if math.isinf(wait_s) else f"the next pair in {wait_s:.0f} s"
+            return CaptureState(pair, None, self.taken, "", said)
         self._next_s, self._is_asked = self._now_s + self._every_s, False
         return CaptureState(pair, None, self.taken, self._write(pair), "")
 

@@ -93,7 +93,7 @@ def test_what_is_lacking_is_waited_for_up_to_twice_as_many_pairs(tmp_path: Path,
     few = session(tmp_path / "few", sources, 2)
     states = list(few.run())
     assert few.watch is not None and few.watch.coverage is not None
-    assert few.taken == 4 and few.watch.coverage.missing and states[-1].said.startswith("missing: ")
+    assert few.taken == 4 and few.watch.coverage.missing and states[-1].said.startswith("so far, no ")
     hasty = CaptureSession(tmp_path / "hasty", LiveRig(*sources), recordings.BOARD, pairs=2, patience_s=0.25)
     list(hasty.run())
     assert hasty.taken == 2

@@ -16,7 +16,7 @@ from stereolib.virtual.camera_emulator import CameraFaults, serve_cameras, write
 
 
 def run(*words: object) -> int:
-    return commands.main(["capture", *map(str, words)])
+    return commands.main(["capture", "--no-preview", *map(str, words)])
 
 
 @pytest.mark.slow

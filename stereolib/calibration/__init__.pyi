@@ -1,6 +1,8 @@
 from .board_size import board_size_error_pct, triangulate
+from .board_watch import BoardLook, BoardWatch
 from .boards import Board, BoardViews, Charuco, Checkerboard, find_board, find_charuco, find_checkerboard, find_in_pairs
 from .bundle_adjustment import RigFit, board_pose, fit_rig, moved_rig, rig_difference
+from .capture_session import CaptureSession, CaptureState
 from .check_wording import CHECK_MEANINGS
 from .coverage import Coverage, boards_per_cell
 from .detection import find_in_files
@@ -56,10 +58,14 @@ __all__ = [
     "VERDICT_MEANINGS",
     "Agreement",
     "Board",
+    "BoardLook",
     "BoardViews",
+    "BoardWatch",
     "CalibrationCheck",
     "CalibrationRecord",
     "CameraCalibration",
+    "CaptureSession",
+    "CaptureState",
     "Charuco",
     "Check",
     "Checkerboard",

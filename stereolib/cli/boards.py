@@ -16,11 +16,11 @@ if TYPE_CHECKING:
 _OTHER_SQUARE = 0.005  # share of an edge: rulers differ by less
 
 
-def add_board(parser: argparse.ArgumentParser) -> None:
+def add_board(parser: argparse.ArgumentParser, *, required: bool = True) -> None:
     """Add the options that say what a board is."""
-    parser.add_argument("--board", required=True, metavar="9x6", help="inner corners, columns x rows")
+    parser.add_argument("--board", required=required, metavar="9x6", help="inner corners, columns x rows")
     parser.add_argument(
-        "--square-mm", required=True, metavar="MM", help="edge of a square, or width x height, as 24.9x25.1"
+        "--square-mm", required=required, metavar="MM", help="edge of a square, or width x height, as 24.9x25.1"
     )
     parser.add_argument(
         "--marker-mm", type=number(1, MM), metavar="MM", help="edge of a marker, if the board is ChArUco"

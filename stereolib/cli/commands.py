@@ -14,6 +14,7 @@ from stereolib.cli.bake import BAKE
 from stereolib.cli.board import BOARD
 from stereolib.cli.calibrate import CALIBRATE
 from stereolib.cli.calibrate_laser import CALIBRATE_LASER
+from stereolib.cli.capture import CAPTURE
 from stereolib.cli.check import CHECK
 from stereolib.cli.command import Command
 from stereolib.cli.data import DATA
@@ -25,7 +26,21 @@ from stereolib.cli.map import MAP
 from stereolib.cli.measure import MEASURE
 from stereolib.cli.reproduce import REPRODUCE
 
-COMMANDS = (REPRODUCE, EXPLORE, BAKE, DATA, DISPARITY, LRF, BOARD, CALIBRATE, CHECK, CALIBRATE_LASER, MEASURE, MAP)
+COMMANDS = (
+    REPRODUCE,
+    EXPLORE,
+    BAKE,
+    DATA,
+    DISPARITY,
+    LRF,
+    BOARD,
+    CAPTURE,
+    CALIBRATE,
+    CHECK,
+    CALIBRATE_LASER,
+    MEASURE,
+    MAP,
+)
 
 
 #: OpenCV and the video library in it write notes of their own about damaged files; ours are enough.

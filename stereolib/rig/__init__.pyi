@@ -1,6 +1,8 @@
 from .camera import Camera, distort
 from .formats import load_kalibr, load_opencv, load_rig, load_ros, save_kalibr, save_opencv, save_ros
 from .images import check_image, check_pair, image_size, read_image, read_pair, to_grey, to_light
+from .live_camera import CameraError, CameraWish, LiveCamera
+from .live_pair import LivePair, LiveRig
 from .matlab_format import from_matlab_struct, to_matlab_struct
 from .pair_files import PairFile, find_pairs
 from .stereo_rig import RectifiedRig, StereoRig, calibration_notes
@@ -8,6 +10,11 @@ from .transforms import pose_left_world, rigid, skew
 
 __all__ = [
     "Camera",
+    "CameraError",
+    "CameraWish",
+    "LiveCamera",
+    "LivePair",
+    "LiveRig",
     "PairFile",
     "RectifiedRig",
     "StereoRig",

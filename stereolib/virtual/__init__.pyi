@@ -1,4 +1,4 @@
-from . import emulator, laser_boards, recordings, walk, walk_folder
+from . import camera_emulator, emulator, laser_boards, recordings, walk, walk_folder
 from .build import build_recordings
 from .lidar import VirtualLidar
 from .measured_walk import measure_walk, walk_laser
@@ -35,6 +35,7 @@ __all__ = [
     "board_box",
     "box_on_floor",
     "build_recordings",
+    "camera_emulator",
     "cast_rays",
     "clutter_scene",
     "cube_scene",

@@ -1,0 +1,248 @@
+"""Pairs from live cameras into a folder: of a board by themselves, else one after the other; it can be resumed."""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import cv2
+
+from stereolib.base import UInt8, check_target, counted, listed, read_json, write_atomic
+from stereolib.calibration.board_watch import BoardLook, BoardWatch
+from stereolib.calibration.boards import Board, Charuco
+from stereolib.calibration.detection import find_in_files
+from stereolib.rig import CameraError, LivePair, LiveRig
+
+_SIDES = ("left", "right")
+NOTES = "capture.json"
+_MOST = 2  # times the pairs asked for, as long as something is missing
+_RECORDED_HZ = 10.0  # pictures a second that a recording without moments is taken for
+_PNG_EFFORT = [cv2.IMWRITE_PNG_COMPRESSION, 1]  # fast: cameras wait meanwhile
+
+
+@dataclass(frozen=True, eq=False)
+class CaptureState:
+    """How a capture stands after a pair.
+
+    Attributes
+    ----------
+    pair : LivePair
+    look : BoardLook or None
+        What was seen of the board; None without one.
+    taken : int
+        Pairs in the folder.
+    name : str
+        Of the pair, if it was taken; else "".
+    said : str
+        One sentence: what is missing, or what to do.
+    """
+
+    pair: LivePair
+    look: BoardLook | None
+    taken: int
+    name: str
+    said: str
+
+
+class CaptureSession:
+    """Takes pairs until there are enough; what is taken is on the disk at once.
+
+    Parameters
+    ----------
+    folder : path
+        Pairs go into its folders ``left`` and ``right`` as ``01.png`` and so on; ``capture.json`` has the notes. What
+        is there of the same board is gone on with.
+    rig : LiveRig
+    board : Checkerboard or Charuco, optional
+        A pair is taken when the board is still, sharp and somewhere new. Without one every pair is taken.
+    pairs : int
+        How many; of a board up to twice as many, as long as its coverage lacks something.
+    patience_s : float
+        How long to wait for what is lacking once there are `pairs`, s.
+    every_s : float
+        Time between two pairs without a board, s; infinite: only when asked.
+
+    Attributes
+    ----------
+    watch : BoardWatch or None
+    taken : int
+        Pairs in the folder.
+
+    Raises
+    ------
+    ValueError
+        If the folder holds other files, pictures of another size, or those of another board.
+    """
+
+    def __init__(
+        self,
+        folder: str | PathLike[str],
+        rig: LiveRig,
+        board: Board | None = None,
+        *,
+        pairs: int = 20,
+        patience_s: float = 20.0,
+        every_s: float = 0.0,
+    ) -> None:
+        if pairs < 1:
+            raise ValueError(f"at least one pair must be taken, got {pairs}")
+        self.folder, self.rig, self.wanted, self._every_s = Path(folder), rig, pairs, every_s
+        self.watch = BoardWatch(board, rig.size) if board else None
+        self._about = _described(board)
+        self._is_asked, self._is_finished = False, False
+        self._next_s = math.inf if math.isinf(every_s) else -math.inf
+        self._now_s, self._taken_s, self._patience_s = 0.0, math.inf, patience_s
+        self.taken = self._resumed()
+
+    @property
+    def folders(self) -> tuple[Path, Path]:
+        """Where the pictures of the left and of the right camera go."""
+        return self.folder / _SIDES[0], self.folder / _SIDES[1]
+
+    def take_now(self) -> None:
+        """Take the next pair in which both see the board, still or not."""
+        self._is_asked = True
+
+    def finish(self) -> None:
+        """End after the pair that is looked at."""
+        self._is_finished = True
+
+    def run(self) -> Iterator[CaptureState]:
+        """Look at pairs until there are enough, or a recording ends.
+
+        Yields
+        ------
+        CaptureState
+            For each pair that was looked at.
+
+        Raises
+        ------
+        CameraError
+            If a camera falls silent; the text says what is kept.
+        ValueError
+            If a file cannot be written.
+        """
+        if self._is_enough():
+            return
+        pairs, self._is_finished = self.rig.pairs(), False
+        while True:
+            try:
+                pair = next(pairs, None)
+            except CameraError as error:
+                kept = f"{counted(self.taken, 'pair')} in {self.folder} are kept: run it again and it goes on"
+                raise CameraError(f"{error}; {kept}") from error
+            if pair is None:
+                return
+            self._now_s = self._now_s + 1 / _RECORDED_HZ if self.rig.recorded else time.monotonic()
+            yield self._with_board(self.watch, pair) if self.watch else self._in_turn(pair)
+            if self._is_finished or self._is_enough():
+                return
+
+    def _with_board(self, watch: BoardWatch, pair: LivePair) -> CaptureState:
+        look = watch.look(pair.left, pair.right, self._now_s)
+        is_seen = all(corners is not None for corners in look.corners_px)
+        if look.advice and not (self._is_asked and is_seen):
+            return CaptureState(pair, look, self.taken, "", look.advice)
+        if (corners := watch.find(pair.left, pair.right)) is None:
+            return CaptureState(pair, look, self.taken, "", "hold it a little longer, or nearer")
+        name = self._write(pair)
+        watch.add(name, *corners)
+        self._is_asked = False
+        coverage = watch.coverage
+        missing = coverage.missing if coverage else ()
+        said = f"so far, {missing[0]}" if missing else "nothing is missing" if coverage else ""
+        return CaptureState(pair, look, self.taken, name, said)
+
+    def _in_turn(self, pair: LivePair) -> CaptureState:
+        if (wait_s := self._next_s - self._now_s) > 0 and not self._is_asked:
+            said = "" if math.isinf(wait_s) else f"the next pair in {wait_s:.0f} s"
+            return CaptureState(pair, None, self.taken, "", said)
+        self._next_s, self._is_asked = self._now_s + self._every_s, False
+        return CaptureState(pair, None, self.taken, self._write(pair), "")
+
+    def _is_enough(self) -> bool:
+        if self.watch is None or self.taken < self.wanted:
+            return self.taken >= self.wanted
+        if self.taken >= _MOST * self.wanted or self._now_s - self._taken_s > self._patience_s:
+            return True
+        return (coverage := self.watch.coverage) is None or not coverage.missing
+
+    def _write(self, pair: LivePair) -> str:
+        """Write a pair under the first number that one of both sides lacks."""
+        number = 1
+        while all((folder / _file(number)).is_file() for folder in self.folders):
+            number += 1
+        if not (self.folder / NOTES).is_file():
+            self._note()  # first, so that whatever is there says what it is of
+        for folder, picture in zip(self.folders, (pair.left, pair.right), strict=True):
+            write_atomic(folder / _file(number), _png(picture))
+        self.taken, self._taken_s = self.taken + 1, self._now_s
+        self._note()
+        return Path(_file(number)).stem
+
+    def _note(self) -> None:
+        rig = self.rig
+        p95, rates = rig.skew_p95_ms, rig.rates_hz
+        notes: dict[str, Any] = {
+            "board": self._about,
+            "size": list(rig.size),
+            "sources": [camera.source for camera in rig.cameras],
+            "refused": [list(camera.refused) for camera in rig.cameras],
+            "pairs": self.taken,
+            "skew": rig.skew_name,
+            "skew_p95_ms": None if math.isnan(p95) else round(p95, 1),
+            "dropped_for_skew": rig.dropped,
+            "rates_hz": [None if math.isnan(rate) else round(rate, 1) for rate in rates],
+        }
+        write_atomic(self.folder / NOTES, json.dumps(notes, indent=1) + "\n")
+
+    def _resumed(self) -> int:
+        """Pairs that are there already, given to the watch; refuses what is not of this capture."""
+        self._check_folder()
+        numbers = [{path.name for path in folder.glob("*.png")} for folder in self.folders]
+        names = sorted(numbers[0] & numbers[1])
+        if not names:
+            return 0
+        notes = read_json(self.folder / NOTES)
+        if not isinstance(notes, dict) or (notes.get("board"), notes.get("size")) != (self._about, list(self.rig.size)):
+            raise ValueError(
+                f"{self.folder} holds {counted(len(names), 'pair')} of another board or size "
+                f"({self.folder / NOTES} says which): name another folder, or give the same ones"
+            )
+        if self.watch:
+            left, right = ([folder / name for name in names] for folder in self.folders)
+            views = find_in_files(left, right, self.watch.board)
+            for name, left_px, right_px in zip(views.names, views.left_px, views.right_px, strict=True):
+                self.watch.add(Path(name).stem, left_px, right_px)
+        return len(names)
+
+    def _check_folder(self) -> None:
+        for folder in self.folders:
+            there = [path.name for path in folder.iterdir() if path.name[0] != "."] if folder.is_dir() else []
+            if others := sorted(name for name in there if not (Path(name).stem.isdecimal() and name.endswith(".png"))):
+                raise ValueError(f"{folder} holds files of something else ({listed(others, 3)}): name another folder")
+            check_target(folder / _file(1))
+        is_begun = any(any(folder.glob("*.png")) for folder in self.folders)
+        if is_begun and not (self.folder / NOTES).is_file():
+            raise ValueError(f"{self.folder} holds pictures, but no {NOTES}: name another folder")
+
+
+def _file(number: int) -> str:
+    return f"{number:02d}.png"
+
+
+def _png(picture: UInt8) -> bytes:
+    return cv2.imencode(".png", picture, _PNG_EFFORT)[1].tobytes()
+
+
+def _described(board: Board | None) -> dict[str, Any] | None:
+    """All that makes a board what it is, ready for JSON."""
+    if board is None:
+        return None
+    return {"kind": "charuco" if isinstance(board, Charuco) else "checkerboard"} | asdict(board)

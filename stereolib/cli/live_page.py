@@ -1,0 +1,93 @@
+"""The page of a command that shows something live: Voila beside it, on this machine alone, with a token."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import secrets
+import socket
+import subprocess
+import sys
+import threading
+import time
+import webbrowser
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from importlib.resources import files
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import argparse
+
+    from stereolib.notebook.live_link import LiveLink
+
+_HOST, _PAGE = "127.0.0.1", "live.ipynb"
+_STRANGERS = ["@jupyter-notebook/lab-extension"]  # it needs parts that Voila has not
+_START_S, _POLL_S, _END_S = 30.0, 0.1, 5.0
+
+
+def add_page(parser: argparse.ArgumentParser) -> None:
+    """Add the options of a live page."""
+    parser.add_argument("--no-preview", action="store_true", help="show nothing in the browser")
+    parser.add_argument("--no-browser", action="store_true", help="print the page's address and open nothing")
+    parser.add_argument("--port", type=int, default=0, metavar="N", help="of the page (default: a free one)")
+
+
+@contextmanager
+def live_page(arguments: argparse.Namespace, title: str, buttons: dict[str, str]) -> Iterator[LiveLink | None]:
+    """Serve the page while the block runs; None with ``--no-preview``, and where Voila is missing, which is said."""
+    if arguments.no_preview:
+        yield None
+        return
+    if importlib.util.find_spec("voila") is None:
+        print("no preview: it needs Voila, pip install 'stereolib[explore]'; going on without it", file=sys.stderr)
+        yield None
+        return
+    if not 0 <= arguments.port < 2**16:
+        raise ValueError(f"--port is 0 to 65535, got {arguments.port}")
+    from stereolib.notebook.live_link import LiveLink
+
+    link, token, port = LiveLink(title, buttons), secrets.token_hex(16), arguments.port or _free_port()
+    server = _serve(link.environment | {"JUPYTER_TOKEN": token}, port)
+    told = f"http://{_HOST}:{port}/?token={token}", port, server, not arguments.no_browser
+    threading.Thread(target=_announce, args=told, daemon=True, name="announce").start()
+    try:
+        yield link
+    finally:
+        link.close()
+        server.terminate()
+        with suppress(subprocess.TimeoutExpired):
+            server.wait(_END_S)
+        if server.poll() is None:
+            server.kill()
+
+
+def _serve(told: dict[str, str], port: int) -> subprocess.Popen[bytes]:
+    here = files("stereolib.notebook")
+    environment = dict(os.environ) | told
+    environment["JUPYTER_PATH"] = os.pathsep.join(filter(None, (str(here), environment.get("JUPYTER_PATH", ""))))
+    options = ["--template=stereolib", "--token", f"--Voila.ip={_HOST}", f"--port={port}", "--no-browser"]
+    options += [f"--VoilaConfiguration.extension_denylist={_STRANGERS}", "--Voila.log_level=ERROR"]
+    command = [sys.executable, "-m", "voila", str(here / _PAGE), *options]
+    # of its own group: Ctrl-C in the terminal is this command's, which ends the server when all is said
+    quiet = subprocess.DEVNULL  # its warnings are about its own settings
+    return subprocess.Popen(command, env=environment, stdout=quiet, stderr=quiet, start_new_session=True)
+
+
+def _announce(address: str, port: int, server: subprocess.Popen[bytes], opens: bool) -> None:
+    """Say the address once somebody answers there, and open it."""
+    until_s = time.monotonic() + _START_S
+    while time.monotonic() < until_s and server.poll() is None:
+        with suppress(OSError), socket.create_connection((_HOST, port), _POLL_S):
+            print(f"preview: {address}", file=sys.stderr, flush=True)
+            if opens:
+                webbrowser.open(address)
+            return
+        time.sleep(_POLL_S)
+    print(f"no preview: its server did not start (port {port}); going on without it", file=sys.stderr, flush=True)
+
+
+def _free_port() -> int:
+    with socket.socket() as asked:
+        asked.bind((_HOST, 0))
+        return int(asked.getsockname()[1])

@@ -1,0 +1,157 @@
+"""Pairs taken into a folder: which, how often, and what is kept, gone on with and refused."""
+
+from __future__ import annotations
+
+import json
+from itertools import islice
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from support.shows import small_show
+
+from stereolib.base import UInt8
+from stereolib.calibration import CaptureSession, Checkerboard, find_in_files
+from stereolib.rig import CameraError, LiveRig, find_pairs
+from stereolib.virtual import recordings
+from stereolib.virtual.camera_emulator import write_show
+
+PLACES, HELD, ON_THE_WAY = 4, 6, 2  # of the show: pictures in a place, and to the next one
+
+
+@pytest.fixture(scope="module")
+def sources(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, str]:
+    return write_show(tmp_path_factory.mktemp("show"), small_show(PLACES))
+
+
+def session(
+    folder: Path, sources: tuple[str, str], pairs: int = 2 * PLACES, board: Checkerboard | None = recordings.BOARD
+) -> CaptureSession:
+    return CaptureSession(folder, LiveRig(*sources), board, pairs=pairs)
+
+
+def written(folder: Path) -> list[tuple[UInt8, UInt8]]:
+    return [(cv2.imread(str(left)), cv2.imread(str(right))) for left, right in find_pairs(folder)]
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory, sources: tuple[str, str]) -> tuple[Path, list[tuple[int, str]]]:
+    """A capture to the end of the show: its folder, and at which picture a pair was taken."""
+    folder = tmp_path_factory.mktemp("whole") / "rig"
+    states = list(session(folder, sources).run())
+    return folder, [(k, state.name) for k, state in enumerate(states) if state.name]
+
+
+def test_each_place_is_taken_once_while_the_board_is_still(whole: tuple[Path, list[tuple[int, str]]]) -> None:
+    folder, taken = whole
+    assert [name for _, name in taken] == [f"{k + 1:02d}" for k in range(PLACES)]
+    places = [divmod(k, HELD + ON_THE_WAY) for k, _ in taken]
+    assert [place for place, _ in places] == list(range(PLACES))
+    assert all(0 < step < HELD for _, step in places), "not on the way, and not at the first sight of it"
+    show = small_show(PLACES)
+    for (k, _), pair in zip(taken, written(folder), strict=True):
+        for seen, sent in zip(pair, (show.left[k], show.right[k]), strict=True):
+            np.testing.assert_array_equal(seen, cv2.imdecode(np.frombuffer(sent, np.uint8), cv2.IMREAD_COLOR))
+
+
+def test_the_notes_say_what_it_is_of(whole: tuple[Path, list[tuple[int, str]]], sources: tuple[str, str]) -> None:
+    notes = json.loads((whole[0] / "capture.json").read_text())
+    assert notes["board"] == {"kind": "checkerboard", "columns": 9, "rows": 6, "square_mm": 25.0, "aspect": 1.0}
+    assert (notes["pairs"], notes["size"], notes["sources"]) == (PLACES, [320, 240], list(sources))
+    assert notes["skew_p95_ms"] is None, "a recording has no moments"
+
+
+def test_interrupted_nothing_taken_is_lost_and_it_goes_on(tmp_path: Path, sources: tuple[str, str]) -> None:
+    first = session(tmp_path, sources)
+    for state in first.run():
+        if state.taken == 2:
+            break
+    before = written(tmp_path)
+    again = session(tmp_path, sources)
+    assert again.taken == 2
+    names = [state.name for state in again.run() if state.name]
+    assert names == ["03", "04"], "the places that it has are not taken again"
+    for kept, old in zip(written(tmp_path), before, strict=False):
+        np.testing.assert_array_equal(kept, old)
+    views = find_in_files(*zip(*find_pairs(tmp_path), strict=True), recordings.BOARD, progress=False)
+    assert again.watch is not None
+    np.testing.assert_allclose(again.watch.views.left_px, views.left_px, atol=1e-3)
+    np.testing.assert_allclose(again.watch.views.right_px, views.right_px, atol=1e-3)
+
+
+def test_a_side_without_a_partner_is_replaced(tmp_path: Path, sources: tuple[str, str]) -> None:
+    list(islice(session(tmp_path, sources, 2).run(), 12))
+    (tmp_path / "right" / "02.png").unlink()
+    again = session(tmp_path, sources, 2)
+    assert again.taken == 1
+    assert [state.name for state in again.run() if state.name][:1] == ["02"]
+    assert len(written(tmp_path)) >= 2
+
+
+def test_what_is_lacking_is_waited_for_up_to_twice_as_many_pairs(tmp_path: Path, sources: tuple[str, str]) -> None:
+    few = session(tmp_path / "few", sources, 2)
+    states = list(few.run())
+    assert few.watch is not None and few.watch.coverage is not None
+    assert few.taken == 4 and few.watch.coverage.missing and states[-1].said.startswith("so far, no ")
+    hasty = CaptureSession(tmp_path / "hasty", LiveRig(*sources), recordings.BOARD, pairs=2, patience_s=0.25)
+    list(hasty.run())
+    assert hasty.taken == 2
+
+
+def test_a_pair_is_taken_when_asked_though_the_board_moves(tmp_path: Path, sources: tuple[str, str]) -> None:
+    asked = session(tmp_path, sources)
+    asked.take_now()
+    states = asked.run()
+    assert next(states).name == "01", "the first look, at which nothing is still yet"
+    asked.finish()
+    assert not list(states)
+    assert not next(asked.run()).name, "one pair for one press"
+
+
+def test_without_a_board_pairs_are_taken_in_turn(tmp_path: Path, sources: tuple[str, str]) -> None:
+    turn = CaptureSession(tmp_path, LiveRig(*sources), pairs=4, every_s=0.25)
+    assert [bool(state.name) for state in turn.run()] == [True, False, False] * 3 + [True]
+    assert len(written(tmp_path)) == turn.taken == 4
+
+
+def test_a_camera_that_fails_says_what_is_kept(tmp_path: Path, sources: tuple[str, str]) -> None:
+    failing = session(tmp_path, sources)
+
+    def pairs():
+        yield from islice(LiveRig(*sources).pairs(), 12)
+        raise CameraError("the right camera has gone")
+
+    failing.rig.pairs = pairs  # type: ignore[method-assign]
+    with pytest.raises(CameraError, match=r"has gone; 2 pairs in .* are kept: run it again and it goes on"):
+        list(failing.run())
+    assert len(written(tmp_path)) == 2
+
+
+@pytest.mark.parametrize("board", [Checkerboard(8, 5, 25.0), Checkerboard(9, 6, 30.0), None])
+def test_a_folder_of_another_board_is_refused(
+    whole: tuple[Path, list[tuple[int, str]]], sources: tuple[str, str], board: Checkerboard | None
+) -> None:
+    with pytest.raises(ValueError, match=r"4 pairs of another board or size \(.*capture.json says which\)"):
+        session(whole[0], sources, board=board)
+
+
+@pytest.mark.parametrize(
+    ("files", "text"),
+    [
+        (["left/holiday.jpg"], r"files of something else \(holiday.jpg\)"),
+        (["right/03.jpg"], r"files of something else \(03.jpg\)"),
+        (["left/01.png", "right/01.png"], "holds pictures, but no capture.json"),
+        (["left"], "left"),
+    ],
+)
+def test_a_folder_of_something_else_is_left_alone(
+    tmp_path: Path, sources: tuple[str, str], files: list[str], text: str
+) -> None:
+    for name in files:
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_bytes(b"mine")
+    with pytest.raises((ValueError, OSError), match=text):
+        list(session(tmp_path, sources).run())
+    assert all((tmp_path / name).read_bytes() == b"mine" for name in files)
+    assert sorted(str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*") if path.is_file()) == sorted(files)

@@ -1,0 +1,98 @@
+"""``stereolib capture``: from an empty folder to a verdict without hands, and what it refuses."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from support.shows import BOARD, small_show
+
+from stereolib import plotting
+from stereolib.cli import commands
+from stereolib.rig import StereoRig, find_pairs
+from stereolib.virtual.camera_emulator import CameraFaults, serve_cameras, write_show
+
+
+def run(*words: object) -> int:
+    return commands.main(["capture", "--no-preview", *map(str, words)])
+
+
+@pytest.mark.slow
+def test_from_an_empty_folder_to_a_verdict_without_hands(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Live: one camera late and losing pictures. The report's figures are `stereolib calibrate`'s, and tested there."""
+    monkeypatch.setattr(plotting, "write_calibration_report", lambda *_: None)
+    show, rig = small_show(), tmp_path / "rig"
+    faults = CameraFaults(), CameraFaults(late_s=0.05, drop_rate=0.05)
+    with serve_cameras(show, faults) as cameras:
+        words = (*cameras, *BOARD, "--pairs", 7, "--patience-s", 1, "--output", rig, "--max-skew-ms", 150)
+        assert run(*words, "--ruler-mm", 93) == 0
+    told = capsys.readouterr()
+    assert "\ngood " in told.out and "skew between the arrivals of both pictures: 95 % up to" in told.out
+    assert "not taken: fixed exposure" in told.err and "pair 07 taken" in told.err
+    found = StereoRig.load(rig / "calibration.json")
+    assert found.baseline_mm == pytest.approx(show.rig.baseline_mm, abs=0.3)
+    np.testing.assert_allclose(np.diag(found.left.K)[:2], np.diag(show.rig.left.K)[:2], rtol=0.01)
+    assert len(find_pairs(rig / "left", rig / "right")) == json.loads((rig / "capture.json").read_text())["pairs"] >= 7
+    assert f"{rig / 'report.html'}\n" in told.out
+
+
+def test_too_few_pairs_are_kept_and_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    sources = write_show(tmp_path / "show", small_show())
+    assert run(*sources, *BOARD, "--pairs", 1, "--patience-s", 0.3, "--output", tmp_path / "rig") == 1
+    told = capsys.readouterr()
+    assert "too few for a calibration" in told.err and not (tmp_path / "rig" / "calibration.json").exists()
+    assert (tmp_path / "rig" / "left" / "01.png").is_file()
+
+
+def test_a_scene_without_a_board_is_one_pair(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    sources = write_show(tmp_path / "show", small_show())
+    assert run(*sources, "--output", tmp_path / "scene") == 0
+    assert "1 pair in" in capsys.readouterr().out
+    assert [pair.left.name for pair in find_pairs(tmp_path / "scene")] == ["01.png"]
+
+
+@pytest.mark.parametrize(
+    ("words", "text"),
+    [
+        (["L", "L"], "was given for both cameras"),
+        (["L", "none_%02d.png"], "no picture of this pattern"),
+        (["L", "R", "--board", "9x6"], "both --board and --square-mm"),
+        (["L", "R", "--square-mm", "25"], "both --board and --square-mm"),
+        (["L", "R", "--board", "9", "--square-mm", "25"], "--board is columns x rows"),
+        (["L", "R", "--board", "9x6", "--square-mm", "0"], "positive number of mm"),
+        (["L", "R", "--pairs", "0"], "--pairs must be 1 or more"),
+        (["L", "R", "--every-s", "-1"], "--every-s must be 0 or more"),
+        (["L", "R", "--patience-s", "nan"], "--patience-s must be 0 or more"),
+        (["L", "R", "--max-skew-ms", "0"], "skew must be more than 0"),
+        (["L", "R", "--size", "640"], "--size is width x height"),
+        (["L", "R", "--size", "0x0"], "1x1 to 16384x16384"),
+        (["L", "R", "--fps", "0"], "pictures a second"),
+        (["L", "R", "--code", "MJPEG"], "four letters"),
+        (["L", "R", "--automatic", "--focus", "3"], "--automatic contradicts"),
+        (["L", "R", "--pairs", "few"], "invalid int value"),
+        (["99", "R"], "left camera 99 cannot be opened"),
+    ],
+)
+def test_bad_input_is_one_line_and_leaves_nothing(
+    tmp_path: Path, words: list[str], text: str, capfd: pytest.CaptureFixture[str]
+) -> None:
+    left, right = write_show(tmp_path / "show", small_show())
+    named = [{"L": left, "R": right}.get(word, word) for word in words]
+    try:
+        code = run(*named, "--output", tmp_path / "out")
+    except SystemExit as refused:  # by argparse
+        code = refused.code
+    told = capfd.readouterr().err.replace(f"left: {left}, 320x240\nright: {right}, 320x240\n", "")
+    assert code == 2
+    assert text in told and told.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_output_is_no_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "file").write_text("mine")
+    assert run("0", "1", "--output", tmp_path / "file" / "rig") == 2
+    assert "--output must name a folder" in capsys.readouterr().err

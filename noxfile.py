@@ -19,8 +19,8 @@ ROOT = Path(__file__).resolve().parent
 PINS = ROOT / "requirements.txt"
 OPENCV4 = "opencv-python-headless==4.14.0.94"  # the oldest that pyproject.toml admits
 OPENCV5 = next(pin for pin in PINS.read_text(encoding="utf-8").splitlines() if pin.startswith("opencv-"))
-ADDITIONS = {"explore": ["notebooks", "explore"], "browser": ["browser"]}  # pinned apart, on top of the rest
-PYTHONS = ["3.11", "3.12", "3.13"]
+ADDITIONS = {"explore": ["notebooks", "explore"], "browser": ["browser"], "site": ["dev", "site"]}  # pinned apart, on top of the rest
+PYTHONS = ["3.11", "3.12", "3.13", "3.14"]
 
 PYTEST = ["-m", "pytest", "-n", "2", "--dist", "loadfile", "-q"]
 UNIT_TESTS = [*PYTEST, "--doctest-modules", "tests", "stereolib"]

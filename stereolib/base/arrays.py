@@ -28,7 +28,7 @@ def finite_array(value: Any, shape: tuple[int, ...], name: str) -> Float64:
 
     Returns
     -------
-    (*shape) float64, read-only
+    array of that shape, float64, read-only
 
     Raises
     ------

@@ -10,6 +10,7 @@ import argparse
 import base64
 import io
 import json
+import os
 import re
 import shutil
 import subprocess
@@ -60,7 +61,6 @@ def lay_out() -> None:
     shutil.rmtree(SOURCE, ignore_errors=True)
     for path in {path for pattern in COPIED for path in ROOT.glob(pattern)}:
         copy(path, SOURCE / path.relative_to(ROOT))
-    (SOURCE / "docs" / "index.md").rename(SOURCE / "index.md")
     figures = []
     for path in sorted((ROOT / "notebooks").rglob("*.ipynb")):
         name = path.relative_to(ROOT)
@@ -71,11 +71,17 @@ def lay_out() -> None:
         raise ValueError(f"no notebook draws these files of figures/: {', '.join(sorted(missing))}")
     for figure in figures:
         thumbnail(figure.png, SOURCE / "thumbnails" / f"{figure.name}.webp")
-    chapters = [(name, [f for f in figures if f.notebook == name]) for name in dict.fromkeys(f.notebook for f in figures)]
+    names = dict.fromkeys(figure.notebook for figure in figures)
+    chapters = [(name, [figure for figure in figures if figure.notebook == name]) for name in names]
+    facts = {
+        "chapters": chapters,
+        "sliders": PAGES,
+        "rooms": [name for name in stereolib.__all__ if isinstance(getattr(stereolib, name), ModuleType)],
+        "repository": os.environ.get("GITHUB_REPOSITORY"),  # where the site is built to be published
+    }
     templates = jinja2.Environment(loader=jinja2.FileSystemLoader(DOCS / "templates"), trim_blocks=True)
-    rooms = [name for name in stereolib.__all__ if isinstance(getattr(stereolib, name), ModuleType)]
-    for name, facts in {"gallery": {"chapters": chapters}, "sliders": {"pages": PAGES}, "api": {"rooms": rooms}}.items():
-        write(SOURCE / f"{name}.md", templates.get_template(f"{name}.md.jinja").render(facts))
+    for path in sorted((DOCS / "templates").glob("*.md.jinja")):
+        write(SOURCE / path.stem, templates.get_template(path.name).render(facts))
 
 
 def adapt(notebook: dict[str, Any], name: str) -> list[Figure]:
@@ -91,10 +97,11 @@ def adapt(notebook: dict[str, Any], name: str) -> list[Figure]:
         source = "".join(cell["source"]) if cell["cell_type"] == "code" else ""
         if cell["metadata"].get("jupyter", {}).get("outputs_hidden"):
             cell["metadata"].setdefault("tags", []).append("hide-output")
-        if drawn := DRAWN.search(source):
-            png = next(output["data"]["image/png"] for output in cell["outputs"] if "image/png" in output.get("data", {}))
-            figures.append(Figure(drawn[1], alt_texts[drawn[1]], name, base64.b64decode("".join(png))))
-            cell["metadata"]["mystnb"] = {"image": {"alt": alt_texts[drawn[1]]}}
+        shown = [output.get("data", {}) for output in cell.get("outputs", [])]
+        png = next((data["image/png"] for data in shown if "image/png" in data), None)
+        if png and (drawn := DRAWN.search(source)):
+            figures.append(Figure(drawn[1], alt_texts.get(drawn[1], ""), name, base64.b64decode("".join(png))))
+            cell["metadata"]["mystnb"] = {"image": {"alt": figures[-1].alt}}
             cells.append(markdown(drawn[1], f'<a id="{drawn[1]}"></a>'))
         cells.append(cell)
         if "explore(" in source and sliders:
@@ -139,9 +146,9 @@ def build() -> list[str]:
     """Build the site beside the old one, and put it in its place; return what is wrong with it."""
     new = BUILD / "site-new"
     shutil.rmtree(new, ignore_errors=True)
-    strict = ["-W", "--keep-going", *([] if sys.stdout.isatty() else ["-q"])]
-    words = ["-m", "sphinx", *strict, "-j", "2", "-c", str(DOCS), "-d", str(BUILD / "site-doctrees"), str(SOURCE), str(new)]
-    if subprocess.call([sys.executable, *words], cwd=ROOT):
+    strict = ["-W", "--keep-going", "-j", "2", *([] if sys.stdout.isatty() else ["-q"])]
+    folders = ["-c", str(DOCS), "-d", str(BUILD / "site-doctrees"), str(SOURCE), str(new)]
+    if subprocess.call([sys.executable, "-m", "sphinx", *strict, *folders], cwd=ROOT):
         return ["Sphinx has warned, see above"]
     shutil.rmtree(new / ".doctrees", ignore_errors=True)
     for name in LOOSE:
@@ -150,7 +157,6 @@ def build() -> list[str]:
     write(report, re.sub(r'(href="\.\./notebooks/[^"#]+)\.ipynb', r"\1.html", read_text(report)))
     copy(SLIDERS, new / "sliders")
     (new / "sliders" / "stamp").unlink()
-    (new / ".nojekyll").touch()  # else GitHub Pages leaves out the folders that begin with _
     if wrong := list(broken_links(new)):
         return wrong
     shutil.rmtree(SITE, ignore_errors=True)
@@ -219,9 +225,16 @@ def main() -> int:
     """Build all of it; return the exit code."""
     parser = argparse.ArgumentParser(prog="make site", description=__doc__, epilog="example: make site")
     parser.parse_args()
-    lay_out()
-    bake_sliders()
-    if wrong := build():
+    try:
+        lay_out()
+        bake_sliders()
+        print("writing pages ...", flush=True)
+        wrong = build()
+    except (ValueError, OSError) as error:
+        wrong = [str(error)]
+    except KeyboardInterrupt:
+        return 130
+    if wrong:
         print(*wrong, "make site: the site was not replaced", sep="\n", file=sys.stderr)
         return 2
     print(f"{SITE}: {len(list(SITE.rglob('*.html')))} pages; open {SITE / INDEX}")

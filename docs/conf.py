@@ -21,7 +21,7 @@ project_copyright = "stereolib developers. Code: BSD-3-Clause; text and figures:
 extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.autosummary", "numpydoc"]
 templates_path = [str(Path(__file__).resolve().parent / "templates")]
 exclude_patterns = ["README.md"]  # its sections are included where they belong
-nitpicky = False  # types in docstrings are words, not references
+default_role = "py:obj"  # names in docstrings, as numpydoc has them
 toc_object_entries = False
 
 # Notebooks are shown with the outputs that they were committed with.

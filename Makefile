@@ -1,11 +1,11 @@
 # All the work is done by bootstrap.py, which runs without make too: python bootstrap.py reproduce
 .DEFAULT_GOAL := help
-COMMANDS := setup reproduce test test-opencv4 test-browser bench same data lab explore lint format pins clean
+COMMANDS := setup reproduce test test-opencv4 test-browser bench same data lab explore site lint format pins clean
 
 # The first Python that is new enough and can make environments; else the first that runs at all, which then
 # says what it lacks. PYTHON=... on the command line is taken as it is.
 PROBE := import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 11))
-CANDIDATES := python3.13 python3.12 python3.11 python3 python
+CANDIDATES := python3.13 python3.12 python3.11 python3.14 python3 python
 
 .PHONY: help $(COMMANDS)
 help $(COMMANDS):

@@ -29,11 +29,12 @@ stereolib: the paper's figures, tables and numbers again, each beside the printe
   make test           unit tests with both OpenCV majors, then the notebooks' outputs compared
   make lab            open the notebooks in JupyterLab
   make explore        the whole measurement on one page in the browser; ARGS="LEFT RIGHT": your own pair
+  make site           build the site of notebooks, figures and reference into build/site
   make bench          measure speed and accuracy into benchmarks/results/
   make data           render the virtual recordings in data/virtual again
 For those who change the project:
   make test-opencv4   tests of what calls OpenCV, with OpenCV 4
-  make test-browser   tests of the page that make explore opens, in Chromium
+  make test-browser   tests of the page that make explore opens, and of the site, in Chromium
   make same           prove that other processors' kernels give the same files
   make lint           ruff, mypy, the rooms' imports and sizes;  make format  lets ruff format
   make pins           compile requirements.txt from pyproject.toml again
@@ -41,7 +42,7 @@ For those who change the project:
 With make PYTHON=python3.12 reproduce ARGS="03 --check"; without make: python bootstrap.py reproduce 03 --check
 """
 COMMANDS = {  # what each hands to the environment's Python; nox's sessions stand in noxfile.py
-    **{name: ["-m", "nox", "-s", name, "--"] for name in ("test-opencv4", "bench", "lint", "format", "pins")},
+    **{name: ["-m", "nox", "-s", name, "--"] for name in ["test-opencv4", "bench", "site", "lint", "format", "pins"]},
     "setup": ["-c", "pass"],
     "reproduce": ["-m", "stereolib", "reproduce"],
     "test": ["-m", "nox", "-s", "tests", "test-opencv4", "notebooks", "--"],
@@ -54,7 +55,7 @@ COMMANDS = {  # what each hands to the environment's Python; nox's sessions stan
 ROOM_MB = 900  # of .venv and of what is unpacked on the way
 WHY = """the lines above say why. No network? The first run needs it once.
   Behind a mirror or a proxy, tell pip about it (pip config set ...), then run the same command again."""
-ADDITIONS = {"explore": ["explore"], "test-browser": ["explore", "browser"]}  # requirements-NAME.txt, for them alone
+ADDITIONS = {"explore": ["explore"], "test-browser": ["explore", "browser"], "site": ["site"]}  # pins of their own
 
 
 def check_python() -> None:
@@ -134,10 +135,8 @@ def main(argv: "list[str]") -> int:
         print(HELP)
         return 0
     if name == "clean":
-        made = [
-            *ROOT.glob(".*_cache"),
-            *(ROOT / name for name in (".venv", ".staging", ".hypothesis", "build", "dist")),
-        ]
+        made = [ROOT / name for name in (".venv", ".staging", ".hypothesis", "build", "dist")]
+        made += ROOT.glob(".*_cache")
         for folder in [*made, *ROOT.rglob("__pycache__"), *ROOT.rglob(".ipynb_checkpoints")]:
             shutil.rmtree(str(folder), ignore_errors=True)
         return 0

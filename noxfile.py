@@ -19,8 +19,8 @@ ROOT = Path(__file__).resolve().parent
 PINS = ROOT / "requirements.txt"
 OPENCV4 = "opencv-python-headless==4.14.0.94"  # the oldest that pyproject.toml admits
 OPENCV5 = next(pin for pin in PINS.read_text(encoding="utf-8").splitlines() if pin.startswith("opencv-"))
-ADDITIONS = {"explore": ["notebooks", "explore"], "browser": ["browser"]}  # pinned apart, on top of the rest
-PYTHONS = ["3.11", "3.12", "3.13"]
+ADDITIONS = {"explore": ["notebooks", "explore"], "browser": ["browser"], "site": ["dev", "site"]}  # pinned apart
+PYTHONS = ["3.11", "3.12", "3.13", "3.14"]
 
 PYTEST = ["-m", "pytest", "-n", "2", "--dist", "loadfile", "-q"]
 UNIT_TESTS = [*PYTEST, "--doctest-modules", "tests", "stereolib"]
@@ -32,6 +32,7 @@ CHECKS = [
     "lint-imports",
     "python tests/support/check_docstrings.py",
     "python tests/support/count_lines.py",
+    "check-jsonschema --builtin-schema vendor.github-workflows .github/workflows/ci.yml .github/workflows/pages.yml",
 ]
 
 nox.options.sessions = ["tests", "test-opencv4", "notebooks"]
@@ -123,6 +124,12 @@ def format_(session: nox.Session) -> None:
     """Let ruff mend what it can and lay out the rest."""
     run(session, "-m", "ruff", "check", "--fix", "--exit-zero")
     run(session, "-m", "ruff", "format")
+
+
+@nox.session(venv_backend="none", default=False)
+def site(session: nox.Session) -> None:
+    """The site, as ``make site``, which installs what it needs first."""
+    run(session, "docs/build.py", *session.posargs)
 
 
 @nox.session(venv_backend="none", default=False)

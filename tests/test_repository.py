@@ -11,6 +11,7 @@ import sys
 import tomllib
 from html.parser import HTMLParser
 from pathlib import Path
+from typing import Any
 
 import nbformat
 import pytest
@@ -25,7 +26,7 @@ from stereolib.cli import commands
 NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
 MODULES = sorted((ROOT / "stereolib").rglob("*.py"))
 ROOMS = sorted(path.parent.name for path in (ROOT / "stereolib").glob("*/__init__.py"))
-PAGES = sorted(page for page in ROOT.glob("**/*.md") if not {".venv", ".staging"} & set(page.parts))
+PAGES = sorted(page for page in ROOT.glob("**/*.md") if not {".venv", ".staging", "build"} & set(page.parts))
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 EXTRAS = sorted({name for extra in PROJECT["optional-dependencies"].values() for name in extra})
 ADDED = {name: PROJECT["optional-dependencies"][name] for name in noxfile.ADDITIONS}
@@ -142,8 +143,61 @@ def test_readme_names_the_two_commands_and_ci_runs_the_second() -> None:
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
     assert "make reproduce" in readme and "make test" in readme
     assert (ROOT / ".ci" / "run").read_text(encoding="utf-8").rstrip().endswith("\nmake test-browser")
-    assert "\nmake test\n" in (ROOT / ".ci" / "run").read_text(encoding="utf-8")
+    assert "\nmake test\nmake site\n" in (ROOT / ".ci" / "run").read_text(encoding="utf-8")
     assert os.name == "nt" or os.access(ROOT / ".ci" / "run", os.X_OK)
+
+
+def jobs(workflow: str) -> dict[str, Any]:
+    """The jobs of a workflow of GitHub; `lint` holds the files to its schema."""
+    text = (ROOT / ".github" / "workflows" / f"{workflow}.yml").read_text(encoding="utf-8")
+    return yaml.safe_load(text)["jobs"]
+
+
+def test_workflows_call_only_pinned_actions_and_commands_that_are_there() -> None:
+    import bootstrap
+
+    steps = [step for name in ("ci", "pages") for job in jobs(name).values() for step in job["steps"]]
+    actions = [step["uses"] for step in steps if "uses" in step]
+    assert actions and all(re.fullmatch(r"actions/[a-z-]+@[0-9a-f]{40}", action) for action in actions)
+    lines = [step["run"] for step in steps if "run" in step]
+    called = [found[1] for line in lines if (found := re.match(r"(?:make|python bootstrap\.py) ([a-z-]+)", line))]
+    assert set(called) <= set(bootstrap.COMMANDS) and "site" in called
+    others = {line.split()[0] for line in lines if not re.match(r"make |python bootstrap\.py ", line)}
+    assert others == {".ci/run", ".venv/bin/nox"}
+    paths = [word for line in lines for word in line.split() if word.startswith("tests/")]
+    assert paths and all((ROOT / path).exists() for path in paths)
+
+
+def test_workflow_and_nox_try_the_same_pythons_and_opencvs() -> None:
+    matrix = jobs("ci")["matrix"]["strategy"]["matrix"]
+    assert matrix["python"] == noxfile.PYTHONS
+    (step,) = [step for step in jobs("ci")["matrix"]["steps"] if "nox" in step.get("run", "")]
+    sessions = subprocess.run([sys.executable, "-m", "nox", "--list"], cwd=ROOT, capture_output=True, text=True)
+    for python in matrix["python"]:
+        for opencv in matrix["opencv"]:
+            name = f"matrix-{python}({opencv})"
+            assert (
+                step["run"]
+                .replace("${{ matrix.python }}", python)
+                .replace("${{ matrix.opencv }}", opencv)
+                .endswith(f'"{name}"')
+            )
+            assert f"- {name} " in sessions.stdout
+
+
+def test_binder_installs_what_notebooks_need_with_the_pinned_versions() -> None:
+    lines = (ROOT / ".binder" / "requirements.txt").read_text(encoding="utf-8").splitlines()
+    (editable,) = [line for line in lines if line.startswith("--editable ")]
+    extras = Requirement("stereolib" + editable.removeprefix("--editable .")).extras
+    assert extras == {"notebooks", "explore"} <= set(PROJECT["optional-dependencies"])
+    constraints = [line.split()[1] for line in lines if line.startswith("--constraint ")]
+    assert [(ROOT / ".binder" / path).resolve().name for path in constraints] == [
+        "requirements.txt",
+        "requirements-explore.txt",
+    ]
+    assert all((ROOT / ".binder" / path).is_file() for path in constraints)
+    python = (ROOT / ".binder" / "runtime.txt").read_text(encoding="utf-8").strip()
+    assert python.removeprefix("python-") in noxfile.PYTHONS
 
 
 # --- environments
@@ -193,6 +247,7 @@ def test_no_package_registry_is_named() -> None:
     names = [
         "requirements.txt",
         *(f"requirements-{name}.txt" for name in ADDED),
+        ".binder/requirements.txt",
         "environment.yml",
         "pyproject.toml",
         "Makefile",

@@ -31,7 +31,7 @@ def finite_array(value: Any, shape: tuple[int, ...] | None, name: str, *, most: 
 
     Returns
     -------
-    (*shape) float64, read-only
+    array of that shape, float64, read-only
 
     Raises
     ------

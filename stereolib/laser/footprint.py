@@ -30,7 +30,7 @@ def _unknown() -> Float64:
 
 @dataclass(frozen=True, eq=False)
 class FaceLine:
-    """A visible face: the stretch of the line ``normal . p = offset_mm`` between two ends.
+    """A visible face: the stretch of the line ``normal @ p = offset_mm`` between two ends.
 
     Attributes
     ----------

@@ -63,7 +63,7 @@ class Rays:
         return Rays(self.origins_mm @ R.T + t, self.directions @ R.T)
 
     def meet(self, normal: Float64, offset_mm: float) -> Float64:
-        """Find where the beams meet the line ``normal . p = offset_mm``.
+        """Find where the beams meet the line ``normal @ p = offset_mm``.
 
         Parameters
         ----------

@@ -15,7 +15,7 @@ _TRIALS = 500  # random pairs per wall: a wall with a fifth of the points is mis
 
 @dataclass(frozen=True, eq=False)
 class Wall:
-    """A line ``normal . p = offset_mm`` through some of the points.
+    """A line ``normal @ p = offset_mm`` through some of the points.
 
     Attributes
     ----------

@@ -25,7 +25,7 @@ _ACROSS = 0.5  # sine of the least angle at which walls are taken to meet
 
 @dataclass(frozen=True, eq=False)
 class MapWall:
-    """A straight wall: ``normal . p = offset_mm`` between two ends.
+    """A straight wall: ``normal @ p = offset_mm`` between two ends.
 
     Attributes
     ----------

@@ -314,7 +314,7 @@ class Box:
         return normals
 
     def distance(self, side: Side) -> Numbers:
-        """How far behind the origin a face's line ``normal . p = distance`` lies, mm.
+        """How far behind the origin a face's line ``normal @ p = distance`` lies, mm.
 
         Parameters
         ----------

@@ -28,7 +28,7 @@ _BETTER = 0.5  # two lines must leave less than this share of what one leaves
 
 @dataclass(frozen=True, eq=False)
 class Face:
-    """An upright face of an object: a plane of disparities, ``coefficients . (u - u0, v - v0, 1)``.
+    """An upright face of an object: a plane of disparities, ``coefficients @ (u - u0, v - v0, 1)``.
 
     Attributes
     ----------

@@ -53,7 +53,7 @@ class FloorLimits:
 
 @dataclass(frozen=True, eq=False)
 class Floor:
-    """The floor's plane: ``disparity = plane . (u, v, 1)`` in the rectified left image.
+    """The floor's plane: ``disparity = plane @ (u, v, 1)`` in the rectified left image.
 
     Attributes
     ----------

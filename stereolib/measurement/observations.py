@@ -65,7 +65,7 @@ def whitening(covariance: Float64) -> Float64:
 
 @dataclass(frozen=True, eq=False)
 class PlaneSeen:
-    """A plane as the pair sees it: the disparity is ``coefficients . (u - u0, v - v0, 1)``.
+    """A plane as the pair sees it: the disparity is ``coefficients @ (u - u0, v - v0, 1)``.
 
     Attributes
     ----------

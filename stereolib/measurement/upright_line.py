@@ -13,7 +13,7 @@ from stereolib.measurement.faces import Face
 
 @dataclass(frozen=True, eq=False)
 class UprightLine:
-    """An upright plane over its line ``normal . p = distance`` on the floor.
+    """An upright plane over its line ``normal @ p = distance`` on the floor.
 
     Attributes
     ----------

@@ -197,8 +197,23 @@ def bake(
             drawn.append(page.draw(**position, **page.fixed))
             advance(page)
         written.append(_write(folder / page.file, _small_enough(page, drawn)))
-    index = _templates().get_template("baked_index.html.jinja").render(pages=pages)
-    return [*written, _write(folder / INDEX, index)]
+    return [*written, write_index(folder, pages)]
+
+
+def write_index(folder: Path, pages: Sequence[Baked] = PAGES) -> Path:
+    """Write the page that links the others.
+
+    Parameters
+    ----------
+    folder : Path
+        Made if it is not there.
+    pages : sequence of Baked
+
+    Returns
+    -------
+    Path
+    """
+    return _write(folder / INDEX, _templates().get_template("baked_index.html.jinja").render(pages=pages))
 
 
 def _write(path: Path, text: str) -> Path:

@@ -1,4 +1,4 @@
-"""One server and one Chromium for all tests of the bench's page, one page for each file of them."""
+"""One Chromium for all tests, one server for those of the bench's page, one page for each file of them."""
 
 from __future__ import annotations
 
@@ -14,18 +14,19 @@ Opened: TypeAlias = Callable[[int, int], Page]
 
 
 @pytest.fixture(scope="session")
-def bench_server() -> Iterator[tuple[subprocess.Popen[str], str]]:
-    """The server; without Chromium all is skipped, or fails where CI is set."""
+def browser() -> Iterator[Any]:
+    """Chromium; without it all is skipped, or fails where CI is set."""
     if chromium() is None:
         (pytest.fail if os.environ.get("CI") else pytest.skip)(NO_CHROMIUM)
-    with server() as served:
-        yield served
+    with chrome() as started:
+        yield started
 
 
 @pytest.fixture(scope="session")
-def browser(bench_server: tuple[subprocess.Popen[str], str]) -> Iterator[Any]:
-    with chrome() as started:
-        yield started
+def bench_server(browser: Any) -> Iterator[tuple[subprocess.Popen[str], str]]:
+    """The server."""
+    with server() as served:
+        yield served
 
 
 @pytest.fixture(scope="module")

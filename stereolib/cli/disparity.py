@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from stereolib.base import Float32
+from stereolib.cli.boards import add_pair
 from stereolib.cli.command import Command
 from stereolib.cli.errors import DONE, named
 from stereolib.cli.outputs import check_ending, check_outputs
@@ -26,8 +27,7 @@ _RECTIFY = "Rectify it with its calibration (RectifiedRig.rectify)"
 
 
 def _configure(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("left", type=Path, metavar="LEFT", help="picture of the left camera")
-    parser.add_argument("right", type=Path, metavar="RIGHT", help="picture of the right camera")
+    add_pair(parser)
     parser.add_argument("--calibration", type=Path, metavar="FILE", help="calibration.json; default: a rectified pair")
     parser.add_argument("--pipeline", default="best", metavar="NAME", help="paper, fast or best (default: best)")
     about = "px, a multiple of 16, of 32 for fast; auto takes what a rough match of the pair tells (auto)"
@@ -53,11 +53,11 @@ def _run(arguments: argparse.Namespace) -> int:
     from stereolib.base import write_atomic
     from stereolib.matching import check_matchable, check_rectified, find_rows, stereo_pipeline
     from stereolib.plotting import color_disparity
-    from stereolib.rig import StereoRig, read_pair
+    from stereolib.rig import StereoRig, find_pair, read_pair
 
     with _named_as_options():
         run = stereo_pipeline(arguments.pipeline, arguments.max_disparity)
-    out, files = arguments.output, (arguments.left, arguments.right)
+    out, files = arguments.output, find_pair(arguments.left, arguments.right)
     check_ending(out, ".npy", "the map (--output)")
     picture, deviation = out.with_suffix(".png"), out.with_name(f"{out.stem}_std.npy")
     written = [out, picture, *([deviation] if arguments.pipeline == "best" else [])]

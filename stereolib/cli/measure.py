@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from stereolib.cli.boards import said_of
+from stereolib.cli.boards import add_pair, said_of
 from stereolib.cli.command import Command
 from stereolib.cli.errors import DONE, REFUSED, named
 from stereolib.cli.outputs import check_ending, check_outputs
@@ -34,8 +34,7 @@ exit code: 0 something was measured, 1 nothing was, 2 wrong input"""
 
 
 def _configure(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("left", type=Path, metavar="LEFT", help="picture of the left camera, as it comes")
-    parser.add_argument("right", type=Path, metavar="RIGHT", help="picture of the right camera")
+    add_pair(parser)
     parser.add_argument(
         "--scan",
         type=Path,
@@ -71,12 +70,12 @@ def _run(arguments: argparse.Namespace) -> int:
     from stereolib.mapping import read_scan
     from stereolib.matching import check_matchable
     from stereolib.measurement import Instrument, draw_objects, measure_objects
-    from stereolib.rig import read_pair
+    from stereolib.rig import find_pair, read_pair
 
     picture = arguments.output or Path(f"{arguments.left.stem}_measured.png")
     check_ending(picture, ".png", "the picture")
     check_outputs([picture], force=arguments.force, option="--output")
-    instrument, files = Instrument.load(arguments.calibration), (arguments.left, arguments.right)
+    instrument, files = Instrument.load(arguments.calibration), find_pair(arguments.left, arguments.right)
     pair = read_pair(*files)
     check_matchable(*pair, (str(files[0]), str(files[1])))
     if arguments.between:

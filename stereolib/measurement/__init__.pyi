@@ -1,4 +1,5 @@
 from .box import Box, Side
+from .depth_map import DepthMap, measure_depth, whole_mm
 from .disparity_map import add_outliers, check_disparity_map, pixel_rays
 from .faces import Face
 from .floor import Floor, FloorLimits, fit_floor, floor_from_pose, floor_tolerance_px
@@ -22,6 +23,7 @@ __all__ = [
     "Between",
     "Box",
     "CannotMeasure",
+    "DepthMap",
     "Face",
     "Floor",
     "FloorLimits",
@@ -54,9 +56,11 @@ __all__ = [
     "floor_tolerance_px",
     "match_views",
     "measure_between",
+    "measure_depth",
     "measure_objects",
     "measure_views",
     "pixel_rays",
     "save_laser_pose",
+    "whole_mm",
     "why_no_floor",
 ]

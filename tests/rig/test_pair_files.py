@@ -197,7 +197,7 @@ def test_one_pair(tmp_path: Path) -> None:
     wide = folder / "wide.png"
     cv2.imwrite(str(wide), noisy(1, 128))
     assert [read_image(side).shape for side in find_pair(wide)] == [(48, 64, 3)] * 2
-    with pytest.raises(ValueError, match="left1.png is 8x8, the picture of one camera"):
+    with pytest.raises(ValueError, match=r"left1\.png is 8x8, the picture of one camera"):
         find_pair(folder / "left1.png")
     wide.unlink()
     make_files(folder, "left2.png", "right2.png")

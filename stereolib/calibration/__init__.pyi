@@ -44,6 +44,7 @@ from .wording import (
     error_row,
     meaning_rows,
     parameter_rows,
+    save_calibration,
 )
 from .wrong_corners import CornerOff
 
@@ -116,5 +117,6 @@ __all__ = [
     "rig_difference",
     "rig_parameter_names",
     "rig_std",
+    "save_calibration",
     "triangulate",
 ]

@@ -20,9 +20,12 @@ from stereolib.cli.explore import EXPLORE
 from stereolib.cli.lrf import LRF
 from stereolib.cli.map import MAP
 from stereolib.cli.measure import MEASURE
+from stereolib.cli.new import NEW
+from stereolib.cli.report import REPORT
 from stereolib.cli.reproduce import REPRODUCE
 
-COMMANDS = (REPRODUCE, EXPLORE, BAKE, DATA, DISPARITY, LRF, BOARD, CALIBRATE, CHECK, CALIBRATE_LASER, MEASURE, MAP)
+COMMANDS = (REPRODUCE, EXPLORE, BAKE, DATA, NEW, REPORT, BOARD, CALIBRATE, CHECK, CALIBRATE_LASER, DISPARITY, MEASURE,
+            MAP, LRF)  # fmt: skip
 
 
 class _Parser(argparse.ArgumentParser):

@@ -106,14 +106,11 @@ def between(
     pair: tuple[UInt8, UInt8], pixels: Sequence[tuple[float, float]], instrument: Instrument
 ) -> tuple[UInt8, dict[str, Any], str]:
     """A picture with the line between two pixels, its length as facts and as a sentence."""
-    from stereolib.measurement import Views, draw_length, find_surface, match_views, measure_between
+    from stereolib.measurement import draw_length, length_between
 
-    views = Views.of(*pair, instrument.rectified)
-    map_px = match_views(views)
-    one, other = (find_surface(views, map_px, at) for at in instrument.rectified.rectify_points(pixels, "left"))
-    found = measure_between(one, other, instrument.rectified, instrument.uncertainty)
+    found = length_between(*pair, pixels, instrument)
     facts: dict[str, Any] = {"length_mm": found.length_mm, "std_mm": found.std_mm}
-    facts |= {"points_mm": found.points_mm.tolist(), "disparity_px": [one.disparity_px, other.disparity_px]}
+    facts |= {"points_mm": found.points_mm.tolist(), "disparity_px": found.disparity_px.tolist()}
     depths = " and ".join(f"{depth:.0f} mm" for depth in found.depth_mm)
     told = f"{found.length_mm:.1f} ± {found.std_mm:.1f} mm (one standard deviation), at depths of {depths}"
     return draw_length(pair[0], pixels, f"{found.length_mm:.1f} mm"), facts, told

@@ -13,7 +13,7 @@ from .overlay import OBJECT_RGB, draw_length, draw_objects
 from .plane_alignment import AlignedPair, CannotMeasure
 from .reasons import Reason, Source, Why
 from .regions import ObjectRegion, find_objects
-from .two_points import Between, SurfacePoint, find_surface, match_views, measure_between
+from .two_points import Between, SurfacePoint, find_surface, length_between, match_views, measure_between
 from .views import Views
 
 __all__ = [
@@ -54,6 +54,7 @@ __all__ = [
     "fit_floor",
     "floor_from_pose",
     "floor_tolerance_px",
+    "length_between",
     "match_views",
     "measure_between",
     "measure_depth",

@@ -2,7 +2,7 @@ from .camera import Camera, distort
 from .formats import load_kalibr, load_opencv, load_rig, load_ros, save_kalibr, save_opencv, save_ros
 from .images import check_pair, image_size, read_image, read_pair, to_grey, to_light
 from .matlab_format import from_matlab_struct, to_matlab_struct
-from .pair_files import PairFile, find_pair, find_pairs, one_size
+from .pair_files import PairFile, find_pair, find_pairs, one_size, pair_name
 from .stereo_rig import RectifiedRig, StereoRig
 from .transforms import pose_left_world, rigid, skew
 
@@ -22,6 +22,7 @@ __all__ = [
     "load_rig",
     "load_ros",
     "one_size",
+    "pair_name",
     "pose_left_world",
     "read_image",
     "read_pair",

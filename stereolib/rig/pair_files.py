@@ -116,6 +116,25 @@ def find_pair(left: str | PathLike[str], right: str | PathLike[str] | None = Non
     return pairs[0]
 
 
+def pair_name(file: str | PathLike[str]) -> str:
+    """Tell what a pair is called: the words of one of its names without those of a side.
+
+    Parameters
+    ----------
+    file : path
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> pair_name("pairs/03_left.jpg"), pair_name("rightKitchen.png")
+    ('3', 'kitchen')
+    """
+    return " ".join(str(number) if is_number else word for is_number, number, word in _key(Path(file)))
+
+
 def one_size(sizes: Mapping[Path, tuple[int, int]]) -> tuple[int, int]:
     """Refuse pictures of several sizes.
 

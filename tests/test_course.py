@@ -26,6 +26,7 @@ CHAPTERS: list[str] = [
     "08_environment_map",
     "09_real_recordings",
     "10_matching_beyond",
+    "11_your_own_rig",
 ]
 GLOSSARY = ROOT / "notebooks" / "glossary.md"
 APPENDIX = "## Appendix"

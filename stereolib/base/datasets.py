@@ -33,8 +33,9 @@ class NotAvailable(OSError):
 def data_path(name: str) -> Path:
     """Find a data file of the repository.
 
-    It is looked for in the checkout's ``data/`` or, of an installed package, in the few files that it holds and then in
-    the folder named by ``STEREOLIB_DATA``.
+    It is looked for in the checkout's ``data/`` or, of an installed package, in the few files that it holds, in the
+    folder named by ``STEREOLIB_DATA`` and, if the virtual rig recorded it, in the user's cache. Into that it is fetched
+    once, by its sha256, from the address named by ``STEREOLIB_DATA_URL`` or by the package as its ``Data``.
 
     Parameters
     ----------
@@ -49,6 +50,8 @@ def data_path(name: str) -> Path:
     ------
     ValueError
         If the file is not there; the text says how to get it.
+    NotAvailable
+        If it is not to be had from that address.
 
     Examples
     --------
@@ -60,15 +63,41 @@ def data_path(name: str) -> Path:
     for folder in folders:
         if (folder / name).exists():
             return folder / name
+    if INSTALLED and (known := virtual_recordings().get(name)) and (home := _home()):
+        return _fetched(f"{home}/{name}", known, Path(_cache()) / name)
     if INSTALLED:
         raise ValueError(
             f"data/{name} is missing: it comes with stereolib's repository, not with the installed package. Clone the "
-            f"repository and work there, or set STEREOLIB_DATA to a folder that holds {name}"
+            f"repository and work there, or set STEREOLIB_DATA to a folder that holds {name}, or STEREOLIB_DATA_URL to "
+            f"the address of such a folder"
         )
     raise ValueError(
         f"data/{name} is missing (looked in {folders[0] / name}). Restore it with `git checkout -- data` "
         f"or, if it belongs to the virtual rig, make it again with `stereolib data build`."
     )
+
+
+def chapter_path(stem: str) -> Path:
+    """Find a notebook, also of an installed package, which brings the one of one's own rig.
+
+    Parameters
+    ----------
+    stem : str
+        Its file without ``.ipynb``.
+
+    Returns
+    -------
+    Path
+
+    Raises
+    ------
+    ValueError
+        If it is not there.
+    """
+    path = (_PACKAGED if INSTALLED else ROOT) / "notebooks" / f"{stem}.ipynb"
+    if not path.is_file():
+        raise ValueError(f"notebooks/{path.name} is missing: it comes with stereolib's repository, clone it")
+    return path
 
 
 def repository() -> Path:
@@ -147,8 +176,20 @@ def real_recording(name: str, timeout_s: float = 4.0) -> Path:
         url = f"{_MINORU}/{rest.replace('left', 'lData').replace('right', 'rData')}"
     else:
         url = f"{_XV11}/{rest}"
+    return _fetched(url, known, Path(_cache()) / folder / rest, timeout_s)
+
+
+def _cache() -> str:
+    import pooch
+
+    return str(pooch.os_cache("stereolib"))
+
+
+def _fetched(url: str, known: str, cached: Path, timeout_s: float = 4.0) -> Path:
+    """A file of the cache, put there if need be; its sha256 is checked wherever it came from."""
+    import pooch
+
     pooch.get_logger().setLevel("WARNING")
-    cached = Path(pooch.os_cache("stereolib")) / folder / rest
     try:
         if not cached.is_file():
             _wait_for_answer(url, timeout_s)
@@ -160,12 +201,55 @@ def real_recording(name: str, timeout_s: float = 4.0) -> Path:
             downloader=partial(_download, timeout_s=timeout_s),
         )
     except (OSError, ValueError) as error:  # ValueError: what came has another sha256
+        own = "has no such file" if os.environ.get("STEREOLIB_DATA") else "is not set"
         raise NotAvailable(
-            f"the recording {name} is not available: STEREOLIB_DATA "
-            f"{'has no such file' if own else 'is not set'}, the cache {cached.parent} has none, and the download "
-            f"failed ({type(error).__name__}). Connect to the network, or set STEREOLIB_DATA to a folder that holds it."
+            f"the recording {cached.parent.name}/{cached.name} is not available: STEREOLIB_DATA {own}, the cache "
+            f"{cached.parent} has none, and the download failed ({type(error).__name__}). Connect to the network, or "
+            f"set STEREOLIB_DATA to a folder that holds it."
         ) from error
     return Path(fetched)
+
+
+def virtual_recordings() -> dict[str, str]:
+    """List the virtual rig's recordings, which are the demo rig.
+
+    Returns
+    -------
+    dict of str to str
+        sha256 by name below ``data/``.
+    """
+    sums = data_path("virtual/SHA256SUMS")
+    pairs = (line.split(maxsplit=1) for line in read_text(sums).splitlines() if line.strip())
+    return {f"virtual/{name.strip().removeprefix('*')}": digest for digest, name in pairs}
+
+
+def demo_rig() -> Path:
+    """Find the folder of the demo rig: the virtual rig's recordings, whole.
+
+    Returns
+    -------
+    Path
+
+    Raises
+    ------
+    ValueError, NotAvailable
+        As `data_path`; an installed package fetches them once.
+    """
+    from tqdm.auto import tqdm
+
+    names = virtual_recordings() if INSTALLED else ["virtual/rig.toml"]
+    paths = [data_path(name) for name in tqdm(names, "demo rig", unit="file", delay=2, leave=False, disable=None)]
+    return next(path.parent for path in paths if path.name == "rig.toml")
+
+
+def _home() -> str:
+    """Where the data folder is served: as the user says, or the package."""
+    from importlib.metadata import metadata
+
+    if own := os.environ.get("STEREOLIB_DATA_URL"):
+        return own.rstrip("/")
+    urls = (text.partition(", ") for text in metadata("stereolib").get_all("Project-URL") or [])
+    return next((url.rstrip("/") for label, _, url in urls if label == "Data"), "")
 
 
 def real_recordings(folder: str) -> list[Path]:

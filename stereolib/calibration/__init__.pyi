@@ -46,6 +46,7 @@ from .wording import (
     error_row,
     meaning_rows,
     parameter_rows,
+    save_calibration,
 )
 from .wrong_corners import CornerOff
 
@@ -122,5 +123,6 @@ __all__ = [
     "rig_difference",
     "rig_parameter_names",
     "rig_std",
+    "save_calibration",
     "triangulate",
 ]

@@ -14,7 +14,7 @@ import numpy as np
 
 from stereolib.base import Float32, read_bytes, write_atomic
 from stereolib.calibration.boards import Board, BoardViews, Charuco, find_board, over_cores, pair_views
-from stereolib.rig import read_image
+from stereolib.rig import one_size, read_image
 
 #: Folder beside the images; one small file for each view, named by what was in the image and which board was sought.
 CACHE = ".stereolib_corners"
@@ -55,16 +55,10 @@ def find_in_files(left: Files, right: Files, board: Board, *, cache: bool = True
     files = [Path(file) for pair in zip(left, right, strict=True) for file in pair]
     results = list(over_cores(partial(_find, board=board, cache=cache), files, "finding boards", progress=progress))
     if wrong := [text for text in results if isinstance(text, str)]:
-        raise ValueError(f"{len(wrong)} of {len(files)} files are no readable images:{_lines(wrong)}")
-    sizes = [result[1] for result in results]
-    usual = max(sorted(set(sizes)), key=sizes.count)
-    if odd := [f"{file} is {w}x{h}" for file, (w, h) in zip(files, sizes, strict=True) if (w, h) != usual]:
-        raise ValueError(f"all images must have one size, most are {usual[0]}x{usual[1]}, but:{_lines(odd)}")
-    return pair_views([result[0] for result in results], board, [file.name for file in files[::2]], usual)
-
-
-def _lines(texts: Sequence[str]) -> str:
-    return "".join(f"\n  {text}" for text in (*texts[:_LISTED], *["..."] * (len(texts) > _LISTED)))
+        shown = "".join(f"\n  {text}" for text in (*wrong[:_LISTED], *["..."] * (len(wrong) > _LISTED)))
+        raise ValueError(f"{len(wrong)} of {len(files)} files are no readable images:{shown}")
+    size = one_size({file: result[1] for file, result in zip(files, results, strict=True)})
+    return pair_views([result[0] for result in results], board, [file.name for file in files[::2]], size)
 
 
 def _find(file: Path, *, board: Board, cache: bool) -> View | str:

@@ -6,6 +6,8 @@ import re
 import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
+from os import PathLike
+from pathlib import Path
 from typing import Any
 
 import cv2
@@ -27,6 +29,7 @@ VERDICT_MEANINGS = {
 }
 _TIED = "\N{NO-BREAK SPACE}"  # keeps a name and its value on one line
 _WIDTH = 120  # columns of the text
+_IN_THE_RIG = ("K", "dist", "R", "T")  # what the rig's file says anyway
 
 
 def calibration_facts(diagnosis: Diagnosis) -> dict[str, Any]:
@@ -77,6 +80,28 @@ def calibration_facts(diagnosis: Diagnosis) -> dict[str, Any]:
     told |= {"record": CalibrationRecord.of(d.fit, d.views).facts()}
     plain: dict[str, Any] = _plain(told)
     return plain
+
+
+def save_calibration(path: str | PathLike[str], diagnosis: Diagnosis) -> Path:
+    """Write a calibrated rig with everything that is known of its calibration.
+
+    Parameters
+    ----------
+    path : path
+    diagnosis : Diagnosis
+
+    Returns
+    -------
+    Path
+        Where it was written.
+
+    Raises
+    ------
+    OSError
+        If it cannot be written.
+    """
+    notes = {name: entry for name, entry in calibration_facts(diagnosis).items() if name not in _IN_THE_RIG}
+    return diagnosis.rig.save(path, calibration=notes)
 
 
 def calibration_text(diagnosis: Diagnosis) -> str:

@@ -1,4 +1,4 @@
-"""Boards as they are given on the command line: their size in words, what was noted of them."""
+"""Boards and pairs as they are given on the command line: a board's size in words, what was noted of it."""
 
 from __future__ import annotations
 
@@ -44,6 +44,13 @@ def add_recording(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help="of a video: the sharpest of so many frames (default: 60 in all)",
     )
+
+
+def add_pair(parser: argparse.ArgumentParser) -> None:
+    """Add the words that name one pair."""
+    about = "picture of the left camera; or what holds both: pictures beside each other in one, or a folder of one pair"
+    parser.add_argument("left", type=Path, metavar="LEFT", help=about)
+    parser.add_argument("right", type=Path, nargs="?", metavar="RIGHT", help="picture of the right camera")
 
 
 def board_of(arguments: argparse.Namespace) -> Board:

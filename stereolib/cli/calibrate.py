@@ -71,6 +71,7 @@ def _run(arguments: argparse.Namespace) -> int:
         calibration_text,
         diagnose,
         find_in_files,
+        save_calibration,
     )
     from stereolib.plotting import write_calibration_report
     from stereolib.rig import find_pairs, formats
@@ -91,14 +92,12 @@ def _run(arguments: argparse.Namespace) -> int:
             f"{MIN_PAIRS} are needed, 15 to 30 give a trustworthy rig; is the board's size right?"
         )
     result = diagnose(views, model=arguments.model, ruler_mm=arguments.ruler_mm, at_mm=arguments.at_mm)
-    facts = calibration_facts(result)
-    notes = {name: entry for name, entry in facts.items() if name not in ("K", "dist", "R", "T")}  # the file has them
     write_calibration_report(written[1], result, dict(zip((path.name for path in left), pairs, strict=True)))
-    result.rig.save(written[0], calibration=notes)
+    save_calibration(written[0], result)
     for kind, paths in others.items():
         getattr(formats, f"save_{kind}")(*paths, result.rig)
     if arguments.json:
-        print(json.dumps(facts, indent=1, allow_nan=False))
+        print(json.dumps(calibration_facts(result), indent=1, allow_nan=False))
     else:
         print(calibration_text(result))
         print(f"written: {' '.join(map(str, written))}")

@@ -24,23 +24,14 @@ from stereolib.cli.explore import EXPLORE
 from stereolib.cli.lrf import LRF
 from stereolib.cli.map import MAP
 from stereolib.cli.measure import MEASURE
+from stereolib.cli.new import NEW
+from stereolib.cli.report import REPORT
 from stereolib.cli.reproduce import REPRODUCE
 
 COMMANDS = (
-    REPRODUCE,
-    EXPLORE,
-    BAKE,
-    DATA,
-    DISPARITY,
-    LRF,
-    BOARD,
-    CAPTURE,
-    CALIBRATE,
-    CHECK,
-    CALIBRATE_LASER,
-    MEASURE,
-    MAP,
-)
+    REPRODUCE, EXPLORE, BAKE, DATA, NEW, REPORT, BOARD, CAPTURE, CALIBRATE, CHECK, CALIBRATE_LASER, DISPARITY, MEASURE,
+    MAP, LRF,
+)  # fmt: skip
 
 
 #: OpenCV and the video library in it write notes of their own about damaged files; ours are enough.

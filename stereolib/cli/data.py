@@ -28,6 +28,7 @@ def _build(arguments: argparse.Namespace) -> int:
 def _verify(arguments: argparse.Namespace) -> int:
     from stereolib.base import datasets, read_text
 
+    datasets.repository()  # an installed package has checked what it fetched
     sums = datasets.data_path("virtual/SHA256SUMS")
     problems = []
     for line in read_text(sums).splitlines():
@@ -47,6 +48,8 @@ def _verify(arguments: argparse.Namespace) -> int:
 def _fetch(arguments: argparse.Namespace) -> int:
     from stereolib.base import datasets
 
+    if datasets.INSTALLED:
+        print(f"{datasets.demo_rig()}: the demo rig, sha256 as expected")
     for folder in ("xv11", "minoru3d/left", "minoru3d/right"):
         files = datasets.real_recordings(folder)
         print(f"{files[0].parent}: {len(files)} files, sha256 as expected")
@@ -84,7 +87,7 @@ DATA = Command(
         Command("verify", "compare the committed recordings with their sha256", "stereolib data verify", _verify),
         Command(
             "fetch",
-            "download the real recordings, or find them in $STEREOLIB_DATA, and say where they are",
+            "download the real recordings (an installed package: the demo rig, too), or say where they are",
             "stereolib data fetch",
             _fetch,
         ),

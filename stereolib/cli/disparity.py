@@ -1,4 +1,4 @@
-"""The command ``stereolib disparity``: from a pair of pictures to a disparity map."""
+"""The command ``stereolib disparity``: from a pair of pictures to its disparity, and to its depth in millimetres."""
 
 from __future__ import annotations
 
@@ -6,35 +6,58 @@ import argparse
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from stereolib.base import Float32
+from stereolib.cli.boards import add_pair
 from stereolib.cli.command import Command
 from stereolib.cli.errors import DONE, named
 from stereolib.cli.outputs import check_ending, check_outputs
 from stereolib.cli.ranges import whole
 
-_OUT = """(H, W) float32, px, NaN invalid; a picture goes beside it, and from `best` NPY_std.npy, the standard deviation
-in px as measured on virtual scenes"""
+if TYPE_CHECKING:
+    from stereolib.base import Floats
+    from stereolib.measurement import DepthMap
+
 _AUTO = "auto"
 _WIDEST_PX = 2**15  # no picture is wider
-_BEYOND = 0.005  # share of the roughly matched pixels that may lie beyond the range before it is told
 _OPTIONS = {
     "looks for a multiple of 16 disparities, got": "needs a --max-disparity that is a multiple of 16, got",
     "looks for a multiple of 32 disparities, got": "needs a --max-disparity that is a multiple of 32, got",
     "reduce num_disparities, min_disparity or block_size": "reduce --max-disparity",
     "reduce num_disparities": "reduce --max-disparity",
+    "num_disparities": "--max-disparity",
+    "leave it out": "leave the option out",
 }
 _RECTIFY = "Rectify it with its calibration (RectifiedRig.rectify)"
+_BEST = "best"
+#: What is written, by the end of its name: always, with a calibration, and what it is.
+_FILES = (
+    (".npy", False, "disparity, (H, W) float32, px; NaN is invalid, as in all .npy files here"),
+    (".png", False, "a picture to look at, with the key of its colours: depth, or disparity without --calibration"),
+    ("_std.npy", False, "from best: standard deviation of the disparity, px, as measured on virtual scenes"),
+    ("_depth_mm.npy", True, "depth along the rectified left camera's axis, (H, W) float32, mm"),
+    ("_depth_mm.png", True, "the same in whole mm, 16 bits, 0 is invalid or beyond 65,535 mm (ROS REP 118)"),
+    ("_depth_std_mm.npy", True, "from best: its standard deviation, mm: the matcher's, and the calibration's"),
+    (".ply", True, "coloured points in the rectified left camera's frame: x right, y down, z forward, m"),
+)
+_NOTES = """\
+Of the pixels, "matched" were found in both pictures, "filled" got a guess from their neighbours, and of "refused" ones
+nothing is told. Depths are those of matched pixels, unless --filled is given. The points leave out what is known to
+10 % of its depth only, or worse (with best, which tells).
+
+written, for --output d.npy; those of depth with --calibration only:
+""" + "\n".join(f"  d{end:18} {what}" for end, _, what in _FILES)
 
 
 def _configure(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("left", type=Path, metavar="LEFT", help="picture of the left camera")
-    parser.add_argument("right", type=Path, metavar="RIGHT", help="picture of the right camera")
-    parser.add_argument("--calibration", type=Path, metavar="FILE", help="calibration.json; default: a rectified pair")
-    parser.add_argument("--pipeline", default="best", metavar="NAME", help="paper, fast or best (default: best)")
+    add_pair(parser)
+    about = "calibration.json, for pictures as they come and for mm; default: a rectified pair"
+    parser.add_argument("--calibration", type=Path, metavar="FILE", help=about)
+    parser.add_argument("--pipeline", default=_BEST, metavar="NAME", help="paper, fast or best (default: best)")
     about = "px, a multiple of 16, of 32 for fast; auto takes what a rough match of the pair tells (auto)"
     parser.add_argument("--max-disparity", type=_count, default=_AUTO, metavar="N", help=about)
-    parser.add_argument("--output", type=Path, default=Path("disparity.npy"), metavar="NPY", help=_OUT)
+    parser.add_argument("--filled", action="store_true", help="depth where it was filled by a guess, too")
+    parser.add_argument("--output", type=Path, default=Path("disparity.npy"), metavar="NPY", help="as below")
     parser.add_argument("--force", action="store_true", help="replace the files if they are there")
 
 
@@ -49,63 +72,81 @@ def _count(word: str) -> int | None:
 
 
 def _run(arguments: argparse.Namespace) -> int:
+    import numpy as np
+
+    from stereolib.matching import check_matchable, match_checked, stereo_pipeline
+    from stereolib.measurement import Instrument, measure_depth
+    from stereolib.rig import find_pair, read_pair
+
+    how = arguments.pipeline, arguments.max_disparity
+    with _named_as_options():
+        stereo_pipeline(*how)  # before files are read
+    if arguments.filled and not arguments.calibration:
+        raise ValueError("--filled is about depth, which needs --calibration FILE")
+    out, files = arguments.output, find_pair(arguments.left, arguments.right)
+    check_ending(out, ".npy", "the map (--output)")
+    ends = [end for end, metric, _ in _FILES if arguments.calibration or not metric]
+    paths = {end: out.with_name(out.stem + end) for end in ends if how[0] == _BEST or "std" not in end}
+    check_outputs(paths.values(), force=arguments.force, option="--output")
+    instrument = Instrument.load(arguments.calibration) if arguments.calibration else None
+    pair = read_pair(*files)
+    check_matchable(*pair, (str(files[0]), str(files[1])))
+    with named(*files), _named_as_options(arguments.calibration):
+        depth = None if instrument is None else measure_depth(*pair, instrument, *how, filled=arguments.filled)
+        match = depth.match if depth else match_checked(*pair, *how)
+    for text in match.notes:
+        print(f"warning: {_as_options(text)}")
+    _write(paths, match.estimate.disparity_px, match.estimate.std_px, depth)
+    shares = ", ".join(f"{100 * share:.1f} % {kind}" for kind, share in match.shares.items())
+    low, high = np.nanpercentile(match.estimate.disparity_px, (1, 99))
+    print(f"{out}: of the pixels {shares}; disparities {low:.1f} to {high:.1f} px")
+    print(_told(depth) if depth else "no --calibration, so that nothing is told in millimetres")
+    print(f"written: {' '.join(map(str, paths.values()))}")
+    return DONE
+
+
+def _told(depth: DepthMap) -> str:
+    """Depths in millimetres, and what they were computed with."""
+    import numpy as np
+
+    rectified, known = depth.instrument.rectified, depth.depth_mm[np.isfinite(depth.depth_mm)]
+    low, middle, high = np.percentile(known, (1, 50, 99))
+    std = (
+        "" if depth.std_mm is None else f", the median of their standard deviations {np.nanmedian(depth.std_mm):.1f} mm"
+    )
+    which = "matched and filled" if depth.is_filled else "matched"
+    return (
+        f"depth = f B / disparity, f {rectified.f_px:.1f} px, B {rectified.baseline_mm:.2f} mm; of the {which} pixels "
+        f"{low:.0f} to {high:.0f} mm, median {middle:.0f} mm{std}"
+    )
+
+
+def _write(paths: dict[str, Path], disparity_px: Floats, std_px: Floats | None, depth: DepthMap | None) -> None:
     import io
 
     import cv2
     import numpy as np
 
     from stereolib.base import write_atomic
-    from stereolib.matching import check_matchable, check_rectified, find_rows, stereo_pipeline
-    from stereolib.plotting import color_disparity
-    from stereolib.rig import StereoRig, read_pair
+    from stereolib.mapping import Cloud, write_cloud
+    from stereolib.measurement import whole_mm
+    from stereolib.plotting import panels, plot_depth, plot_disparity, show_figure
 
-    with _named_as_options():
-        run = stereo_pipeline(arguments.pipeline, arguments.max_disparity)
-    out, files = arguments.output, (arguments.left, arguments.right)
-    check_ending(out, ".npy", "the map (--output)")
-    picture, deviation = out.with_suffix(".png"), out.with_name(f"{out.stem}_std.npy")
-    written = [out, picture, *([deviation] if arguments.pipeline == "best" else [])]
-    check_outputs(written, force=arguments.force, option="--output")
-    pair = read_pair(*files)
-    check_matchable(*pair, (str(files[0]), str(files[1])))
-    if arguments.calibration:
-        with named(arguments.calibration):
-            rectified = StereoRig.load(arguments.calibration).rectify()
-        with named(*files):
-            pair = rectified.rectify(*pair)
-    with named(*files), _named_as_options(arguments.calibration):
-        unsure = np.isnan(check_rectified(*pair))
-        estimate = run(*pair)
-    if unsure:
-        print("note: too few points of the two pictures could be matched to tell whether the pair is rectified")
-    rows, rough = find_rows(*pair)
-    if rows.warning and arguments.pipeline == "best":
-        print(f"warning: {rows.warning}")
-    _warn_of_range(2 * rough[np.isfinite(rough)], arguments.max_disparity)
-    valid = np.isfinite(estimate.disparity_px)
-    if not valid.any():
-        which = " and ".join(map(str, files))
-        raise ValueError(f"{which}: no pixel was matched; check that they are a stereo pair, left one first")
-    low, high = (float(limit) for limit in np.percentile(estimate.disparity_px[valid], (1, 99)))
-    for path, array in ((out, estimate.disparity_px), (deviation, estimate.std_px)):
+    arrays = {".npy": disparity_px, "_std.npy": std_px}
+    arrays |= {"_depth_mm.npy": depth.depth_mm, "_depth_std_mm.npy": depth.std_mm} if depth else {}
+    for end, array in arrays.items():
         if array is not None:
             stream = io.BytesIO()
             np.save(stream, array.astype(np.float32), allow_pickle=False)
-            write_atomic(path, stream.getvalue())
-    shown = color_disparity(estimate.disparity_px, low, max(high, low + 1))
-    write_atomic(picture, cv2.imencode(".png", shown)[1].tobytes())
-    kinds = {"matched": estimate.matched, "filled": valid & ~estimate.matched, "refused": ~valid}
-    shares = ", ".join(f"{100 * mask.mean():.1f} % {kind}" for kind, mask in kinds.items())
-    print(f"{out}: of the pixels {shares}; disparities {low:.1f} to {high:.1f} px")
-    return DONE
-
-
-def _warn_of_range(rough_px: Float32, count: int | None) -> None:
-    """Say that a range that was asked for leaves out what is near, as a rough match saw it."""
-    if count is None or not rough_px.size or (beyond := float((rough_px > count).mean())) < _BEYOND:
-        return
-    lost = f"{100 * beyond:.1f} % of the roughly matched pixels lie beyond --max-disparity {count}"
-    print(f"warning: {lost}: what stands there is wrong; leave the option out or give more")
+            write_atomic(paths[end], stream.getvalue())
+    figure, ax = panels(1, width_in=8.0)
+    values, draw = (depth.depth_mm, plot_depth) if depth else (disparity_px, plot_disparity)
+    low, high = (float(limit) for limit in np.nanpercentile(values, (1, 99)))
+    draw(values, ax[0], low=low, high=max(high, low + 1))
+    write_atomic(paths[".png"], show_figure(None, figure).data)
+    if depth:
+        write_atomic(paths["_depth_mm.png"], cv2.imencode(".png", whole_mm(depth.depth_mm))[1].tobytes())
+        write_cloud(paths[".ply"], Cloud(*depth.points()), overwrite=True)
 
 
 @contextmanager
@@ -115,16 +156,21 @@ def _named_as_options(calibration: Path | None = None) -> Iterator[None]:
     try:
         yield
     except ValueError as error:
-        text = str(error).replace(_RECTIFY, remedy if calibration else "Rectify it with its rig: --calibration FILE")
-        for said, option in _OPTIONS.items():
-            text = text.replace(said, option)
-        raise ValueError(text) from None
+        advice = remedy if calibration else "Rectify it with its rig: --calibration FILE"
+        raise ValueError(_as_options(str(error).replace(_RECTIFY, advice))) from None
+
+
+def _as_options(text: str) -> str:
+    for said, option in _OPTIONS.items():
+        text = text.replace(said, option)
+    return text
 
 
 DISPARITY = Command(
     "disparity",
-    "match a pair of pictures and write its disparity map",
-    "stereolib disparity left.png right.png --pipeline best --max-disparity 96 --output d.npy",
+    "match a pair of pictures: its disparity and, with a calibration, its depth in mm and its points",
+    "stereolib disparity left.png right.png --calibration rig/calibration.json --output d.npy",
     _run,
     _configure,
+    notes=_NOTES,
 )

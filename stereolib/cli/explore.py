@@ -25,7 +25,9 @@ It needs the extra "explore" (Voila): make explore installs it, or pip install '
 
 
 def _configure(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("pair", type=Path, nargs="*", metavar="LEFT RIGHT", help="an own pair, left one first")
+    parser.add_argument(
+        "pair", type=Path, nargs="*", metavar="LEFT RIGHT", help="an own pair, left one first, or what holds one"
+    )
     parser.add_argument("--calibration", type=Path, metavar="FILE", help="calibration.json, for lengths")
     parser.add_argument("--scan", type=Path, metavar="FILE", help="the laser, recorded at the same time")
     parser.add_argument("--port", type=whole(0, 65535), default=0, metavar="N", help="default: a free one")
@@ -60,14 +62,15 @@ def _free_port() -> int:
 def _own_pair(arguments: argparse.Namespace) -> tuple[str, ...]:
     """Paths of an own pair, tried once to be sure: as `check_own` takes them; empty if there is none."""
     from stereolib.notebook.offered import check_own
+    from stereolib.rig import find_pair
 
     if not arguments.pair:
         if arguments.calibration or arguments.scan:
             raise ValueError("--calibration and --scan belong to a pair: add LEFT RIGHT")
         return ()
-    if len(arguments.pair) != 2:
+    if len(arguments.pair) > 2:
         raise ValueError(f"LEFT RIGHT are two pictures, got {len(arguments.pair)}")
-    files = (*arguments.pair, arguments.calibration, arguments.scan)
+    files = (*find_pair(*arguments.pair), arguments.calibration, arguments.scan)
     check_own(tuple(str(file or "") for file in files))
     return tuple(str(file.resolve()) if file else "" for file in files)
 

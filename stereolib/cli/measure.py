@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from stereolib.cli.boards import said_of
+from stereolib.cli.boards import add_pair, said_of
 from stereolib.cli.command import Command
 from stereolib.cli.errors import DONE, REFUSED, named
 from stereolib.cli.outputs import check_ending, check_outputs
@@ -36,8 +36,7 @@ exit code: 0 something was measured, 1 nothing was, 2 wrong input"""
 
 
 def _configure(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("left", type=Path, metavar="LEFT", help="picture of the left camera, as it comes")
-    parser.add_argument("right", type=Path, metavar="RIGHT", help="picture of the right camera")
+    add_pair(parser)
     parser.add_argument(
         "--scan",
         type=Path,
@@ -73,12 +72,12 @@ def _run(arguments: argparse.Namespace) -> int:
     from stereolib.mapping import read_scan
     from stereolib.matching import check_matchable
     from stereolib.measurement import Instrument, draw_objects, measure_objects
-    from stereolib.rig import read_pair
+    from stereolib.rig import find_pair, read_pair
 
     picture = arguments.output or Path(f"{arguments.left.stem}_measured.png")
     check_ending(picture, ".png", "the picture")
     check_outputs([picture], force=arguments.force, option="--output")
-    instrument, files = Instrument.load(arguments.calibration), (arguments.left, arguments.right)
+    instrument, files = Instrument.load(arguments.calibration), find_pair(arguments.left, arguments.right)
     pair = read_pair(*files)
     check_matchable(*pair, (str(files[0]), str(files[1])))
     if arguments.between:
@@ -109,7 +108,7 @@ def between(
     pair: tuple[UInt8, UInt8], pixels: Sequence[tuple[float, float]], instrument: Instrument
 ) -> tuple[UInt8, dict[str, Any], str]:
     """A picture with the line between two pixels, its length as facts and as a sentence."""
-    from stereolib.measurement import Views, draw_length, find_surface, match_views, measure_between
+    from stereolib.measurement import draw_length, length_between
 
     height, width = pair[0].shape[:2]
     for column, row in pixels:
@@ -117,12 +116,9 @@ def between(
             raise ValueError(f"--between {column:g},{row:g} lies outside the left picture, which is {width}x{height}")
     if pixels[0] == pixels[1]:
         raise ValueError(f"--between needs two pixels, got {pixels[0][0]:g},{pixels[0][1]:g} twice")
-    views = Views.of(*pair, instrument.rectified)
-    map_px = match_views(views)
-    one, other = (find_surface(views, map_px, at) for at in instrument.rectified.rectify_points(pixels, "left"))
-    found = measure_between(one, other, instrument.rectified, instrument.uncertainty)
+    found = length_between(*pair, pixels, instrument)
     facts: dict[str, Any] = {"length_mm": found.length_mm, "std_mm": found.std_mm}
-    facts |= {"points_mm": found.points_mm.tolist(), "disparity_px": [one.disparity_px, other.disparity_px]}
+    facts |= {"points_mm": found.points_mm.tolist(), "disparity_px": found.disparity_px.tolist()}
     depths = " and ".join(f"{depth:.0f} mm" for depth in found.depth_mm)
     told = f"{found.length_mm:.1f} ± {found.std_mm:.1f} mm (one standard deviation), at depths of {depths}"
     return draw_length(pair[0], pixels, f"{found.length_mm:.1f} mm"), facts, told

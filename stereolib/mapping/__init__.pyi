@@ -3,6 +3,7 @@ from .files import write_cloud, write_grid, write_mesh
 from .occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, occupancy_grid
 from .placing import Placing, place_stations
 from .recorded import RecordedMap, map_recordings, measure_station
+from .rig_folder import RIG_FILE, RIG_FOLDERS, AskedLength, RigFolder, load_rig_folder, tried, write_rig_file
 from .scan_matching import ScanMatch, disturb_poses, refine_poses
 from .shapes import COLORS, Cloud, Solid, colored_cloud, join_clouds, map_solids
 from .sightings import MapObject
@@ -15,7 +16,10 @@ __all__ = [
     "COLORS",
     "FREE",
     "OCCUPIED",
+    "RIG_FILE",
+    "RIG_FOLDERS",
     "UNKNOWN",
+    "AskedLength",
     "Cloud",
     "Map",
     "MapObject",
@@ -25,6 +29,7 @@ __all__ = [
     "Placing",
     "RecordedMap",
     "RecordedStation",
+    "RigFolder",
     "ScanMatch",
     "Solid",
     "Station",
@@ -33,6 +38,7 @@ __all__ = [
     "disturb_poses",
     "join_clouds",
     "list_stations",
+    "load_rig_folder",
     "map_recordings",
     "map_solids",
     "measure_station",
@@ -43,8 +49,10 @@ __all__ = [
     "refine_poses",
     "size_table",
     "station_names",
+    "tried",
     "view_map",
     "write_cloud",
     "write_grid",
     "write_mesh",
+    "write_rig_file",
 ]

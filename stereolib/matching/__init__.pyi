@@ -1,10 +1,11 @@
 from .census_sgm import CensusSGM, SGMResult, census_transform, match_census_sgm
+from .checked_match import CheckedMatch, match_checked
 from .disparity import compute_disparity, depth_to_disparity, disparity_to_depth, left_right_check
 from .filter_comparison import FilterCase, compare_filters, outline_growth_px
 from .filters import SMOOTHING_METHODS, dilate, dilate_set, median_filter, smooth
 from .ground_truth import KnownView, motorcycle_view, seen_by_both
 from .guided import ExpectedDisparity, compute_disparity_guided, expected_disparity
-from .pair_checks import check_matchable, check_rectified, check_sides
+from .pair_checks import check_matchable, check_rectified, check_sides, moved_between
 from .pipelines import (
     DisparityEstimate,
     FilledMap,
@@ -23,6 +24,7 @@ from .sweeps import Workers, settings_grid, sweep
 __all__ = [
     "SMOOTHING_METHODS",
     "CensusSGM",
+    "CheckedMatch",
     "DisparityEstimate",
     "ExpectedDisparity",
     "FilledMap",
@@ -54,9 +56,11 @@ __all__ = [
     "left_right_check",
     "match_best",
     "match_census_sgm",
+    "match_checked",
     "match_pair",
     "median_filter",
     "motorcycle_view",
+    "moved_between",
     "near_edge_mask",
     "outline_growth_px",
     "overreach_px",

@@ -1,6 +1,9 @@
-"""What is wrong with a pair: not rectified, exchanged, nothing to see."""
+"""What is wrong with a pair: not rectified, exchanged, of two moments, nothing to see."""
 
 from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TypeAlias
 
 import cv2
 import numpy as np
@@ -14,9 +17,14 @@ _LEAST_MATCHES = 50  # that tell something of a pair's rows
 _OFF_ROWS = 0.15  # of the image's height: matches whose rows differ by more are mistaken
 _LENS_COVERED = 6  # grey levels that 98 of 100 pixels lie within: a sensor's noise in the dark, or full white
 _OFF_PLANE_PX = (6.0, 3.0, 2.0)  # from the plane through the rows' offsets, round by round
+_TOGETHER_PX = 2.0  # of row offset, within which points moved together
+_LEAST_MOVED, _MOST_OTHERS = 12, 1.0  # points that moved together, and mistaken ones beside each of them
 
 
-def check_rectified(left: UInt8, right: UInt8, limit_px: float = 1.0) -> float:
+Exchanged: TypeAlias = Callable[[], tuple[UInt8, UInt8]]
+
+
+def check_rectified(left: UInt8, right: UInt8, limit_px: float = 1.0, *, exchanged: Exchanged | None = None) -> float:
     """Refuse a pair whose rows do not agree, or whose sides are exchanged.
 
     Parameters
@@ -24,6 +32,9 @@ def check_rectified(left: UInt8, right: UInt8, limit_px: float = 1.0) -> float:
     left, right : (H, W) or (H, W, 3) uint8
     limit_px : float
         Largest root mean square of the vertical offset, px.
+    exchanged : callable, optional
+        Makes the pair as it is if left and right were exchanged, each picture rectified as the other camera's; default:
+        ``right, left``.
 
     Returns
     -------
@@ -36,10 +47,13 @@ def check_rectified(left: UInt8, right: UInt8, limit_px: float = 1.0) -> float:
         If the rows differ by more than `limit_px` rms (the text tells the rms), or left and right are exchanged.
     """
     check_pair(left, right)
-    a, b = _matched_points(left, right)
+    a, b, off_px = _matched_points(left, right)
+    kept = np.abs(off_px) < _OFF_PLANE_PX[-1]
+    a, b = a[kept], b[kept]
     backward = bool(a.size) and float(np.median(a[:, 0] - b[:, 0])) < 0
     if not a.size or backward:  # else the points say already which side is which
-        check_sides(to_grey(left), to_grey(right))
+        other = exchanged() if exchanged else (right, left)
+        check_sides(to_grey(left), to_grey(right), (to_grey(other[0]), to_grey(other[1])))
     offsets = b[:, 1] - a[:, 1]
     rms = float(np.sqrt((offsets**2).mean())) if offsets.size else float("nan")
     if rms > limit_px:
@@ -49,6 +63,45 @@ def check_rectified(left: UInt8, right: UInt8, limit_px: float = 1.0) -> float:
         sides = "; x_left - x_right is mostly negative, as if left and right were exchanged" * backward
         raise ValueError(f"the pair is not rectified: {rows} {limit}{sides}. {advice}")
     return rms
+
+
+def moved_between(left: UInt8, right: UInt8) -> str:
+    """Tell whether a part of a pair shows another moment: its points lie together off their rows.
+
+    Parameters
+    ----------
+    left, right : (H, W) or (H, W, 3) uint8
+        Rectified.
+
+    Returns
+    -------
+    str
+        What was seen, where, and what it may be; empty where nothing was. What moved along the rows alone passes for
+        another depth, and nothing in a pair tells it.
+
+    Notes
+    -----
+    Points of both pictures are matched by their looks. Those off the rows of all others by more than 2 px are mistaken,
+    and lie at any offset, unless at least 12 of them, and most of them, have one and the same.
+
+    Examples
+    --------
+    >>> noise = np.random.default_rng(0).integers(0, 256, (240, 320, 3), np.uint8)
+    >>> moved_between(noise, noise)
+    ''
+    """
+    check_pair(left, right)
+    a, _, off_px = _matched_points(left, right)
+    off = np.abs(off_px) > _OFF_PLANE_PX[-1]
+    together = [off & (off_px >= first) & (off_px < first + _TOGETHER_PX) for first in off_px[off]]
+    group = max(together, key=np.count_nonzero, default=off)
+    count = int(group.sum())
+    if count < _LEAST_MOVED or off.sum() - count > _MOST_OTHERS * count:
+        return ""
+    rows, (column, row) = float(np.median(off_px[group])), np.median(a[group], axis=0)
+    where = f"{count} of {len(a)} matched points, around column {column:.0f} and row {row:.0f}"
+    which = f"lie {abs(rows):.0f} px too {'low' if rows > 0 else 'high'} in right"
+    return f"{where}, {which}: something moved between the two pictures, unless a pattern that repeats was mistaken"
 
 
 def check_matchable(left: UInt8, right: UInt8, names: tuple[str, str] = ("left", "right")) -> None:
@@ -113,16 +166,17 @@ def _only_greys(image: UInt8) -> str:
     return f"one grey value, {low}" if np.ptp(grey) == 0 else f"grey values from {low} to {high} alone"
 
 
-def _matched_points(left: UInt8, right: UInt8) -> tuple[Float64, Float64]:
-    """Points (n, 2) of the left and of the right picture that belong together, px; none where too few can be matched.
+def _matched_points(left: UInt8, right: UInt8) -> tuple[Float64, Float64, Float64]:
+    """Points (n, 2) of the left and of the right picture that look alike, px, and how far each is off its row, (n,) px.
 
-    SIFT keypoints of the pictures in half size, matched both ways. The rows' offset changes slowly over the image, so
-    that matches further than 2 px from a plane through it (fitted three times over) are mistaken and are left out.
+    SIFT keypoints of the pictures in half size, matched both ways. The rows' offset changes slowly over the image: a
+    plane through it, fitted three times over, is what the rows are; matches further than 2 px from it are mistaken, or
+    moved. Too few on the plane are none at all.
     """
-    sift, none = cv2.SIFT.create(nfeatures=_KEYPOINTS), np.zeros((0, 2))
+    sift, none = cv2.SIFT.create(nfeatures=_KEYPOINTS), (np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0))
     points, looks = zip(*(sift.detectAndCompute(_half_size(to_grey(i)), None) for i in (left, right)), strict=True)
     if min(map(len, points)) < _LEAST_MATCHES:
-        return none, none
+        return none
     pairs = cv2.BFMatcher(cv2.NORM_L2, crossCheck=True).match(*looks)
     a = 2 * np.array([points[0][pair.queryIdx].pt for pair in pairs])
     b = 2 * np.array([points[1][pair.trainIdx].pt for pair in pairs])
@@ -132,10 +186,9 @@ def _matched_points(left: UInt8, right: UInt8) -> tuple[Float64, Float64]:
     for limit in _OFF_PLANE_PX:
         kept = likely & (np.abs(offset - at @ plane) < limit)
         if kept.sum() < max(_LEAST_MATCHES, 0.2 * likely.sum()):
-            return none, none  # chance matches prove nothing
+            return none  # chance matches prove nothing
         plane = np.linalg.lstsq(at[kept], offset[kept], rcond=None)[0]
-    kept = np.abs(offset - at @ plane) < _OFF_PLANE_PX[-1]
-    return a[kept], b[kept]
+    return a[likely], b[likely], (offset - at @ plane)[likely]
 
 
 def _half_size(image: UInt8) -> UInt8:

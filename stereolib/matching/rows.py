@@ -101,12 +101,13 @@ class RowOffset:
 
     @property
     def warning(self) -> str:
-        """What to tell of a rig that has moved; empty where the offset is small, or is not certain."""
+        """What to tell of rows that disagree; empty where the offset is small, or is not certain."""
         if abs(self.offset_px) < max(_MOVED_PX, _CERTAIN * self.std_px):
             return ""
         off, which = abs(self.offset_px), "low" if self.offset_px > 0 else "high"
-        moved = f"the rig has moved by about {off:.1f} px since its calibration"
-        return f"{moved}: the rows of right are {off:.1f} px too {which}; corrected here; calibrate again"
+        why = "the rig has moved since its calibration or, if nothing fixed it, between the two pictures"
+        rows = f"the rows of right are {off:.1f} px too {which}, corrected here"
+        return f"{rows}: {why}; if more pairs say so, calibrate again"
 
     def doubled(self) -> RowOffset:
         """Tell the same offset in a picture of twice the size.

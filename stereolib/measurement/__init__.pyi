@@ -1,4 +1,5 @@
 from .box import Box, Side
+from .depth_map import DepthMap, measure_depth, whole_mm
 from .disparity_map import add_outliers, check_disparity_map, pixel_rays
 from .faces import Face
 from .floor import Floor, FloorLimits, fit_floor, floor_from_pose, floor_tolerance_px
@@ -13,7 +14,7 @@ from .plane_alignment import AlignedPair, CannotMeasure
 from .reasons import Reason, Source, Why
 from .regions import ObjectRegion, find_objects
 from .standing import Standing, see_standing
-from .two_points import Between, SurfacePoint, find_surface, match_views, measure_between
+from .two_points import Between, SurfacePoint, find_surface, length_between, match_views, measure_between
 from .views import Views
 
 __all__ = [
@@ -24,6 +25,7 @@ __all__ = [
     "Between",
     "Box",
     "CannotMeasure",
+    "DepthMap",
     "Face",
     "Floor",
     "FloorLimits",
@@ -55,12 +57,15 @@ __all__ = [
     "fit_floor",
     "floor_from_pose",
     "floor_tolerance_px",
+    "length_between",
     "match_views",
     "measure_between",
+    "measure_depth",
     "measure_objects",
     "measure_standing",
     "pixel_rays",
     "save_laser_pose",
     "see_standing",
+    "whole_mm",
     "why_no_floor",
 ]

@@ -56,7 +56,7 @@ class Instrument:
     rectified : RectifiedRig
     lidar : LidarCamera or None
         Where the laser stands to the left camera; None: nobody knows, and it is taken to stand straight below the
-        camera, within 10 mm and one degree.
+        camera, within 50 mm and five degrees.
     uncertainty : SystematicUncertainty
         That of the calibration, where it is known.
     """

@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from stereolib.base import Float32, Float64
+from stereolib.base import Float32, Float64, UInt8
 from stereolib.matching import SGBMParams, compute_disparity
-from stereolib.measurement.instrument import SystematicUncertainty
+from stereolib.measurement.instrument import Instrument, SystematicUncertainty
 from stereolib.measurement.plane_alignment import CannotMeasure, align
 from stereolib.measurement.views import Views
 from stereolib.rig import RectifiedRig
@@ -53,12 +53,15 @@ class Between:
     ----------
     points_mm : (2, 3) float64
         In the rectified left camera's frame.
+    disparity_px : (2,) float64
+        Of both points.
     length_mm, std_mm : float
         The standard deviation holds the matcher's scatter, a whole pixel's width in the clicks, and what the
         calibration leaves open.
     """
 
     points_mm: Float64
+    disparity_px: Float64
     length_mm: float
     std_mm: float
 
@@ -206,7 +209,33 @@ def measure_between(
     covariance[:6, :6], covariance[6:, 6:] = np.diag(np.square(each)), known
     steps = 1e-3 * np.eye(9)
     slope = np.array([(length(at + step) - length(at - step)) / 2e-3 for step in steps])
-    return Between(points(at), length(at), float(np.sqrt(slope @ covariance @ slope)))
+    return Between(points(at), at[[2, 5]], length(at), float(np.sqrt(slope @ covariance @ slope)))
+
+
+def length_between(left: UInt8, right: UInt8, pixels: npt.ArrayLike, instrument: Instrument) -> Between:
+    """Measure what lies between two pixels of a pair as the cameras gave it.
+
+    Parameters
+    ----------
+    left, right : (H, W) or (H, W, 3) uint8
+    pixels : (2, 2) array_like, px
+        Columns and rows in the left picture.
+    instrument : Instrument
+
+    Returns
+    -------
+    Between
+
+    Raises
+    ------
+    ValueError
+        As `find_surface` and `measure_between`; or if pictures and calibration do not fit together.
+    """
+    rectified = instrument.rectified
+    views = Views.of(left, right, rectified)
+    map_px = match_views(views)
+    one, other = (find_surface(views, map_px, at) for at in rectified.rectify_points(pixels, "left"))
+    return measure_between(one, other, rectified, instrument.uncertainty)
 
 
 def match_views(views: Views) -> Float32:

@@ -1,4 +1,4 @@
-"""What the sliders about matching and its filters draw (notebooks 03, 04, 09 and 10)."""
+"""What the sliders about matching and its filters draw (notebooks 03, 04, 09 to 11)."""
 
 from __future__ import annotations
 
@@ -24,6 +24,7 @@ from stereolib.matching import (
     score_repair,
     smooth,
 )
+from stereolib.measurement import Instrument
 
 
 def draw_paths(
@@ -277,6 +278,38 @@ def draw_motorcycle(num_disparities: int, block_size: int, uniqueness_ratio: int
     quality = score(disparity, np.where(np.isfinite(truth), truth, np.nan))
     text = f"bad-2: {quality.bad2_pct:.1f} % of the pixels; returned: {quality.density_pct:.0f} % of the pixels"
     return np.hstack([left, color_disparity(disparity, 0, 70)]), text
+
+
+def draw_own_pair(
+    pair: tuple[UInt8, UInt8], instrument: Instrument, num_disparities: int, block_size: int, uniqueness_ratio: int
+) -> tuple[UInt8, str]:
+    """Notebook 11: an own pair, matched by the paper's matcher; near is bright.
+
+    Parameters
+    ----------
+    pair : (left, right), (H, W, 3) uint8
+        Rectified.
+    instrument : Instrument
+    num_disparities : int
+        How many disparities are searched; near parts need many.
+    block_size : int
+        Edge of the compared blocks (px); large ones fill bare walls and blur edges.
+    uniqueness_ratio : int
+        By how much (%) the best match must beat the second.
+
+    Returns
+    -------
+    picture : (H, W, 3) uint8, blue-green-red
+    text : str
+    """
+    from stereolib.plotting import color_disparity
+
+    params = SGBMParams(num_disparities, block_size, uniqueness_ratio=uniqueness_ratio)
+    disparity = compute_disparity(*pair, params, whole=True)
+    rectified, matched = instrument.rectified, np.isfinite(disparity)
+    nearest_mm = rectified.f_px * rectified.baseline_mm / num_disparities
+    text = f"{100 * matched.mean():.0f} % of the pixels matched; nothing nearer than {nearest_mm:.0f} mm can be"
+    return np.hstack([pair[0], color_disparity(disparity, 0, num_disparities)]), text
 
 
 def _check_prices(P1: int, P2: int) -> None:

@@ -121,11 +121,35 @@ def plot_disparity(
     -------
     matplotlib.image.AxesImage
     """
-    colors = colormaps["viridis"].with_extremes(bad=NOTHING_GREY)
-    shown = ax.imshow(np.ma.masked_invalid(disparity_px), cmap=colors, vmin=low, vmax=high, interpolation="nearest")
+    return _plot_map(disparity_px, ax, title, (low, high), "viridis", "disparity (px)" if bar else "")
+
+
+@default_style
+def plot_depth(depth_mm: Floats, ax: Axes, title: str = "", *, low: float = 0, high: float | None = None) -> Any:
+    """Draw a depth map with the key of its colours, near ones bright; where there is no depth it is light grey.
+
+    Parameters
+    ----------
+    depth_mm : (H, W) float, mm
+    ax : matplotlib.axes.Axes
+    title : str
+    low, high : float
+        Ends of the colours, mm; None ends them at the largest depth.
+
+    Returns
+    -------
+    matplotlib.image.AxesImage
+    """
+    return _plot_map(depth_mm, ax, title, (low, high), "viridis_r", "depth (mm)")
+
+
+def _plot_map(values: Floats, ax: Axes, title: str, limits: tuple[float, float | None], colors: str, label: str) -> Any:
+    cmap = colormaps[colors].with_extremes(bad=NOTHING_GREY)
+    low, high = limits
+    shown = ax.imshow(np.ma.masked_invalid(values), cmap=cmap, vmin=low, vmax=high, interpolation="nearest")
     ax.set(title=title, xlabel="column (px)", ylabel="row (px)")
-    if bar and ax.figure is not None:
-        ax.figure.colorbar(shown, ax=ax, label="disparity (px)", shrink=0.85)
+    if label and ax.figure is not None:
+        ax.figure.colorbar(shown, ax=ax, label=label, shrink=0.85)
     return shown
 
 

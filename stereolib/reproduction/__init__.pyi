@@ -1,6 +1,7 @@
 from .code_hash import code_sha256
 from .execution import NotebookError, execute_notebooks
 from .kernels import ONE_THREAD
+from .own_rig import report_rig
 from .readme_tables import update_readme_tables
 from .regenerate import reproduce
 from .report import build_report, count_kinds, count_verdicts, sort_out
@@ -16,6 +17,7 @@ __all__ = [
     "count_kinds",
     "count_verdicts",
     "execute_notebooks",
+    "report_rig",
     "reproduce",
     "sort_out",
     "update_readme_tables",

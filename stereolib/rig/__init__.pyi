@@ -4,7 +4,7 @@ from .images import check_image, check_pair, image_size, read_image, read_pair, 
 from .live_camera import CameraError, CameraWish, LiveCamera
 from .live_pair import LivePair, LiveRig
 from .matlab_format import from_matlab_struct, to_matlab_struct
-from .pair_files import PairFile, find_pairs
+from .pair_files import PairFile, find_pair, find_pairs, one_size, pair_name
 from .stereo_rig import RectifiedRig, StereoRig, calibration_notes
 from .transforms import pose_left_world, rigid, skew
 
@@ -22,6 +22,7 @@ __all__ = [
     "check_image",
     "check_pair",
     "distort",
+    "find_pair",
     "find_pairs",
     "from_matlab_struct",
     "image_size",
@@ -29,6 +30,8 @@ __all__ = [
     "load_opencv",
     "load_rig",
     "load_ros",
+    "one_size",
+    "pair_name",
     "pose_left_world",
     "read_image",
     "read_pair",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import glob
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from os import PathLike
 from pathlib import Path
 from typing import NamedTuple
@@ -69,7 +69,7 @@ def find_pairs(
     else:
         if Path(left).resolve() == Path(right).resolve():
             raise ValueError(f"{left} was given for both cameras: name it once if it holds both, else the right one's")
-        if all(_is_video(Path(side)) for side in (left, right)):
+        if all(_is_video(side) for side in (left, right)):
             pairs = [PairFile(*files) for files in unpack_videos([Path(left), Path(right)], every)]
         else:
             sources = str(left), str(right)
@@ -80,13 +80,88 @@ def find_pairs(
             f"too few pairs, {len(pairs)} ({_names(pair.left for pair in pairs)}): at least {least} with different "
             f"tilts are needed, and 15 to 30 give a trustworthy rig"
         )
-    _check_sizes(pairs)
+    one_size({path: image_size(path) for pair in pairs for path in pair})
     return pairs
+
+
+def find_pair(left: str | PathLike[str], right: str | PathLike[str] | None = None) -> PairFile:
+    """Find the one pair that is asked for.
+
+    Parameters
+    ----------
+    left, right : path
+        Two pictures, which belong together whatever their names; or what `find_pairs` takes, if it holds one pair.
+
+    Returns
+    -------
+    PairFile
+        Two pictures are not looked at: `read_pair` says what is wrong with them.
+
+    Raises
+    ------
+    ValueError
+        As `find_pairs`; or if there are several pairs, of which the first is named, or one camera's picture alone.
+    """
+    named = [left] if right is None else [left, right]
+    if right is not None and not any(glob.has_magic(str(one)) or Path(one).is_dir() or _is_video(one) for one in named):
+        return PairFile(Path(left), Path(right))
+    if right is None and Path(left).is_file() and not _is_video(left):
+        width, height = image_size(left)
+        if width < WIDE * height:
+            raise ValueError(f"{left} is {width}x{height}, the picture of one camera: name the right camera's, too")
+    pairs = find_pairs(left, right)
+    if len(pairs) > 1:
+        first = f"the first is {pairs[0].left} {pairs[0].right}"
+        raise ValueError(f"{' '.join(map(str, named))}: {len(pairs)} pairs, one is wanted: name its pictures; {first}")
+    return pairs[0]
+
+
+def pair_name(file: str | PathLike[str]) -> str:
+    """Tell what a pair is called: the words of one of its names without those of a side.
+
+    Parameters
+    ----------
+    file : path
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> pair_name("pairs/03_left.jpg"), pair_name("rightKitchen.png")
+    ('3', 'kitchen')
+    """
+    return " ".join(str(number) if is_number else word for is_number, number, word in _key(Path(file)))
+
+
+def one_size(sizes: Mapping[Path, tuple[int, int]]) -> tuple[int, int]:
+    """Refuse pictures of several sizes.
+
+    Parameters
+    ----------
+    sizes : mapping of file to (width, height), px
+
+    Returns
+    -------
+    (width, height), px
+        The one they all have.
+
+    Raises
+    ------
+    ValueError
+        If they differ; those are named that most do not have.
+    """
+    usual = max(sorted(set(sizes.values())), key=list(sizes.values()).count)
+    if odd := [f"{path} is {w}x{h}" for path, (w, h) in sizes.items() if (w, h) != usual]:
+        shown = "".join(f"\n  {text}" for text in (*odd[:_LISTED], *["..."] * (len(odd) > _LISTED)))
+        raise ValueError(f"all pictures must have one size, most are {usual[0]}x{usual[1]}, but:{shown}")
+    return usual
 
 
 def _both_sides(source: str, every: int | None) -> list[PairFile]:
     """Pairs of one folder, pattern or video."""
-    if _is_video(Path(source)):
+    if _is_video(source):
         return [PairFile(*files) for files in unpack_videos([Path(source)], every)]
     if folders := _side_folders(Path(source)):
         named_left, named_right = map(_by_key, _pictures(*folders), folders)
@@ -106,8 +181,8 @@ def _both_sides(source: str, every: int | None) -> list[PairFile]:
     return _matched(_by_key(left, source), _by_key(right, source), sides=("of the left camera", "of the right one"))
 
 
-def _is_video(path: Path) -> bool:
-    return path.suffix.lower() in VIDEOS
+def _is_video(path: str | PathLike[str]) -> bool:
+    return Path(path).suffix.lower() in VIDEOS
 
 
 def _side_folders(folder: Path) -> tuple[str, str] | None:
@@ -204,15 +279,6 @@ def _matched(
 def _guess(path: Path, others: dict[_Key, Path]) -> str:
     nearest = difflib.get_close_matches(path.name, [other.name for other in others.values()], n=_GUESSES, cutoff=0.5)
     return f"{path.name} ({' or '.join(nearest)}?)" if nearest else path.name
-
-
-def _check_sizes(pairs: list[PairFile]) -> None:
-    """Refuse pictures of several sizes before anything is searched in them."""
-    sizes = {path: image_size(path) for pair in pairs for path in pair}
-    usual = max(sorted(set(sizes.values())), key=list(sizes.values()).count)
-    if odd := [f"{path} is {w}x{h}" for path, (w, h) in sizes.items() if (w, h) != usual]:
-        shown = "".join(f"\n  {text}" for text in (*odd[:_LISTED], *["..."] * (len(odd) > _LISTED)))
-        raise ValueError(f"all pictures must have one size, most are {usual[0]}x{usual[1]}, but:{shown}")
 
 
 def _names(files: Iterable[Path]) -> str:

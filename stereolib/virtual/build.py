@@ -18,7 +18,7 @@ from stereolib.virtual.scene import Scene, cube_scene
 from stereolib.virtual.webcam import Webcam
 
 _SAMPLES = 3  # rays per pixel and axis
-_SUFFIXES = {".jpg", ".bin"}
+_SUFFIXES = {".jpg", ".bin", ".toml"}
 
 
 def build_recordings(output: Path, *, only: str = "", progress: bool = True) -> None:

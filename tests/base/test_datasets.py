@@ -126,6 +126,39 @@ def test_download_is_kept_for_the_next_time(server, tmp_path):
     assert datasets.real_recording(NAME) == path
 
 
+@pytest.fixture
+def installed(server, tmp_path, monkeypatch):
+    """A package with the sums of a demo rig of two files, which the server has; returns the server's folder."""
+    files = {"rig.toml": b"[board]\n", "boards/1_left.jpg": b"a picture"}
+    for folder in (server / "virtual", tmp_path / "package" / "virtual"):
+        folder.mkdir(parents=True)
+    (server / "virtual" / "boards").mkdir()
+    for name, data in files.items():
+        (server / "virtual" / name).write_bytes(data)
+    sums = "".join(f"{hashlib.sha256(data).hexdigest()}  {name}\n" for name, data in files.items())
+    (tmp_path / "package" / "virtual" / "SHA256SUMS").write_text(sums)
+    monkeypatch.setattr(datasets, "INSTALLED", True)
+    monkeypatch.setattr(datasets, "_PACKAGED", tmp_path / "package")
+    monkeypatch.setenv("STEREOLIB_DATA_URL", datasets._XV11 + "/")
+    return server
+
+
+def test_an_installed_package_fetches_the_demo_rig_once(installed, tmp_path, monkeypatch):
+    folder = datasets.demo_rig()
+    assert tmp_path / "cache" in folder.parents and (folder / "boards" / "1_left.jpg").read_bytes() == b"a picture"
+    monkeypatch.setenv("STEREOLIB_DATA_URL", "http://127.0.0.1:9")
+    assert datasets.demo_rig() == folder  # nothing is asked for again
+    monkeypatch.delenv("STEREOLIB_DATA_URL")
+    with pytest.raises(ValueError, match=r"virtual/none\.jpg is missing: .* or STEREOLIB_DATA_URL to the address"):
+        datasets.data_path("virtual/none.jpg")
+
+
+def test_a_demo_rig_of_something_else_is_refused(installed):
+    (installed / "virtual" / "boards" / "1_left.jpg").write_bytes(b"another")
+    with pytest.raises(datasets.NotAvailable, match=r"boards/1_left\.jpg is not available"):
+        datasets.demo_rig()
+
+
 def test_download_of_something_else_is_refused(server, tmp_path):
     (server / "turns.txt").write_bytes(b"<html>please log in</html>")
     with pytest.raises(datasets.NotAvailable, match="download failed"):

@@ -7,6 +7,7 @@ import re
 import cv2
 import numpy as np
 import pytest
+import trimesh
 
 from stereolib import paper
 from stereolib.base import data_path
@@ -38,9 +39,10 @@ def test_a_rectified_pair(pair, tmp_path, capsys):
     expected = stereo_pipeline("fast", None)(*(cv2.imread(file) for file in pair)).disparity_px
     assert found.dtype == np.float32
     np.testing.assert_array_equal(found, expected)
-    assert cv2.imread(str(tmp_path / "d.png")).shape == (480, 640, 3)
-    assert not (tmp_path / "d_std.npy").exists()
+    assert len(np.unique(cv2.imread(str(tmp_path / "d.png")).reshape(-1, 3), axis=0)) > 100
+    assert sorted(path.name for path in tmp_path.glob("d*")) == ["d.npy", "d.png"]
     said = capsys.readouterr().out
+    assert "no --calibration, so that nothing is told in millimetres" in said
     shares = [float(share) for share in re.findall(r"([0-9.]+) % (?:matched|filled|refused)", said)]
     assert len(shares) == 3 and sum(shares) == pytest.approx(100, abs=0.2)
     assert shares[0] < 95 and shares[1] > 5 and shares[2] == 0  # what one camera alone sees is filled, and said to be
@@ -68,14 +70,55 @@ def told(capsys):
     return capsys.readouterr().out
 
 
-def test_a_raw_pair_with_its_calibration(tmp_path):
-    calibration, out = paper.paper_rig().save(tmp_path / "rig.json"), tmp_path / "d.npy"
-    files = [data_path(f"virtual/{NAME}_{side}.jpg") for side in ("left", "right")]
-    assert run(*files, "--calibration", calibration, "--pipeline", "paper", "--output", out) == 0
-    found, truth = np.load(out, allow_pickle=False), recordings.load_truth(NAME)
+@pytest.fixture
+def raw(tmp_path):
+    calibration = paper.paper_rig().save(tmp_path / "rig.json")
+    return [*(data_path(f"virtual/{NAME}_{side}.jpg") for side in ("left", "right")), "--calibration", calibration]
+
+
+def test_a_raw_pair_with_its_calibration_in_millimetres(raw, tmp_path, capsys):
+    out = tmp_path / "d.npy"
+    assert run(*raw, "--pipeline", "paper", "--output", out) == 0
+    found, truth, rig = np.load(out, allow_pickle=False), recordings.load_truth(NAME), recordings.rectified()
     seen = truth.visible & np.isfinite(found) & (truth.box == 1)
     assert np.isnan(found).any()  # the columns that OpenCV leaves out
     assert np.median(np.abs(found - truth.disparity_px)[seen]) < 2
+    depth_mm = np.load(tmp_path / "d_depth_mm.npy", allow_pickle=False)
+    assert depth_mm.dtype == np.float32
+    true_mm = rig.f_px * rig.baseline_mm / truth.disparity_px
+    seen &= np.isfinite(depth_mm)
+    assert np.median(np.abs(depth_mm / true_mm - 1)[seen]) < 0.01
+    picture = cv2.imread(str(tmp_path / "d_depth_mm.png"), cv2.IMREAD_UNCHANGED)
+    assert picture.dtype == np.uint16
+    np.testing.assert_array_equal(picture, np.rint(np.nan_to_num(depth_mm)))
+    points = trimesh.load(tmp_path / "d.ply")
+    np.testing.assert_allclose(
+        np.sort(points.vertices[:, 2]), np.sort(depth_mm[np.isfinite(depth_mm)]) / 1000, atol=1e-6
+    )
+    assert not list(tmp_path.glob("*std*"))  # the paper's pipeline tells none
+    said = capsys.readouterr().out
+    assert f"f {rig.f_px:.1f} px, B {rig.baseline_mm:.2f} mm; of the matched pixels" in said
+    assert re.search(r"median \d+ mm\n", said)
+    assert run(*raw, "--pipeline", "paper", "--filled", "--output", out, "--force") == 0
+    filled = np.isfinite(np.load(tmp_path / "d_depth_mm.npy", allow_pickle=False))
+    np.testing.assert_array_equal(filled, np.load(out, allow_pickle=False) > 0)
+    assert filled.sum() > np.isfinite(depth_mm).sum()
+
+
+def test_exchanged_pictures_are_told_with_a_calibration_too(raw, tmp_path, capsys):
+    assert run(raw[1], raw[0], *raw[2:], "--output", tmp_path / "d.npy") == 2
+    assert "left and right are exchanged: " in capsys.readouterr().err
+    assert not list(tmp_path.glob("d*"))
+
+
+def test_a_picture_of_another_moment_is_told(raw, tmp_path, capsys):
+    """A piece of the scene stands 6 px lower in the right picture."""
+    right = cv2.imread(str(raw[1]))
+    right[206:336, 200:330] = right[200:330, 200:330].copy()
+    cv2.imwrite(str(tmp_path / "later.png"), right)
+    words = ["--pipeline", "fast", "--output", tmp_path / "d.npy"]
+    assert run(raw[0], tmp_path / "later.png", *raw[2:], *words) == 0
+    assert re.search(r"warning: \d\d of .* lie [67] px too low in right: something moved", told(capsys))
 
 
 def test_best_writes_its_standard_deviation(pair, tmp_path):
@@ -95,6 +138,7 @@ def test_best_writes_its_standard_deviation(pair, tmp_path):
         (["--max-disparity", "100"], "needs a --max-disparity that is a multiple of 16, got 100; near are 96, 112"),
         (["--pipeline", "fast", "--max-disparity", "48"], "multiple of 32, got 48; near are 32, 64"),
         (["--output", "d.tif"], "written as .npy"),
+        (["--filled"], "--filled is about depth, which needs --calibration FILE"),
         (["--calibration", "none.json"], "none.json: no such file"),
     ],
 )
@@ -162,7 +206,7 @@ def test_says_when_the_rows_could_not_be_checked(tmp_path, capsys):
         smooth = smooth[:, shift : shift + 160]
         cv2.imwrite(str(file), cv2.normalize(smooth, None, 100, 130, cv2.NORM_MINMAX).astype(np.uint8))
     assert run(*files, "--pipeline", "fast", "--max-disparity", 32, "--output", tmp_path / "d.npy") == 0
-    assert "note: too few points" in capsys.readouterr().out
+    assert "warning: too few points" in capsys.readouterr().out
 
 
 def turned(image, degrees):

@@ -53,7 +53,8 @@ def test_own_pair_is_handed_over_with_whole_paths(served, tmp_path, monkeypatch)
     [
         (["--calibration", "rig.json"], "--calibration and --scan belong to a pair: add LEFT RIGHT"),
         (["--scan", "scan.bin"], "belong to a pair"),
-        (PAIR[:1], "LEFT RIGHT are two pictures, got 1"),
+        ([*PAIR, PAIR[0]], "LEFT RIGHT are two pictures, got 3"),
+        (PAIR[:1], "texture_left.jpg is 640x480, the picture of one camera"),
         (["none.jpg", PAIR[1]], "none.jpg: no such file"),
         ([PAIR[0], "small.png"], "small.png"),
         ([PAIR[0], "text.png"], "text.png"),

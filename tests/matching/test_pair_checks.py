@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import cv2
 import numpy as np
 import pytest
@@ -13,6 +15,7 @@ from stereolib.matching import (
     check_rectified,
     check_sides,
     compute_disparity,
+    moved_between,
 )
 from stereolib.rig import to_grey
 from stereolib.virtual import recordings
@@ -95,3 +98,29 @@ def test_an_exchanged_pair_of_unlike_lenses_is_told_by_its_own_rectification():
     check_sides(*right, wrong)
     with pytest.raises(ValueError, match=r"not rectified.*as if left and right were exchanged"):
         check_rectified(*wrong)
+
+
+@pytest.mark.parametrize("name", [name for name in recordings.pairs() if name.endswith(("e", "700", "3"))])
+def test_pairs_of_one_moment_say_nothing(name):
+    assert moved_between(*recordings.rectified().rectify(*recordings.load_pair(name))) == ""
+
+
+@pytest.mark.parametrize(("down_px", "which"), [(5, "low"), (-12, "high")])
+def test_a_part_that_moved_is_found_where_it_is(cube, down_px, which):
+    later = cube[1].copy()
+    later[200 + down_px : 330 + down_px, 200:330] = cube[1][200:330, 200:330]
+    said = moved_between(cube[0], later)
+    assert f"lie {abs(down_px)} px too {which} in right" in said
+    column, row = map(int, re.search(r"column (\d+) and row (\d+)", said).groups())
+    assert 200 < column < 330 + 180 and 200 < row < 330  # in the left picture, so up to a disparity farther right
+
+
+def test_exchanged_pictures_are_told_from_a_moved_rig_by_what_they_were_before():
+    """Exchanged, each picture is rectified as the other camera's: then not even the rows agree."""
+    rig, raw = recordings.rectified(), recordings.load_pair("conditions/texture")
+    wrong = rig.rectify(*raw[::-1])
+    lower = cv2.warpAffine(wrong[1], np.float32([[1, 0, 0], [0, 1, 4]]), (640, 480))
+    with pytest.raises(ValueError, match=r"not rectified: .*as if left and right were exchanged"):
+        check_rectified(wrong[0], lower)
+    with pytest.raises(ValueError, match="left and right are exchanged"):
+        check_rectified(wrong[0], lower, exchanged=lambda: rig.rectify(*raw))

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from stereolib.rig import find_pairs, read_image
+from stereolib.rig import find_pair, find_pairs, read_image
 
 RNG = np.random.default_rng(0)
 
@@ -187,3 +187,19 @@ def test_names_that_tell_no_side(tmp_path: Path) -> None:
         find_pairs(make_files(tmp_path / "a", "1.png", "2.png"))
     with pytest.raises(ValueError, match=r"other.png .* neither of the left nor of the right"):
         find_pairs(make_files(tmp_path / "b", "left1.png", "right1.png", "other.png"))
+
+
+def test_one_pair(tmp_path: Path) -> None:
+    """Two pictures belong together whatever their names; what holds several pairs has to be told apart."""
+    folder = make_files(tmp_path / "some", "left1.png", "right1.png")
+    assert named([find_pair(folder)]) == [("left1.png", "right1.png")]
+    assert find_pair(folder / "right1.png", folder / "none.png") == (folder / "right1.png", folder / "none.png")
+    wide = folder / "wide.png"
+    cv2.imwrite(str(wide), noisy(1, 128))
+    assert [read_image(side).shape for side in find_pair(wide)] == [(48, 64, 3)] * 2
+    with pytest.raises(ValueError, match=r"left1\.png is 8x8, the picture of one camera"):
+        find_pair(folder / "left1.png")
+    wide.unlink()
+    make_files(folder, "left2.png", "right2.png")
+    with pytest.raises(ValueError, match=r"some: 2 pairs, one is wanted: .*left1.png .*right1.png"):
+        find_pair(folder)

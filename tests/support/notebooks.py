@@ -28,7 +28,7 @@ def execute_without_kernels(sources: Sequence[Path], target_dir: Path, figures_d
     target_dir.mkdir(parents=True, exist_ok=True)
     for source in sorted(sources, key=lambda path: path.stem == INDEX):
         notebook, names = nbformat.read(source, as_version=4), dict[str, object]()
-        for number, cell in enumerate(notebook.cells, 1):
+        for number, cell in enumerate((cell for cell in notebook.cells if cell.cell_type == "code"), 1):
             printed = StringIO()
             with redirect_stdout(printed), mock.patch.dict(os.environ, STEREOLIB_FIGURES=str(figures_dir)):
                 try:

@@ -69,8 +69,10 @@ def main(folder: Path) -> None:
         assert emulated.stdout is not None and emulated.stdout.readline().startswith("socket://")
         emulated.terminate()
 
+    told = stereolib(folder, "data", "fetch", code=2)
+    assert "Clone the repository" in told and "STEREOLIB_DATA_URL" in told, told
     told = stereolib(folder, "data", "verify", code=2)
-    assert "virtual/SHA256SUMS is missing" in told and "Clone the repository" in told and "STEREOLIB_DATA" in told
+    assert "not the installed package: clone it" in told
     told = stereolib(folder, "reproduce", code=2)
     assert "repository" in told or 'pip install "stereolib[notebooks]"' in told, told
     assert told.count("\n") == 1

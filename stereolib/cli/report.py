@@ -1,0 +1,64 @@
+"""The command ``stereolib report``: the chapter on one's own rig, run on a folder of it."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from stereolib.cli.command import Command
+from stereolib.cli.errors import DONE
+from stereolib.cli.outputs import check_outputs
+
+_FILES = ("report.html", "report.ipynb", "calibration.json")
+_NOTES = """\
+FOLDER is made by `stereolib new`, or holds a rig.toml that says where its boards, pairs and scans are. Written, into
+FOLDER/report or what --output names:
+  report.html       one page: calibration and verdict, rows, depth in mm, sizes, the laser's error, the map; what the
+                    folder holds no recordings for is left out, and said
+  report.ipynb      the notebook that made it, to be changed and run again
+  calibration.json  of the boards, if there are any, for `stereolib measure`, `disparity` and `map`
+Where FOLDER itself has a calibration.json, lengths are told by that one: calibrate-laser writes into it where the
+laser stands. Nothing is held against the paper. It needs the extra "notebooks": pip install "stereolib[notebooks]"."""
+
+
+def _configure(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("folder", type=Path, metavar="FOLDER", help="of your rig")
+    parser.add_argument("--output", type=Path, metavar="DIR", help="default: FOLDER/report")
+    parser.add_argument("--force", action="store_true", help="replace a report that is there")
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    from stereolib.mapping import load_rig_folder
+    from stereolib.reproduction import NotebookError, report_rig
+
+    out = arguments.output or arguments.folder / "report"
+    if in_the_way := [path for path in (out, *out.parents) if path.is_file()]:
+        raise ValueError(f"--output must name a folder, but {in_the_way[0]} is a file")
+    own = load_rig_folder(arguments.folder)
+    if not (own.boards or own.stations):
+        raise ValueError(f"{arguments.folder} holds no recordings yet: its rig.toml says where they are looked for")
+    check_outputs([out / name for name in _FILES], force=arguments.force, option="--output")
+    print(f"{arguments.folder}: {own}", *own.absent, sep="\n  ", flush=True)
+    try:
+        written = report_rig(arguments.folder, out)
+    except NotebookError as error:
+        raise ValueError(f"{arguments.folder}: {_first_line(str(error))}") from error
+    print(f"written to {out}: {', '.join(path.name for path in written)}")
+    return DONE
+
+
+def _first_line(text: str) -> str:
+    """What the failed cell says, without where it stands in the notebook."""
+    line = text.splitlines()[0]
+    return line.partition("ValueError: ")[2] or line
+
+
+REPORT = Command(
+    "report",
+    "say on one page what a rig of your own can measure, and how well",
+    "stereolib report data/virtual --output demo_report",
+    _run,
+    _configure,
+    notes=_NOTES,
+    interrupted="boards found so far are kept beside the pictures; no report was written",
+)

@@ -1,0 +1,367 @@
+"""A folder of one's own rig: boards, pairs, scans, and ``rig.toml``, which says what they are."""
+
+from __future__ import annotations
+
+import difflib
+import math
+import tomllib
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, TypeVar
+
+from stereolib.base import counted, listed, read_text, write_atomic
+from stereolib.calibration import (
+    LENS_MODELS,
+    MIN_PAIRS,
+    Board,
+    BoardViews,
+    Charuco,
+    Checkerboard,
+    Diagnosis,
+    diagnose,
+    find_in_files,
+)
+from stereolib.mapping.station_folder import RecordedStation
+from stereolib.measurement import Instrument, SystematicUncertainty
+from stereolib.rig import PairFile, find_pairs, pair_name
+
+_Result = TypeVar("_Result")
+RIG_FILE, CALIBRATION = "rig.toml", "calibration.json"
+#: What a folder holds, and where unless its file says otherwise.
+RIG_FOLDERS = {"boards": "boards", "pairs": "pairs", "scans": "scans"}
+_SCANS = (".bin", ".csv")
+#: Everything that a rig's file may say, by part.
+_ENTRIES = {
+    "board": ("inner_corners", "square_mm", "marker_mm", "dictionary", "legacy"),
+    "cameras": ("at_mm", "ruler_mm", "model"),
+    "recordings": tuple(RIG_FOLDERS),
+    "length": ("pair", "from", "to", "ruler_mm"),
+}
+_USUALLY_AT_MM = 1000.0
+_LEAST_MM = 1.0  # nothing shorter is meant in millimetres
+
+
+@dataclass(frozen=True)
+class AskedLength:
+    """A length that is asked for.
+
+    Attributes
+    ----------
+    pair : str
+        The pair's name, as `pair_name` tells it.
+    pixels : two of (column, row), px
+        In the left picture, as the camera gave it.
+    ruler_mm : float or None
+        What a ruler says.
+    """
+
+    pair: str
+    pixels: tuple[tuple[float, float], tuple[float, float]]
+    ruler_mm: float | None = None
+
+
+@dataclass(frozen=True)
+class RigFolder:
+    """What a folder of a rig holds.
+
+    Attributes
+    ----------
+    folder : Path
+    board : Checkerboard, Charuco or None
+        None where there are no boards, and nothing is said of one.
+    at_mm : float
+        Where the calibration is judged.
+    ruler_mm : float or None
+        Distance of the lenses by a ruler.
+    model : str
+        Of the lens.
+    boards : tuple of PairFile
+    stations : tuple of RecordedStation
+        Pairs and scans, by name.
+    lengths : tuple of AskedLength
+    absent : tuple of str
+        What is not there, and what is left out for it.
+    """
+
+    folder: Path
+    board: Board | None
+    at_mm: float
+    ruler_mm: float | None
+    model: str
+    boards: tuple[PairFile, ...]
+    stations: tuple[RecordedStation, ...]
+    lengths: tuple[AskedLength, ...]
+    absent: tuple[str, ...]
+
+    @cached_property
+    def views(self) -> BoardViews | None:
+        """Corners of the boards, kept beside the pictures; None where there are too few pairs of them."""
+        if not self.boards or self.board is None:
+            return None
+        left, right = zip(*self.boards, strict=True)
+        return find_in_files(left, right, self.board, progress=False)
+
+    def calibrate(self) -> Diagnosis | None:
+        """Calibrate with the boards.
+
+        Returns
+        -------
+        Diagnosis or None
+            None where there are no boards.
+
+        Raises
+        ------
+        ValueError
+            As `find_in_files` and `diagnose`.
+        """
+        if self.views is None:
+            return None
+        return diagnose(self.views, model=self.model, ruler_mm=self.ruler_mm, at_mm=self.at_mm)
+
+    def instrument(self, diagnosis: Diagnosis | None) -> Instrument | None:
+        """Make an instrument of the folder's own ``calibration.json``, if it is there, else of the boards.
+
+        Parameters
+        ----------
+        diagnosis : Diagnosis or None
+            From `calibrate`.
+
+        Returns
+        -------
+        Instrument or None
+            None where neither is there, or the cameras cannot be rectified. Only a file knows where the laser stands.
+
+        Raises
+        ------
+        ValueError
+            If that file cannot be used.
+        """
+        if (own := self.folder / CALIBRATION).is_file():
+            return Instrument.load(own)
+        if diagnosis is None or diagnosis.unrectified:
+            return None
+        return Instrument(diagnosis.rig.rectify(), None, SystematicUncertainty(**diagnosis.rectified_std))
+
+    def __str__(self) -> str:
+        pairs, scans = (sum(bool(getattr(each, what)) for each in self.stations) for what in ("left", "scan"))
+        boards = f"{counted(len(self.boards), 'pair')} of the board"
+        return f"{boards}, {counted(pairs, 'pair')} to measure, {counted(scans, 'scan')}"
+
+
+def write_rig_file(path: Path, **values: Any) -> Path:
+    """Write a ``rig.toml`` with a comment at every entry.
+
+    Parameters
+    ----------
+    path : Path
+    **values
+        ``about`` (a sentence), ``corners``, ``square_mm``, ``at_mm``, ``ruler_mm``, ``boards``, ``pairs``, ``scans``,
+        ``lengths`` (of `AskedLength`): in place of what stands there else.
+
+    Returns
+    -------
+    Path
+    """
+    from jinja2 import Environment, PackageLoader
+
+    page = Environment(loader=PackageLoader("stereolib.mapping", "."), autoescape=False, keep_trailing_newline=True)
+    usual: dict[str, Any] = {"corners": [9, 6], "at_mm": _USUALLY_AT_MM, **RIG_FOLDERS}
+    return write_atomic(path, page.get_template("rig.toml.jinja").render(usual | values))
+
+
+def load_rig_folder(folder: Path) -> RigFolder:
+    """Read what a rig's folder holds.
+
+    Parameters
+    ----------
+    folder : Path
+        With ``rig.toml`` in it.
+
+    Returns
+    -------
+    RigFolder
+
+    Raises
+    ------
+    ValueError
+        If there is no such folder or file, the file says something else than it should, or recordings cannot be
+        paired. The text names the file and the remedy.
+    """
+    if not folder.is_dir():
+        raise ValueError(f"{folder} is no folder: stereolib new {folder} makes one")
+    if not (folder / RIG_FILE).is_file():
+        raise ValueError(f"{folder} has no {RIG_FILE}, which says what lies there: stereolib new {folder} writes one")
+    said = _Said(folder / RIG_FILE)
+    places = {kind: said.text("recordings", kind, usual) for kind, usual in RIG_FOLDERS.items()}
+    model = said.text("cameras", "model", "brown3")
+    if model not in LENS_MODELS:
+        raise said.wrong("cameras", "model", f"unknown lens model {model!r}; choose one of {', '.join(LENS_MODELS)}")
+    boards = _pairs(folder, places["boards"])
+    if 0 < len(boards) < MIN_PAIRS:
+        raise ValueError(
+            f"{folder / places['boards']}: {counted(len(boards), 'pair')} of the board; at least {MIN_PAIRS} with "
+            f"different tilts are needed, and 15 to 30 give a trustworthy rig"
+        )
+    stations, alone = _stations(_pairs(folder, places["pairs"]), _scans(folder, places["scans"]))
+    lengths, names = said.lengths(), [station.name for station in stations if station.left]
+    for length in lengths:
+        if length.pair not in names:
+            raise said.wrong("length", "pair", f"there is no pair {length.pair!r}, only {listed(names) or 'none'}")
+    at_mm, ruler = said.length("cameras", "at_mm", _USUALLY_AT_MM), said.length("cameras", "ruler_mm")
+    board = said.board() if boards else None
+    absent = _absent(places, bool(boards), (folder / CALIBRATION).is_file(), stations, alone)
+    return RigFolder(folder, board, at_mm or _USUALLY_AT_MM, ruler, model, boards, stations, lengths, tuple(absent))
+
+
+def _absent(
+    places: Mapping[str, str], boards: bool, calibrated: bool, stations: Sequence[RecordedStation], alone: Sequence[str]
+) -> Iterator[str]:
+    """What is not there, and what is left out for it."""
+    if not boards:
+        without = "" if calibrated else f", and without {CALIBRATION} no lengths either"
+        yield f"nothing in {places['boards']}: no calibration and no verdict{without}"
+    if not any(station.left for station in stations):
+        yield f"nothing in {places['pairs']}: no sizes, and no depth but that of a board"
+    if not any(station.scan for station in stations):
+        yield f"nothing in {places['scans']}: no word about the laser"
+    if alone:
+        yield f"no pair is named like {listed(alone)}: used by themselves"
+
+
+def tried(work: Callable[..., _Result], *given: Any) -> tuple[_Result | None, str]:
+    """Do a step that one's own recordings may not allow.
+
+    Parameters
+    ----------
+    work : callable
+    *given
+        What it takes.
+
+    Returns
+    -------
+    result : object or None
+        None where the recordings did not allow it.
+    why_not : str
+        Why; empty where they did.
+
+    Examples
+    --------
+    >>> tried(float, "2.5"), tried(float, "two")[0]
+    ((2.5, ''), None)
+    """
+    try:
+        return work(*given), ""
+    except ValueError as error:
+        return None, str(error)
+
+
+class _Said:
+    """A rig's file, its entries asked for one by one."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        try:
+            self.parts: dict[str, Any] = tomllib.loads(read_text(path))
+        except tomllib.TOMLDecodeError as error:
+            raise ValueError(f"{path}: not a TOML file ({error})") from None
+        for part, entries in self.parts.items():
+            self._known(part, _ENTRIES, "part")
+            for entry in entries if part == "length" else [entries]:
+                if not isinstance(entry, Mapping):
+                    raise ValueError(f"{path}: {part} is a part of its own, [{part}], with entries below it")
+                for name in entry:
+                    self._known(name, _ENTRIES[part], f"entry of [{part}]")
+
+    def _known(self, name: str, names: Sequence[str] | Mapping[str, Any], what: str) -> None:
+        if name not in names:
+            near = difflib.get_close_matches(name, list(names), 1)
+            hint = f"did you mean {near[0]}?" if near else f"there are {', '.join(names)}"
+            raise ValueError(f"{self.path}: {name!r} is no {what}; {hint}")
+
+    def wrong(self, part: str, name: str, why: str) -> ValueError:
+        return ValueError(f"{self.path}: [{part}] {name}: {why}")
+
+    def text(self, part: str, name: str, usual: str) -> str:
+        value = self.parts.get(part, {}).get(name, usual)
+        if not isinstance(value, str) or not value.strip():
+            raise self.wrong(part, name, f"a text is expected, as {usual!r}, got {value!r}")
+        return value
+
+    def length(self, part: str, name: str, usual: float | None = None) -> float | None:
+        return self._millimetres(self.parts.get(part, {}).get(name, usual), part, name)
+
+    def _millimetres(self, value: Any, part: str, name: str) -> float | None:
+        if value is None:
+            return None
+        if not _is_number(value) or not math.isfinite(value) or value < _LEAST_MM:
+            raise self.wrong(part, name, f"a number of millimetres is expected, {_LEAST_MM:g} or more, got {value!r}")
+        return float(value)
+
+    def _two(self, value: Any, part: str, name: str, what: str) -> tuple[Any, Any]:
+        if not (isinstance(value, list) and len(value) == 2 and all(map(_is_number, value))):
+            raise self.wrong(part, name, f"{what} are expected, as [9, 6], got {value!r}")
+        return value[0], value[1]
+
+    def board(self) -> Board:
+        """The board; its own checks speak with the file's name."""
+        part = self.parts.get("board", {})
+        if "square_mm" not in part:
+            raise self.wrong("board", "square_mm", "say how large a square is, by a ruler: take away the # before it")
+        columns, rows = self._two(part.get("inner_corners"), "board", "inner_corners", "columns and rows")
+        edges = part["square_mm"]
+        width, height = (edges, edges) if _is_number(edges) else self._two(edges, "board", "square_mm", "two lengths")
+        try:
+            if (marker := self.length("board", "marker_mm")) is None:
+                return Checkerboard(columns, rows, (width + height) / 2, height / width)
+            if width != height:
+                raise ValueError(f"a ChArUco board's squares are taken for square, got {edges}")
+            dictionary = self.text("board", "dictionary", "5X5_100")
+            return Charuco(columns, rows, width, marker, dictionary, bool(part.get("legacy", False)))
+        except (ValueError, TypeError, ZeroDivisionError) as error:
+            raise ValueError(f"{self.path}: [board]: {error}") from None
+
+    def lengths(self) -> tuple[AskedLength, ...]:
+        found = []
+        for entry in self.parts.get("length", []):
+            ends = tuple(self._two(entry.get(name), "length", name, "a column and a row") for name in ("from", "to"))
+            ruler = self._millimetres(entry.get("ruler_mm"), "length", "ruler_mm")
+            found.append(AskedLength(str(entry.get("pair", "")), (ends[0], ends[1]), ruler))
+        return tuple(found)
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _pairs(folder: Path, place: str) -> tuple[PairFile, ...]:
+    """Pairs of a folder or a pattern; none where it is missing or empty."""
+    at = folder / place
+    if at.is_dir() and not any(not path.name.startswith(".") for path in at.iterdir()):
+        return ()
+    if not at.exists() and not any(folder.glob(place)):
+        return ()
+    return tuple(find_pairs(at))
+
+
+def _scans(folder: Path, place: str) -> dict[str, Path]:
+    """Recordings of the laser, by the name of the pair that they belong to."""
+    at = folder / place
+    files = sorted(at.iterdir() if at.is_dir() else folder.glob(place))
+    found: dict[str, Path] = {}
+    for path in (path for path in files if path.suffix.lower() in _SCANS):
+        name = " ".join(word for word in pair_name(path).split() if word != "scan")
+        if name in found:
+            raise ValueError(f"{path} and {found[name].name} are both the scan of pair {name!r}: keep one")
+        found[name] = path
+    return found
+
+
+def _stations(pairs: Sequence[PairFile], scans: Mapping[str, Path]) -> tuple[tuple[RecordedStation, ...], list[str]]:
+    """Pairs with their scans, then the scans without a pair, and what these are called if there are pairs."""
+    stations = [RecordedStation(name := pair_name(pair.left), *pair, scans.get(name)) for pair in pairs]
+    named = {station.name for station in stations}
+    alone = {name: path for name, path in scans.items() if name not in named}
+    stations += [RecordedStation(name, scan=path) for name, path in alone.items()]
+    return tuple(stations), [path.name for path in alone.values()] if pairs else []

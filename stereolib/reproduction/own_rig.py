@@ -1,0 +1,81 @@
+"""The chapter on one's own rig, executed on a folder and made one page."""
+
+from __future__ import annotations
+
+import re
+import tempfile
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+from stereolib.base import datasets, read_text, write_atomic
+from stereolib.reproduction.execution import execute_notebooks
+
+CHAPTER = "11_your_own_rig"
+_LIMIT_BYTES = 64 * 2**20  # of an executed notebook: pictures of a dozen pairs are some MB
+_NOTEBOOK = "only-notebook"  # tag of cells that a page has no use for
+_LINK = re.compile(r"\[([^\]]+)\]\((?![a-z]+:)[^)]*\)")  # to what is not beside a report
+
+
+def report_rig(folder: Path, output: Path) -> list[Path]:
+    """Execute the chapter on a folder; write it as a notebook and as a page that needs nothing else.
+
+    Parameters
+    ----------
+    folder : Path
+        As `stereolib.mapping.load_rig_folder` reads it.
+    output : Path
+        Folder for what is written; the notebook writes its calibration there, too.
+
+    Returns
+    -------
+    list of Path
+        What was written.
+
+    Raises
+    ------
+    NotebookError
+        If a cell failed: nothing but a calibration was written.
+    """
+    import nbformat
+    from nbconvert import HTMLExporter
+    from traitlets.config import Config
+
+    notebook: Any = nbformat.reads(read_text(datasets.chapter_path(CHAPTER)), as_version=4)  # type: ignore[no-untyped-call]
+    at = next(k for k, cell in enumerate(notebook.cells) if "parameters" in cell.metadata.get("tags", []))
+    given = f"folder = {str(folder.resolve())!r}\noutput = {str(output.resolve())!r}"
+    injected: Any = nbformat.v4.new_code_cell(given, metadata={"tags": ["injected-parameters"]})  # type: ignore[no-untyped-call]
+    notebook.cells.insert(at + 1, injected)
+    for cell in notebook.cells:
+        if cell.cell_type == "markdown":
+            cell.source = _LINK.sub(r"\1", cell.source)
+    with tempfile.TemporaryDirectory(prefix="stereolib-") as name:
+        work = Path(name)
+        source = write_atomic(work / f"{CHAPTER}.ipynb", nbformat.writes(notebook))  # type: ignore[no-untyped-call]
+        execute_notebooks([source], work / "executed", work / "figures", jobs=1)
+        text = read_text(work / "executed" / source.name, limit_bytes=_LIMIT_BYTES)
+    executed = nbformat.reads(text, as_version=4)  # type: ignore[no-untyped-call]
+    plain: dict[str, Any] = {"exclude_input": True, "exclude_output_prompt": True, "embed_images": True}
+    nothing_from_elsewhere = dict.fromkeys(("mathjax_url", "require_js_url", "jquery_url"), "")
+    for cell in _explains_nothing(executed.cells):
+        cell.metadata["tags"] = [_NOTEBOOK]
+    left_out = {"enabled": True, "remove_cell_tags": [_NOTEBOOK]}
+    make_page: Any = HTMLExporter
+    page = make_page(config=Config(TagRemovePreprocessor=left_out), **plain, **nothing_from_elsewhere)
+    html, _ = page.from_notebook_node(executed, {"metadata": {"name": f"{folder.resolve().name}: report"}})
+    written = [write_atomic(output / "report.html", html), write_atomic(output / "report.ipynb", text)]
+    calibration = output / "calibration.json"
+    return [*written, *([calibration] if calibration.is_file() else [])]
+
+
+def _explains_nothing(cells: Sequence[Any]) -> Iterator[Any]:
+    """Cells that tell what to see where their part was left out."""
+    is_absent = False
+    for cell in cells:
+        if cell.cell_type == "code":
+            text = "".join(output.get("text", "") for output in cell.outputs)
+            is_absent |= text.startswith("left out: ")
+        elif cell.source.startswith("## "):
+            is_absent = False
+        elif is_absent and cell.source.startswith("**What to see:**"):
+            yield cell

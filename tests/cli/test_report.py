@@ -1,0 +1,121 @@
+"""``stereolib new`` and ``stereolib report``: a folder is made, filled, and told of on one page."""
+
+from __future__ import annotations
+
+import json
+import re
+
+import pytest
+from support.notebooks import execute_without_kernels
+
+from stereolib.base import data_path, datasets
+from stereolib.cli import commands
+from stereolib.reproduction import own_rig
+from stereolib.virtual import recordings
+
+
+def run(*words):
+    return commands.main([str(word) for word in words])
+
+
+def told(report):
+    """All that the cells of an executed notebook print."""
+    cells = json.loads(report.read_text(encoding="utf-8"))["cells"]
+    return "".join("".join(output.get("text", "")) for cell in cells for output in cell.get("outputs", []))
+
+
+@pytest.fixture
+def folder(tmp_path, capsys):
+    assert run("new", tmp_path / "my_rig") == 0
+    capsys.readouterr()
+    return tmp_path / "my_rig"
+
+
+@pytest.fixture
+def quick(monkeypatch):
+    monkeypatch.setattr(own_rig, "execute_notebooks", execute_without_kernels)
+
+
+def test_new_makes_folders_and_keeps_what_is_there(folder, capsys):
+    assert sorted(path.name for path in folder.iterdir()) == ["boards", "pairs", "rig.toml", "scans"]
+    before = (folder / "rig.toml").read_text()
+    assert run("new", folder) == 2
+    assert "rig.toml is there already: edit it" in capsys.readouterr().err
+    assert (folder / "rig.toml").read_text() == before
+    assert run("new", folder / "rig.toml" / "deeper") == 2
+    assert "rig.toml is a file" in capsys.readouterr().err
+
+
+def test_report_of_a_laser_alone_leaves_out_the_rest(folder, capsys):
+    """Through a kernel, to a page that asks for nothing from elsewhere and explains nothing that is not there."""
+    (folder / "scans" / "1.bin").write_bytes(recordings.load_laser("lrf/room"))
+    figures = {path: path.stat().st_mtime_ns for path in (datasets.ROOT / "figures").iterdir()}
+    assert run("report", folder) == 0
+    assert {path: path.stat().st_mtime_ns for path in (datasets.ROOT / "figures").iterdir()} == figures
+    said = capsys.readouterr().out
+    assert "0 pairs of the board, 0 pairs to measure, 1 scan\n  nothing in boards: no calibration" in said
+    assert sorted(path.name for path in (folder / "report").iterdir()) == ["report.html", "report.ipynb"]
+    text = told(folder / "report" / "report.ipynb")
+    assert re.search(r"0\.5 to 1 m: \d+ beams, half of them scatter by less than \d\.\d mm", text)
+    assert "left out: sizes and the map. without boards or a calibration.json nothing tells lengths" in text
+    page = (folder / "report" / "report.html").read_text(encoding="utf-8")
+    assert "the scatter grows with the distance" in page
+    assert "filled outlines are things" not in page and "The knobs" not in page
+    assert not re.findall(r"<(?:script|link|img)[^>]*(?:src|href)=\"?https?:", page)
+    assert run("report", folder) == 2
+    assert "report.html, " in (error := capsys.readouterr().err) and "would be overwritten" in error
+
+
+@pytest.mark.slow
+def test_report_of_real_webcams_goes_as_far_as_their_boards(folder, quick, capsys):
+    """Six of the thirty pairs of a Minoru 3D webcam: a calibration, a verdict, rows and depth, and no sizes."""
+    for side in ("left", "right"):
+        (folder / "boards" / side).mkdir()
+        for file in datasets.available(f"minoru3d/{side}")[1::5] or pytest.skip("no real recordings here"):
+            (folder / "boards" / side / file.name).write_bytes(file.read_bytes())
+    text = (
+        (folder / "rig.toml")
+        .read_text()
+        .replace("[9, 6]", "[8, 6]")
+        .replace("# square_mm = [25.0, 25.0]", "square_mm = [29.79, 30.21]")
+    )
+    (folder / "rig.toml").write_text(text)
+    assert run("report", folder) == 0
+    text = told(folder / "report" / "report.ipynb")
+    assert re.search(r"^(good|usable|bad): ", text, re.MULTILINE)
+    assert re.search(r"baseline B 6\d\.\d\d mm", text) and re.search(
+        r"rows of the right picture are off by [+-]\d", text
+    )
+    assert re.search(r"\d % matched", text) and "left out: sizes and the map" in text
+    assert "left out: no scan of several turns" in text
+    calibration = json.loads((folder / "report" / "calibration.json").read_text())
+    assert calibration["calibration"]["board"]["columns"] == 8
+    assert not (folder / "calibration.json").exists()
+
+
+@pytest.mark.parametrize(
+    ("files", "why"),
+    [
+        ({}, "my_rig holds no recordings yet"),
+        ({"pairs/1_left.png": b"no picture", "pairs/1_right.png": b"none"}, "no readable images"),
+        ({"scans/1.bin": b"no scan"}, "1.bin"),
+        (
+            {"calibration.json": b"{}", "scans/1.bin": data_path("virtual/room/1_scan.bin").read_bytes()},
+            "calibration.json",
+        ),
+    ],
+)
+def test_report_refuses_in_one_line(folder, quick, capsys, files, why):
+    for name, data in files.items():
+        (folder / name).write_bytes(data)
+    assert run("report", folder) == 2
+    error = capsys.readouterr().err
+    assert error.startswith("stereolib: error: ") and error.count("\n") == 1 and why in error
+    assert not (folder / "report").exists()
+
+
+def test_report_needs_a_folder_of_a_rig(tmp_path, capsys):
+    assert run("report", tmp_path / "nowhere") == 2
+    assert "is no folder: stereolib new" in capsys.readouterr().err
+    assert run("report", tmp_path) == 2
+    assert "has no rig.toml" in capsys.readouterr().err

@@ -1,0 +1,144 @@
+"""A folder of one's own rig: what its file may say, what is paired with what, and what is said to be missing."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+
+from stereolib.base import data_path
+from stereolib.calibration import Charuco, Checkerboard
+from stereolib.mapping import RIG_FILE, RIG_FOLDERS, load_rig_folder, tried, write_rig_file
+from stereolib.measurement import Instrument
+from stereolib.paper import paper_rig
+from stereolib.virtual import recordings, walk
+
+PICTURE = cv2.imencode(".png", np.zeros((8, 8), np.uint8))[1].tobytes()
+BOARDS = [f"boards/{side}{k}.png" for k in range(6) for side in ("left", "right")]
+SQUARE = "[board]\ninner_corners = [9, 6]\nsquare_mm = 25\n"
+
+
+@pytest.fixture
+def folder(tmp_path):
+    for name in RIG_FOLDERS:
+        (tmp_path / name).mkdir()
+    write_rig_file(tmp_path / RIG_FILE)
+    return tmp_path
+
+
+def fill(folder, *names):
+    for name in names:
+        (folder / name).write_bytes(PICTURE if name.endswith(".png") else b"")
+    return folder
+
+
+def test_an_empty_folder_says_what_it_leaves_out(folder):
+    own = load_rig_folder(folder)
+    assert (own.boards, own.stations, own.lengths) == ((), (), ())
+    assert [text.split(":")[0] for text in own.absent] == [f"nothing in {name}" for name in RIG_FOLDERS]
+    assert own.calibrate() is None and own.instrument(None) is None
+    assert str(own) == "0 pairs of the board, 0 pairs to measure, 0 scans"
+
+
+def test_scans_belong_to_pairs_by_name(folder):
+    fill(folder, "pairs/01_left.png", "pairs/1_right.png", "pairs/left_door.png", "pairs/right_door.png")
+    own = load_rig_folder(fill(folder, "scans/1_scan.bin", "scans/scan-door.csv", "scans/7.bin", "scans/notes.txt"))
+    assert {each.name: (each.left is not None, each.scan and each.scan.name) for each in own.stations} == {
+        "1": (True, "1_scan.bin"),
+        "door": (True, "scan-door.csv"),
+        "7": (False, "7.bin"),
+    }
+    assert own.absent[-1] == "no pair is named like 7.bin: used by themselves"
+
+
+def test_a_board_is_asked_for_only_where_there_are_some(folder):
+    fill(folder, *BOARDS)
+    with pytest.raises(ValueError, match=r"rig.toml: \[board\] square_mm: say how large a square is"):
+        load_rig_folder(folder)
+    write_rig_file(folder / RIG_FILE, corners=[8, 5], square_mm=[24.9, 25.1], ruler_mm=63.5, at_mm=700.0)
+    own = load_rig_folder(folder)
+    assert own.board == Checkerboard(8, 5, 25.0, 25.1 / 24.9) and (own.ruler_mm, own.at_mm) == (63.5, 700.0)
+    assert len(own.boards) == 6
+    (folder / RIG_FILE).write_text(SQUARE + "marker_mm = 18\ndictionary = '4X4_50'\nlegacy = true\n")
+    assert load_rig_folder(folder).board == Charuco(9, 6, 25, 18.0, "4X4_50", True)
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ("[board", "not a TOML file"),
+        ("[bord]\n", "'bord' is no part; did you mean board?"),
+        ("board = 3\n", "board is a part of its own"),
+        ("[board]\nsquares = 3\n", r"'squares' is no entry of \[board\]; did you mean square_mm?"),
+        (SQUARE.replace("25", '"25"'), r"\[board\] square_mm: two lengths are expected"),
+        (SQUARE.replace("25", "0.025"), "millimetres are expected"),
+        (SQUARE.replace("25", "[25, 0]"), "height over its width must be near 1"),
+        (SQUARE.replace("25", "[0, 25]"), "rig.toml"),
+        (SQUARE.replace("[9, 6]", "[9.5, 6]"), "whole numbers"),
+        (SQUARE.replace("[9, 6]", "9"), r"\[board\] inner_corners: columns and rows are expected"),
+        (SQUARE + "[cameras]\nat_mm = -3\n", r"\[cameras\] at_mm: a number of millimetres is expected"),
+        (SQUARE + "[cameras]\nruler_mm = nan\n", r"\[cameras\] ruler_mm"),
+        (SQUARE + "[cameras]\nmodel = 'fisheye'\n", "unknown lens model 'fisheye'; choose one of"),
+        (SQUARE + "[recordings]\npairs = ''\n", r"\[recordings\] pairs: a text is expected"),
+        (SQUARE + "[[length]]\npair = '9'\nfrom = [1, 2]\nto = [3, 4]\n", "there is no pair '9', only none"),
+        (SQUARE + "[[length]]\nfrom = [1]\nto = [3, 4]\n", r"\[length\] from: a column and a row are expected"),
+    ],
+)
+def test_a_file_that_says_something_else_is_refused_by_name(folder, text, why):
+    fill(folder, *BOARDS)
+    (folder / RIG_FILE).write_text(text)
+    with pytest.raises(ValueError, match=why) as caught:
+        load_rig_folder(folder)
+    assert str(folder / RIG_FILE) in str(caught.value)
+
+
+def test_no_folder_no_file_and_too_few_boards(folder):
+    with pytest.raises(ValueError, match=r"nowhere is no folder: stereolib new .*nowhere makes one"):
+        load_rig_folder(folder / "nowhere")
+    fill(folder, *BOARDS[:4])
+    with pytest.raises(ValueError, match="boards: 2 pairs of the board; at least"):
+        load_rig_folder(folder)
+    fill(folder, "scans/1.bin", "scans/01.csv")
+    (folder / "boards" / "left0.png").unlink()
+    with pytest.raises(ValueError, match=r"without a partner .*right0.png"):
+        load_rig_folder(folder)
+    for path in (folder / "boards").iterdir():
+        path.unlink()
+    with pytest.raises(ValueError, match=r"both the scan of pair '1': keep one"):
+        load_rig_folder(folder)
+    (folder / RIG_FILE).unlink()
+    with pytest.raises(ValueError, match=r"has no rig.toml, which says what lies there"):
+        load_rig_folder(folder)
+
+
+def test_a_calibration_in_the_folder_tells_lengths(folder):
+    paper_rig().save(folder / "calibration.json")
+    own = load_rig_folder(folder)
+    found = own.instrument(own.calibrate())
+    assert isinstance(found, Instrument) and found.rectified.baseline_mm == pytest.approx(paper_rig().baseline_mm)
+    assert own.absent[0] == "nothing in boards: no calibration and no verdict"
+
+
+def test_the_demo_rig_is_told_as_it_is():
+    """Its rig.toml: the board, the lenses' distance by a ruler, and two lengths between true marks on boxes."""
+    own, rig = load_rig_folder(data_path("virtual/rig.toml").parent), paper_rig()
+    assert own.board == recordings.BOARD and not own.absent
+    assert own.ruler_mm == round(rig.baseline_mm)
+    marks = {"3": (0, (-1, 0, -0.8), (-1, 0, 0.8)), "2": (4, (-1, -0.8, -0.8), (-1, 0.8, 0.8))}
+    assert [length.pair for length in own.lengths] == list(marks)
+    for length in own.lengths:
+        k, *ends = marks[length.pair]
+        box, T = walk.objects()[k], recordings.setup(f"room/{length.pair}")
+        ends_mm = np.array(ends) * np.array(box.size_mm) / 2 @ box.T_world_box[:3, :3].T + box.T_world_box[:3, 3]
+        np.testing.assert_allclose(length.pixels, rig.left.project(ends_mm @ T[:3, :3].T + T[:3, 3]), atol=0.5)
+        assert length.ruler_mm == round(float(np.linalg.norm(ends_mm[1] - ends_mm[0])))
+    assert [(each.name, bool(each.left), bool(each.scan)) for each in own.stations] == [
+        (str(k), True, True) for k in range(1, 6)
+    ]
+
+
+def test_what_recordings_do_not_allow_is_a_reason_and_a_fault_of_ours_is_none():
+    assert tried(int, "5") == (5, "")
+    assert tried(int, "five")[0] is None and "five" in tried(int, "five")[1]
+    with pytest.raises(TypeError):
+        tried(int, [])

@@ -1,0 +1,73 @@
+"""Depth in millimetres: its formula, its deviation against draws, its points against the camera."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from support.instruments import RECT
+
+from stereolib.matching import CheckedMatch, DisparityEstimate
+from stereolib.measurement import DepthMap, Instrument, SystematicUncertainty, measure_depth, whole_mm
+from stereolib.virtual import recordings
+
+KNOWN = SystematicUncertainty(4.0, 0.5, 0.3, (0.5, -0.4, 0.2))
+SHAPE = RECT.size[::-1]
+
+
+def depth_map(*, filled: bool = False, std_px: float | None = 0.2) -> DepthMap:
+    """Disparities that grow with the row; the upper half was filled, the first column is unknown."""
+    disparity_px = np.tile(np.linspace(2, 100, SHAPE[0], dtype=np.float32)[:, None], (1, SHAPE[1]))
+    disparity_px[:, 0] = np.nan
+    matched = np.isfinite(disparity_px)
+    matched[: SHAPE[0] // 2] = False
+    std = None if std_px is None else np.full(SHAPE, std_px, np.float32)
+    left = np.arange(np.prod(SHAPE) * 3, dtype=np.uint64).astype(np.uint8).reshape(*SHAPE, 3)
+    match = CheckedMatch(DisparityEstimate(disparity_px, matched, std), ())
+    return DepthMap(match, left, Instrument(RECT, uncertainty=KNOWN), filled)
+
+
+def test_depth_is_that_of_what_was_matched_unless_guesses_are_asked_for():
+    found, filled = depth_map(), depth_map(filled=True)
+    disparity_px = found.match.estimate.disparity_px
+    np.testing.assert_array_equal(np.isfinite(found.depth_mm), found.match.estimate.matched)
+    np.testing.assert_array_equal(np.isfinite(filled.depth_mm), np.isfinite(disparity_px))
+    np.testing.assert_allclose((filled.depth_mm * disparity_px)[:, 1:], RECT.f_px * RECT.baseline_mm, rtol=1e-6)
+    assert found.depth_mm.dtype == np.float32
+    shares = found.match.shares
+    assert list(shares) == ["matched", "filled", "refused"] and sum(shares.values()) == pytest.approx(1)
+    assert shares["refused"] == pytest.approx(1 / SHAPE[1])
+
+
+def test_its_deviation_is_that_of_draws():
+    found, rng = depth_map(), np.random.default_rng(3)
+    f, B, offset = rng.multivariate_normal([RECT.f_px, RECT.baseline_mm, 0], KNOWN.covariance, 100_000).T
+    for row in (SHAPE[0] // 2, SHAPE[0] - 1):
+        d = found.match.estimate.disparity_px[row, 1] + 0.2 * rng.standard_normal(f.size)
+        assert found.std_mm[row, 1] == pytest.approx(np.std(f * B / (d - offset)), rel=0.02)
+    assert depth_map(std_px=None).std_mm is None
+
+
+def test_points_lie_on_the_rays_of_their_pixels_and_the_uncertain_are_left_out():
+    found = depth_map(filled=True)
+    points_mm, colors_rgb = found.points()
+    pixels = RECT.left.project(points_mm)
+    column, row = np.rint(pixels).astype(int).T
+    np.testing.assert_allclose(pixels, np.column_stack([column, row]), atol=1e-3)
+    np.testing.assert_array_equal(colors_rgb, found.left[row, column, ::-1])
+    known = found.std_mm[row, column] / found.depth_mm[row, column]
+    assert known.max() < 0.1 and len(points_mm) < np.isfinite(found.depth_mm).sum()
+    assert len(depth_map(filled=True, std_px=None).points()[0]) == np.isfinite(found.depth_mm).sum()
+
+
+def test_sixteen_bits_end_at_65_m():
+    assert whole_mm(np.array([65535.4, 65536.0, 0.4, np.nan])).tolist() == [65535, 0, 0, 0]
+
+
+def test_a_pair_as_it_comes():
+    pair = recordings.load_pair("conditions/texture")
+    found, truth = measure_depth(*pair, Instrument(RECT), "fast"), recordings.load_truth("conditions/texture")
+    seen = truth.visible & np.isfinite(found.depth_mm) & (truth.box == 1)
+    true_mm = RECT.f_px * RECT.baseline_mm / truth.disparity_px
+    assert np.median(np.abs(found.depth_mm / true_mm - 1)[seen]) < 0.005
+    with pytest.raises(ValueError, match="exchanged"):
+        measure_depth(*pair[::-1], Instrument(RECT), "fast")

@@ -17,12 +17,27 @@ from stereolib.cli.data import DATA
 from stereolib.cli.disparity import DISPARITY
 from stereolib.cli.errors import WRONG_INPUT, guarded
 from stereolib.cli.explore import EXPLORE
+from stereolib.cli.handout import HANDOUT
 from stereolib.cli.lrf import LRF
 from stereolib.cli.map import MAP
 from stereolib.cli.measure import MEASURE
 from stereolib.cli.reproduce import REPRODUCE
 
-COMMANDS = (REPRODUCE, EXPLORE, BAKE, DATA, DISPARITY, LRF, BOARD, CALIBRATE, CHECK, CALIBRATE_LASER, MEASURE, MAP)
+COMMANDS = (
+    REPRODUCE,
+    EXPLORE,
+    BAKE,
+    DATA,
+    DISPARITY,
+    LRF,
+    BOARD,
+    CALIBRATE,
+    CHECK,
+    CALIBRATE_LASER,
+    MEASURE,
+    MAP,
+    HANDOUT,
+)
 
 
 class _Parser(argparse.ArgumentParser):

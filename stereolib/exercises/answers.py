@@ -72,7 +72,7 @@ def _named(given: Float64, wrong: Iterator[tuple[str, Any]], near: Callable[[Any
     for mistake, result in wrong:
         if near(given, result):
             return _wrong(mistake)
-    return Verdict(False, "Not yet, and it is none of the usual mistakes. Ask for a hint.")
+    return Verdict(False, "Not yet, and it is none of the usual mistakes. `task.hint()` gives a hint.")
 
 
 def _usual(right: Any, unit: str) -> Iterator[tuple[str, Any]]:

@@ -35,8 +35,8 @@ def _drawing(values: Float64, title: str) -> Any:
         plot_cells(values, axes[0], title)
         axes[0].set_xticks(range(values.shape[1]))
         axes[0].set_yticks(range(values.shape[0]))
+        axes[0].tick_params(labelbottom=True, labelleft=True)
         axes[0].set(xlabel="column", ylabel="row")
-        axes[0].set_axis_on()
         return figure, "A small disparity map as cells with their numbers; holes are grey and empty."
 
     return draw

@@ -35,6 +35,7 @@ def _read_corner(rng: np.random.Generator) -> Task:
         figure, axes = panels(1, width_in=7, aspect=0.8)
         axes[0].plot(points[:, 1], points[:, 0], "o", color=LASER, ms=5)
         axes[0].set(xlabel="left (mm)", ylabel="forward (mm)", aspect="equal")
+        axes[0].margins(0.2)  # so that the corner itself is inside
         axes[0].invert_xaxis()
         axes[0].grid(alpha=0.4)
         return figure, "Readings of a laser from above: two straight rows of dots that would meet in a corner."

@@ -1,4 +1,4 @@
-"""What a student's cell has no reason to touch: looked for in its text, before anything runs.
+"""What a cell of exercises has no reason to touch: looked for in its text, before anything runs.
 
 The checker runs in the same process as the student's code, so no check inside it is safe from that code. This one looks
 at the text from outside. It finds the plain ways of changing the checker, not every thinkable one.
@@ -10,14 +10,16 @@ import ast
 
 #: Modules and functions that reach into other code; no exercise needs one.
 REFUSED_NAMES = frozenset(
-    """__import__ builtins ctypes delattr eval exec exit gc get_ipython getattr globals importlib inspect locals
+    """IPython __import__ builtins ctypes delattr eval exec exit gc get_ipython getattr globals importlib inspect locals
     nbgrader os quit setattr subprocess sys vars""".split()  # noqa: SIM905 (a list would be twenty lines)
 )
-_KEPT = {"exercise", "student"}  # names that the check cells use
+_KEPT = "exercise"  # the name that the check cells use
+_ALLOWED = f"from stereolib.exercises import {_KEPT}"  # as they import it
+_NEW_MEANING = f"it gives the name {_KEPT} a new meaning"
 
 
 def refuse_tampering(source: str) -> str:
-    """Say what in a student's cell may change the checker.
+    """Say what in a cell may change the checker.
 
     Parameters
     ----------
@@ -49,12 +51,13 @@ def refuse_tampering(source: str) -> str:
 
 def _suspicion(node: ast.AST) -> str:
     if isinstance(node, (ast.Import, ast.ImportFrom)):
-        return _imports(node)
+        return "" if ast.unparse(node) == _ALLOWED else _imports(node)
     if isinstance(node, ast.Name) and node.id in REFUSED_NAMES:
         return f"it uses {node.id}"
-    named = {getattr(node, "name", None), node.id if isinstance(node, ast.Name) and _is_set(node) else None}
-    if named & _KEPT:
-        return f"it gives the name {(named & _KEPT).pop()} a new meaning"
+    if isinstance(node, ast.Name) and _is_set(node) and node.id == _KEPT:
+        return _NEW_MEANING
+    if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)) and node.name == _KEPT:
+        return _NEW_MEANING
     if isinstance(node, ast.Attribute) and (_is_set(node) or node.attr.startswith("_")):
         return f"it reaches for the attribute {node.attr}"
     return ""
@@ -70,6 +73,6 @@ def _imports(node: ast.Import | ast.ImportFrom) -> str:
         wanted = before + alias.name
         if wanted.startswith("stereolib.exercises") or wanted.split(".")[0] in REFUSED_NAMES:
             return f"it imports {wanted}"
-        if (alias.asname or alias.name) in _KEPT:
-            return f"it gives the name {alias.asname or alias.name} a new meaning"
+        if (alias.asname or alias.name) == _KEPT:
+            return _NEW_MEANING
     return ""

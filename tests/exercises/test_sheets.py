@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import re
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ import pytest
 
 from stereolib.base import ROOT
 from stereolib.exercises import SHEETS, exercise, exercise_numbers, make_sheet
-from stereolib.exercises.asking import recipe_of
+from stereolib.exercises.asking import recipe_of, recipes
 
 FOLDER = ROOT / "notebooks" / "exercises"
 
@@ -105,3 +106,18 @@ def test_chapter_leads_to_it(chapter: int) -> None:
     text = (ROOT / "notebooks" / f"{SHEETS[chapter]}.ipynb").read_text(encoding="utf-8")
     assert f"(exercises/{SHEETS[chapter]}.ipynb)" in text
     assert Path(FOLDER / f"../{SHEETS[chapter]}.ipynb").exists()
+
+
+def test_teachers_page_counts_as_the_exercises_do() -> None:
+    """The table of docs/teaching.md, and each exercise that its plans name."""
+    page = (ROOT / "docs" / "teaching.md").read_text(encoding="utf-8")
+    rows = []
+    for chapter, name in SHEETS.items():
+        of_it = recipes(chapter)
+        longest = max(of_it, key=lambda recipe: recipe.minutes).title
+        minutes, points = (sum(getattr(recipe, what) for recipe in of_it) for what in ("minutes", "points"))
+        link = f"[{chapter:02d}](../notebooks/exercises/{name}.ipynb)"
+        rows.append(f"| {link} | {len(of_it)} | {minutes} | {points} | {longest} |")
+    table = page.partition("<!-- sheets -->")[2].partition("<!-- /sheets -->")[0]
+    assert table.strip().splitlines()[2:] == rows
+    assert set(re.findall(r"\b0\d\.\d\b", page)) <= set(exercise_numbers())

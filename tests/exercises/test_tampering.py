@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from stereolib.exercises import exercise_numbers, refuse_tampering
-from stereolib.exercises.asking import recipe_of
+from stereolib.exercises import SHEETS, make_sheet, refuse_tampering
 
 
 @pytest.mark.parametrize(
@@ -15,7 +14,9 @@ from stereolib.exercises.asking import recipe_of
         "exercise = lambda *_: Yes()",
         "from somewhere import cheat as exercise",
         "class exercise: ...",
-        "for student in ['anna']: pass",
+        "for exercise in ['anna']: pass",
+        "from stereolib.exercises import Exercise",
+        "from IPython import get_ipython as g",
         "import stereolib.exercises as e",
         "from stereolib.exercises import asking",
         "from stereolib import exercises",
@@ -34,15 +35,20 @@ def test_what_touches_the_checker_is_named(source: str) -> None:
     assert refuse_tampering(source).startswith("it ")
 
 
+@pytest.mark.parametrize("chapter", SHEETS)
+def test_cells_of_the_sheets_pass(chapter: int) -> None:
+    assert not [cell.source for cell in make_sheet(chapter).cells if refuse_tampering(cell.source)]
+
+
 @pytest.mark.parametrize(
     "source",
     [
+        "student = 'anna'",
         "import numpy as np\ng = exercise('00.2', student).given\ndepth_mm = g.f_px * g.B_mm / g.d_px",
         "from stereolib.matching import left_right_check as check_both",
         "task.hint()",
         "values[0] = 3\nprint(student)",
         "depth_mm = (",  # does not parse: it fails by itself
-        *(recipe_of(number).start for number in exercise_numbers()),
     ],
 )
 def test_honest_cells_pass(source: str) -> None:

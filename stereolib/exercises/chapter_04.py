@@ -69,7 +69,8 @@ def _dilate_one(rng: np.random.Generator) -> Task:
         f"with a window of 3 x 3 pixels. **Which value has the pixel in row {row}, column {column} afterwards?**"
     )
     number = Number(float(np.nanmax(around)), "", 0.0, mistakes, off=0.01)
-    return Task(question, {"values": values}, number, _drawing(values, "the map"))
+    given = {"values": values, "row": row, "column": column}
+    return Task(question, given, number, _drawing(values, "the map"))
 
 
 @task(
@@ -99,7 +100,8 @@ def _close_one(rng: np.random.Generator) -> Task:
         "`task.given.values` is another small map (print it). It is closed with a window of 3 x 3 pixels: dilated, "
         f"then eroded. **Which value has the pixel in row {row}, column {column} afterwards?** Count from 0."
     )
-    return Task(question, {"values": values}, Number(closed, "", 0.0, mistakes, off=0.01))
+    given = {"values": values, "row": row, "column": column}
+    return Task(question, given, Number(closed, "", 0.0, mistakes, off=0.01))
 
 
 @task(

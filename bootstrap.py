@@ -31,9 +31,11 @@ stereolib: the paper's figures, tables and numbers again, each beside the printe
   make explore        the whole measurement on one page in the browser; ARGS="LEFT RIGHT": your own pair
   make site           build the site of notebooks, figures and reference into build/site
   make bench          measure speed and accuracy into benchmarks/results/
+  make handout        pack the exercises for a class without internet
   make data           render the virtual recordings in data/virtual again
 For those who change the project:
   make test-opencv4   tests of what calls OpenCV, with OpenCV 4
+  make test-nbgrader  a course graded with nbgrader, from the release to the points
   make test-browser   tests of the page that make explore opens, and of the site, in Chromium
   make same           prove that other processors' kernels give the same files
   make lint           ruff, mypy, the rooms' imports and sizes;  make format  lets ruff format
@@ -42,13 +44,15 @@ For those who change the project:
 With make PYTHON=python3.12 reproduce ARGS="03 --check"; without make: python bootstrap.py reproduce 03 --check
 """
 COMMANDS = {  # what each hands to the environment's Python; nox's sessions stand in noxfile.py
-    **{name: ["-m", "nox", "-s", name, "--"] for name in ["test-opencv4", "bench", "site", "lint", "format", "pins"]},
+    **{name: ["-m", "nox", "-s", name, "--"] for name in ("bench", "site", "lint", "format", "pins")},
+    **{name: ["-m", "nox", "-s", name, "--"] for name in ("test-opencv4", "test-nbgrader")},
     "setup": ["-c", "pass"],
     "reproduce": ["-m", "stereolib", "reproduce"],
-    "test": ["-m", "nox", "-s", "tests", "test-opencv4", "notebooks", "--"],
+    "test": ["-m", "nox", "-s", "tests", "test-opencv4", "test-nbgrader", "notebooks", "--"],
     "data": ["-m", "stereolib", "data", "build"],
     "lab": ["-m", "jupyter", "lab", "notebooks/00_two_pictures.ipynb"],
     "same": ["benchmarks/same.py"],
+    "handout": ["-m", "stereolib", "handout"],
     "explore": ["-m", "stereolib", "explore"],
     "test-browser": ["-m", "pytest", "--browser", "-q", "tests/browser"],
 }
@@ -110,7 +114,9 @@ def setup() -> None:
 
 
 def install(*wanted: str) -> bool:
-    """Install something into the environment: by uv, which is quicker; by pip where uv fails."""
+    """Install something into the environment: by uv, which is quicker; by pip where uv fails; a handout from itself."""
+    if (ROOT / "wheels").is_dir():
+        wanted = ("--no-index", "--find-links", "wheels", *wanted)
     pip = [str(PYTHON), "-m", "pip", "install", "--quiet"]
     uv = [shutil.which("uv") or "", "pip", "install", "--quiet", "--python", str(PYTHON)]
     installers = [uv, pip] if uv[0] else [pip]

@@ -19,7 +19,12 @@ ROOT = Path(__file__).resolve().parent
 PINS = ROOT / "requirements.txt"
 OPENCV4 = "opencv-python-headless==4.14.0.94"  # the oldest that pyproject.toml admits
 OPENCV5 = next(pin for pin in PINS.read_text(encoding="utf-8").splitlines() if pin.startswith("opencv-"))
-ADDITIONS = {"explore": ["notebooks", "explore"], "browser": ["browser"], "site": ["dev", "site"]}  # pinned apart
+ADDITIONS = {  # pinned apart, on top of the rest
+    "explore": ["notebooks", "explore"],
+    "browser": ["browser"],
+    "nbgrader": ["notebooks", "nbgrader"],
+    "site": ["dev", "site"],
+}
 PYTHONS = ["3.11", "3.12", "3.13", "3.14"]
 
 PYTEST = ["-m", "pytest", "-n", "2", "--dist", "loadfile", "-q"]
@@ -35,7 +40,7 @@ CHECKS = [
     "check-jsonschema --builtin-schema vendor.github-workflows .github/workflows/ci.yml .github/workflows/pages.yml",
 ]
 
-nox.options.sessions = ["tests", "test-opencv4", "notebooks"]
+nox.options.sessions = ["tests", "test-opencv4", "test-nbgrader", "notebooks"]
 nox.options.reuse_existing_virtualenvs = True
 nox.options.envdir = str(ROOT / ".venv" / "nox")
 nox.options.default_venv_backend = "uv" if shutil.which("uv") else "virtualenv"  # as bootstrap.py
@@ -52,6 +57,14 @@ def run(session: nox.Session, *arguments: str) -> None:
     session.run(sys.executable, *arguments, external=True)
 
 
+def borrow(session: nox.Session) -> None:
+    """Let a session's environment find what it lacks in ``.venv``."""
+    where = "import sysconfig; print(sysconfig.get_path('purelib'), end='')"
+    own = Path(str(session.run("python", "-c", where, silent=True)))
+    shared = subprocess.check_output([sys.executable, "-c", where], text=True)
+    (own / "shared.pth").write_text(f"import site; site.addsitedir({shared!r})\n", encoding="utf-8")
+
+
 @nox.session(venv_backend="none")
 def tests(session: nox.Session) -> None:
     """Unit tests and the examples in docstrings, with the pinned OpenCV."""
@@ -62,12 +75,22 @@ def tests(session: nox.Session) -> None:
 def tests_opencv4(session: nox.Session) -> None:
     """Tests of what calls OpenCV, with the oldest OpenCV; all else comes from ``.venv``."""
     session.install("--no-deps", OPENCV4)
-    where = "import sysconfig; print(sysconfig.get_path('purelib'), end='')"
-    own = Path(str(session.run("python", "-c", where, silent=True)))
-    shared = subprocess.check_output([sys.executable, "-c", where], text=True)
-    (own / "shared.pth").write_text(f"import site; site.addsitedir({shared!r})\n", encoding="utf-8")
+    borrow(session)
     expected = {"STEREOLIB_EXPECT_OPENCV": OPENCV4.partition("==")[2]}
     session.run("python", *OPENCV_TESTS, *session.posargs, env=expected)
+
+
+@nox.session(name="test-nbgrader")
+def tests_nbgrader(session: nox.Session) -> None:
+    """A course from its release to the points, with nbgrader; all else comes from ``.venv``."""
+    session.install("--no-deps", "-r", "requirements-nbgrader.txt")
+    borrow(session)
+    session.run("python", "-c", "import nbgrader")  # without it, the tests would be skipped
+    templates = Path(sys.prefix) / "share" / "jupyter"
+    session.run(
+        *("python", "-m", "pytest", "-q", "tests/exercises/test_nbgrader.py", *session.posargs),
+        env={"JUPYTER_PATH": str(templates)},
+    )
 
 
 @nox.session(venv_backend="none", default=False)

@@ -33,7 +33,7 @@ def test_missing_venv_module_is_named_with_its_fix(monkeypatch: pytest.MonkeyPat
 def test_script_is_short_and_readable_for_old_pythons() -> None:
     """Python 3.6 must get as far as the message that it is too old."""
     source = Path(bootstrap.__file__).read_text(encoding="utf-8")
-    assert len(source.splitlines()) <= 160
+    assert len(source.splitlines()) <= 170
     imported = set()
     for node in ast.walk(ast.parse(source, feature_version=(3, 6))):
         if isinstance(node, ast.Import):
@@ -119,6 +119,16 @@ def test_what_one_command_needs_is_installed_once(made: Path, monkeypatch: pytes
     (made / "requirements-explore.txt").write_text("voila==2")
     bootstrap.add("explore")
     assert len(calls) == 2
+
+
+def test_a_handout_installs_from_its_own_packages(made: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    calls: list[list[str]] = []
+    monkeypatch.setattr(bootstrap.shutil, "which", lambda name: name)
+    monkeypatch.setattr(subprocess, "call", lambda command, **options: calls.append(command) or 1)
+    (made / "wheels").mkdir()
+    assert not bootstrap.install("-r", "requirements.txt")
+    assert len(calls) == 2  # by uv, then by pip, and by neither from elsewhere
+    assert all(call[-5:] == ["--no-index", "--find-links", "wheels", "-r", "requirements.txt"] for call in calls)
 
 
 def test_failed_addition_says_what_to_do_and_is_tried_again(made: Path, monkeypatch: pytest.MonkeyPatch) -> None:

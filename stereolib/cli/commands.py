@@ -21,6 +21,7 @@ from stereolib.cli.data import DATA
 from stereolib.cli.disparity import DISPARITY
 from stereolib.cli.errors import WRONG_INPUT, guarded
 from stereolib.cli.explore import EXPLORE
+from stereolib.cli.handout import HANDOUT
 from stereolib.cli.lrf import LRF
 from stereolib.cli.map import MAP
 from stereolib.cli.measure import MEASURE
@@ -30,7 +31,7 @@ from stereolib.cli.reproduce import REPRODUCE
 
 COMMANDS = (
     REPRODUCE, EXPLORE, BAKE, DATA, NEW, REPORT, BOARD, CAPTURE, CALIBRATE, CHECK, CALIBRATE_LASER, DISPARITY, MEASURE,
-    MAP, LRF,
+    MAP, LRF, HANDOUT,
 )  # fmt: skip
 
 

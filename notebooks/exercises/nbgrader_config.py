@@ -1,0 +1,36 @@
+"""The course for nbgrader; docs/teaching.md says how to use it. Copy it into the course's folder."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from nbgrader.converters import Autograde, GenerateAssignment
+from nbgrader.preprocessors import ClearSolutions, NbGraderPreprocessor
+
+from stereolib.exercises import refuse_tampering
+
+c = get_config()  # type: ignore[name-defined]  # noqa: F821 (nbgrader gives it)
+
+
+class RefuseTampering(NbGraderPreprocessor):
+    """Stop a cell that touches the checker, before it runs; the feedback says why."""
+
+    def preprocess_cell(self, cell: Any, resources: Any, index: int) -> tuple[Any, Any]:
+        """Put a line before the code of such a cell that raises."""
+        why = refuse_tampering(cell.source) if cell.cell_type == "code" else ""
+        if why:
+            told = f"This cell was not run, because {why}."
+            cell.source = f"raise PermissionError({told!r})  # added while grading\n{cell.source}"
+        return cell, resources
+
+
+c.CourseDirectory.course_id = "stereo"
+
+# The notebooks come without solutions, and their empty cells are to stay as they are.
+c.GenerateAssignment.preprocessors = [
+    each for each in GenerateAssignment.preprocessors.default() if each is not ClearSolutions
+]
+c.Autograde.autograde_preprocessors = [RefuseTampering, *Autograde.autograde_preprocessors.default()]
+
+c.Execute.timeout = 60  # seconds a cell, after which an endless loop is stopped
+c.LimitOutput.max_lines = 200

@@ -1,0 +1,186 @@
+"""Every exercise, with the numbers of several students: right answers, the usual wrong ones, hints, names."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from support.solved_exercises import SOLVED
+from test_course import GRADES, grade
+
+from stereolib import laser
+from stereolib.exercises import SHEETS, Choice, Function, WrongAnswer, exercise, exercise_numbers
+from stereolib.exercises.asking import CHAPTERS, recipe_of, recipes
+from stereolib.exercises.chapter_05 import decoding
+from stereolib.matching import disparity_to_depth
+from stereolib.virtual import recordings
+
+READ_OFF = {"05.1", "06.1", "07.1"}  # some of their numbers stand in the picture alone
+STUDENTS = ["", "anna", "Ben", "çelik", "d. e."]
+
+each_exercise = pytest.mark.parametrize("number", exercise_numbers())
+
+
+def answer_of(number: str, student: str = "") -> Any:
+    """What judges an exercise."""
+    return exercise(number, student)._task.answer
+
+
+def test_each_chapter_has_five_or_more() -> None:
+    assert list(SHEETS) == CHAPTERS
+    assert all(len(recipes(chapter)) >= 5 for chapter in CHAPTERS)
+
+
+@each_exercise
+def test_right_and_wrong_answers_of_several_students(number: str) -> None:
+    told: set[str] = set()
+    own: set[str] = set()
+    for student in STUDENTS:
+        one, answer = exercise(number, student), answer_of(number, student)
+        assert one.check(answer.right_answer()).text == "Right."
+        for mistake, wrong in answer.wrong_answers():
+            verdict = one.check(wrong)
+            assert not verdict, mistake
+            told |= {verdict.mistake}
+        own |= set(answer.wrong.values() if isinstance(answer, Choice) else answer.mistakes)
+        if isinstance(answer, Function):  # their mistakes do not depend on the student
+            break
+    assert len(own) >= 2
+    assert own <= told  # each is recognised as what it is
+
+
+@each_exercise
+def test_students_get_other_numbers(number: str) -> None:
+    questions = {repr(exercise(number, student)) + str(exercise(number, student).given) for student in STUDENTS}
+    answers = {str(answer_of(number, student).right_answer()) for student in STUDENTS}
+    assert len(questions | answers) > 2 or isinstance(answer_of(number), Function)
+
+
+@each_exercise
+def test_what_it_says_is_plain_and_whole(number: str) -> None:
+    recipe, one = recipe_of(number), exercise(number, "anna")
+    assert 2 <= recipe.minutes <= 40 and 1 <= recipe.points <= 3
+    assert recipe.goal[0].islower() and not recipe.goal.endswith(".")
+    assert len(recipe.hints) == 2 and recipe.hints[0] != recipe.hints[1]
+    assert "**" in one._repr_markdown_()  # what is asked for stands out
+    assert recipe.start.startswith(("def ", f"{recipe.answer_name} = None  # "))
+    assert recipe.start.startswith("def ") == isinstance(answer_of(number), Function)
+    assert recipe.has_picture == (one._task.draw is not None)
+
+
+@pytest.mark.parametrize("chapter", CHAPTERS)
+def test_sentences_are_for_readers_at_school(chapter: int) -> None:
+    numbers = exercise_numbers(chapter)
+    said = [recipe_of(number).goal + ". " + " ".join(recipe_of(number).hints) for number in numbers]
+    said += [exercise(number)._task.question.split("\n\n")[0] for number in numbers]
+    said += [mistake for number in numbers for mistake, _ in answer_of(number).wrong_answers()]
+    assert grade(" ".join(said)) <= GRADES[1]
+
+
+def test_answers_differ_between_neighbours_and_repeat_for_the_same_name() -> None:
+    right = answer_of("00.2", "anna").right_answer()
+    assert right == answer_of("00.2", " Anna ").right_answer()
+    assert not exercise("00.2", "ben").check(right)
+
+
+def test_hints_come_in_two_steps() -> None:
+    one = exercise("00.4", "hints")
+    first, second = one.hint(), one.hint()
+    assert first != second == one.hint()
+
+
+@pytest.mark.parametrize("number", ["9.1", "00.99", "", "left", "00.0", "00.-1"])
+def test_an_unknown_number_is_refused(number: str) -> None:
+    with pytest.raises(ValueError, match=rf"no exercise '{number}'; they run from 00\.1 to 08\.\d"):
+        exercise(number)
+
+
+@pytest.mark.parametrize("number", [number for number in exercise_numbers() if recipe_of(number).has_picture])
+def test_figure_of_another_student_is_another_one(number: str) -> None:
+    figures = [exercise(number, student)._task.draw() for student in ("anna", "dora")]
+    assert all(len(alt) > 40 and figure.axes for figure, alt in figures)
+    drawn = [[line.get_xydata().tolist() for line in figure.axes[0].lines] for figure, _ in figures]
+    shown = [[image.get_array().mean() for image in figure.axes[0].images] for figure, _ in figures]
+    assert drawn[0] != drawn[1] or shown[0] != shown[1]
+
+
+def test_picture_says_what_there_is_to_see() -> None:
+    picture = exercise("02.1", "anna").picture()
+    assert picture.data.startswith(b"\x89PNG") and "tilted line" in picture.alt
+
+
+def test_a_missing_picture_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"00\.2 has no picture"):
+        exercise("00.2").picture()
+
+
+@pytest.mark.parametrize("empty", [None, ...])
+def test_no_answer_is_said_to_be_none(empty: Any) -> None:
+    assert exercise("00.2").check(empty).text == "No answer yet."
+
+
+def test_nbgrader_gets_an_error_for_a_wrong_answer(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("NBGRADER_EXECUTION", "validate")
+    right = answer_of("00.2", "anna").right_answer()
+    assert exercise("00.2", "anna").check(right)
+    with pytest.raises(WrongAnswer, match="10 times too large"):
+        exercise("00.2", "anna").check(10 * right)
+
+
+def test_numbers_of_another_student_are_refused_when_graded(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    (tmp_path / "ben" / "ex00").mkdir(parents=True)
+    monkeypatch.chdir(tmp_path / "ben" / "ex00")
+    monkeypatch.setenv("NBGRADER_EXECUTION", "autograde")
+    with pytest.raises(WrongAnswer, match="numbers of 'anna', and 'ben' handed them in"):
+        exercise("00.2", "anna")
+    assert exercise("00.2", "Ben").check(answer_of("00.2", "ben").right_answer())
+
+
+@pytest.mark.parametrize("number", SOLVED)
+def test_given_numbers_lead_to_the_answer(number: str) -> None:
+    """What the student's code gets is enough, and another way of computing it comes to the same."""
+    for student in STUDENTS:
+        one = exercise(number, student)
+        assert one.check(SOLVED[number](one.given)), student
+
+
+def test_every_exercise_with_given_numbers_is_solved() -> None:
+    assert {number for number in exercise_numbers() if vars(exercise(number).given)} - set(SOLVED) == READ_OFF
+
+
+@pytest.mark.parametrize("number", [n for n in exercise_numbers() if isinstance(answer_of(n), Function)])
+def test_right_function_obeys_the_rules_that_are_told(number: str) -> None:
+    answer, rng = answer_of(number), np.random.default_rng(19)
+    for inputs in (answer.draw(rng) for _ in range(20)):
+        result = np.asarray(answer.twin(*inputs), float)
+        assert [rule for rule, holds in answer.rules.items() if not holds(result, *inputs)] == []
+
+
+def test_wall_and_place_are_the_librarys() -> None:
+    rng = np.random.default_rng(8)
+    line, place = answer_of("08.5"), answer_of("00.6")
+    for _ in range(20):
+        (points,) = line.draw(rng)
+        wall = laser.fit_line(points)
+        np.testing.assert_allclose(line.twin(points), [*wall.normal, wall.offset_mm], atol=1e-6)
+        left, right, f_px, B_mm, centre = place.draw(rng)
+        Z = disparity_to_depth(np.array([[left[0] - right[0]]]), f_px, B_mm)[0, 0]
+        np.testing.assert_allclose(place.twin(left, right, f_px, B_mm, centre), [*(left - centre) * Z / f_px, Z], 1e-5)
+
+
+def test_decoding_twin_is_the_librarys() -> None:
+    """The exercise's own decoding of bytes agrees with the library's on a recording, its flags included."""
+    data = laser.encode(laser.decode(recordings.load_laser("lrf/room")))
+    packets = [data[k : k + 22] for k in range(0, len(data), 22)]
+    found = decoding()(b"".join(packet[4:20] for packet in packets))
+    known = laser.decode(data).distance_mm.ravel()
+    assert np.isnan(known).any()
+    np.testing.assert_array_equal(found, known)
+
+
+def test_census_costs_have_their_dip_at_the_truth() -> None:
+    read = exercise("03.1", "anna")
+    assert read.check(answer_of("03.1", "anna").right_answer() + 1.9)
+    assert not read.check(answer_of("03.1", "anna").right_answer() + 2.1)

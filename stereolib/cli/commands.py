@@ -16,6 +16,7 @@ from stereolib.cli.check import CHECK
 from stereolib.cli.command import Command
 from stereolib.cli.data import DATA
 from stereolib.cli.disparity import DISPARITY
+from stereolib.cli.emulate_cameras import EMULATE_CAMERAS
 from stereolib.cli.errors import WRONG_INPUT, guarded
 from stereolib.cli.explore import EXPLORE
 from stereolib.cli.lrf import LRF
@@ -32,6 +33,7 @@ COMMANDS = (
     LRF,
     BOARD,
     CAPTURE,
+    EMULATE_CAMERAS,
     CALIBRATE,
     CHECK,
     CALIBRATE_LASER,

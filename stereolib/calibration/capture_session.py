@@ -136,7 +136,7 @@ class CaptureSession:
             try:
                 pair = next(pairs, None)
             except CameraError as error:
-                kept = f"{counted(self.taken, 'pair')} in {self.folder} are kept: run it again and it goes on"
+                kept = f"kept in {self.folder}: {counted(self.taken, 'pair')}; run it again and it goes on"
                 raise CameraError(f"{error}; {kept}") from error
             if pair is None:
                 return

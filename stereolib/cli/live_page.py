@@ -36,6 +36,8 @@ def add_page(parser: argparse.ArgumentParser) -> None:
 @contextmanager
 def live_page(arguments: argparse.Namespace, title: str, buttons: dict[str, str]) -> Iterator[LiveLink | None]:
     """Serve the page while the block runs; None with ``--no-preview``, and where Voila is missing, which is said."""
+    if not 0 <= arguments.port < 2**16:
+        raise ValueError(f"--port is 0 to 65535, got {arguments.port}")
     if arguments.no_preview:
         yield None
         return
@@ -43,8 +45,6 @@ def live_page(arguments: argparse.Namespace, title: str, buttons: dict[str, str]
         print("no preview: it needs Voila, pip install 'stereolib[explore]'; going on without it", file=sys.stderr)
         yield None
         return
-    if not 0 <= arguments.port < 2**16:
-        raise ValueError(f"--port is 0 to 65535, got {arguments.port}")
     from stereolib.notebook.live_link import LiveLink
 
     link, token, port = LiveLink(title, buttons), secrets.token_hex(16), arguments.port or _free_port()

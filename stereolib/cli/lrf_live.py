@@ -37,6 +37,8 @@ def _live(arguments: argparse.Namespace) -> int:
 
     if not arguments.seconds > 0:
         raise ValueError(f"--seconds must be more than 0, got {arguments.seconds:g}")
+    if Path(arguments.source).is_file():
+        raise ValueError(f"{arguments.source} is a file: stereolib lrf replay plays it on a port, which is watched")
     turns = watch_turns(arguments.source)
     recent = deque([next(turns)], maxlen=_DRAWN)  # what is wrong with the port is said before a page is served
     begun_s = said_s = time.monotonic()

@@ -97,6 +97,7 @@ def test_older_turns_are_pale_and_a_wrong_speed_is_said() -> None:
         (["export", ROOM, "no/such/\0.csv"], "null"),
         (["live", "no_such_port", "--no-preview"], "Ports found"),
         (["live", "socket://127.0.0.1:1"], "start the emulator or server first"),
+        (["live", ROOM], "stereolib lrf replay plays it on a port"),
         (["live", "no_such_port", "--seconds", "0"], "--seconds must be more than 0"),
     ],
 )

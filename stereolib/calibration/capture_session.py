@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import sys
 import time
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
@@ -135,7 +136,7 @@ class CaptureSession:
             try:
                 pair = next(pairs, None)
             except CameraError as error:
-                kept = f"{counted(self.taken, 'pair')} in {self.folder} are kept: run it again and it goes on"
+                kept = f"kept in {self.folder}: {counted(self.taken, 'pair')}; run it again and it goes on"
                 raise CameraError(f"{error}; {kept}") from error
             if pair is None:
                 return
@@ -217,7 +218,7 @@ class CaptureSession:
             )
         if self.watch:
             left, right = ([folder / name for name in names] for folder in self.folders)
-            views = find_in_files(left, right, self.watch.board)
+            views = find_in_files(left, right, self.watch.board, progress=sys.stderr.isatty())
             for name, left_px, right_px in zip(views.names, views.left_px, views.right_px, strict=True):
                 self.watch.add(Path(name).stem, left_px, right_px)
         return len(names)

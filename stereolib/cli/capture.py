@@ -120,6 +120,11 @@ def _show_text(page: LiveLink | None, text: str) -> None:
 def _board(arguments: argparse.Namespace) -> Board | None:
     if (arguments.board is None) != (arguments.square_mm is None):
         raise ValueError("a board is told by both --board and --square-mm; without them every pair is taken")
+    of_boards = {"--marker-mm": arguments.marker_mm, "--legacy": arguments.legacy, "--ruler-mm": arguments.ruler_mm}
+    if stray := [name for name, value in of_boards.items() if value] if arguments.board is None else []:
+        raise ValueError(f"{stray[0]} is about a board: tell it by --board and --square-mm, or leave it out")
+    if (ruler := arguments.ruler_mm) is not None and not 1 <= ruler < float("inf"):
+        raise ValueError(f"--ruler-mm is a number of millimetres, 1 or more; got {ruler:g}")
     return board_of(arguments) if arguments.board else None
 
 
@@ -149,7 +154,7 @@ def _take(session: CaptureSession, page: LiveLink | None) -> None:
     from stereolib.notebook.capture_view import draw_capture, press
 
     if session.taken:
-        print(f"{counted(session.taken, 'pair')} are there already; going on", file=sys.stderr)
+        print(f"going on after {counted(session.taken, 'pair')} that {_are(session.taken)} there", file=sys.stderr)
     live, said, said_s = sys.stderr.isatty(), "", 0.0
     for state in session.run():
         if page is not None:
@@ -165,6 +170,10 @@ def _take(session: CaptureSession, page: LiveLink | None) -> None:
             print(_line(session, state), file=sys.stderr)
             said, said_s = state.said, now_s
     print(_cleared(live), end="", file=sys.stderr)
+
+
+def _are(count: int) -> str:
+    return "is" if count == 1 else "are"
 
 
 def _line(session: CaptureSession, state: CaptureState) -> str:

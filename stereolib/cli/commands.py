@@ -19,6 +19,7 @@ from stereolib.cli.check import CHECK
 from stereolib.cli.command import Command
 from stereolib.cli.data import DATA
 from stereolib.cli.disparity import DISPARITY
+from stereolib.cli.emulate_cameras import EMULATE_CAMERAS
 from stereolib.cli.errors import WRONG_INPUT, guarded
 from stereolib.cli.explore import EXPLORE
 from stereolib.cli.handout import HANDOUT
@@ -30,8 +31,8 @@ from stereolib.cli.report import REPORT
 from stereolib.cli.reproduce import REPRODUCE
 
 COMMANDS = (
-    REPRODUCE, EXPLORE, BAKE, DATA, NEW, REPORT, BOARD, CAPTURE, CALIBRATE, CHECK, CALIBRATE_LASER, DISPARITY, MEASURE,
-    MAP, LRF, HANDOUT,
+    REPRODUCE, EXPLORE, BAKE, DATA, NEW, REPORT, BOARD, CAPTURE, EMULATE_CAMERAS, CALIBRATE, CHECK, CALIBRATE_LASER,
+    DISPARITY, MEASURE, MAP, LRF, HANDOUT,
 )  # fmt: skip
 
 

@@ -36,6 +36,8 @@ def add_page(parser: argparse.ArgumentParser) -> None:
 @contextmanager
 def live_page(arguments: argparse.Namespace, title: str, buttons: dict[str, str]) -> Iterator[LiveLink | None]:
     """Serve the page while the block runs; None with ``--no-preview``, and where Voila is missing, which is said."""
+    if not 0 <= arguments.port < 2**16:
+        raise ValueError(f"--port is 0 to 65535, got {arguments.port}")
     if arguments.no_preview:
         yield None
         return
@@ -43,17 +45,17 @@ def live_page(arguments: argparse.Namespace, title: str, buttons: dict[str, str]
         print("no preview: it needs Voila, pip install 'stereolib[explore]'; going on without it", file=sys.stderr)
         yield None
         return
-    if not 0 <= arguments.port < 2**16:
-        raise ValueError(f"--port is 0 to 65535, got {arguments.port}")
     from stereolib.notebook.live_link import LiveLink
 
     link, token, port = LiveLink(title, buttons), secrets.token_hex(16), arguments.port or _free_port()
     server = _serve(link.environment | {"JUPYTER_TOKEN": token}, port)
-    told = f"http://{_HOST}:{port}/?token={token}", port, server, not arguments.no_browser
+    ending = threading.Event()
+    told = f"http://{_HOST}:{port}/?token={token}", port, server, ending, not arguments.no_browser
     threading.Thread(target=_announce, args=told, daemon=True, name="announce").start()
     try:
         yield link
     finally:
+        ending.set()
         link.close()
         server.terminate()
         with suppress(subprocess.TimeoutExpired):
@@ -74,7 +76,7 @@ def _serve(told: dict[str, str], port: int) -> subprocess.Popen[bytes]:
     return subprocess.Popen(command, env=environment, stdout=quiet, stderr=quiet, start_new_session=True)
 
 
-def _announce(address: str, port: int, server: subprocess.Popen[bytes], opens: bool) -> None:
+def _announce(address: str, port: int, server: subprocess.Popen[bytes], ending: threading.Event, opens: bool) -> None:
     """Say the address once somebody answers there, and open it."""
     until_s = time.monotonic() + _START_S
     while time.monotonic() < until_s and server.poll() is None:
@@ -83,7 +85,8 @@ def _announce(address: str, port: int, server: subprocess.Popen[bytes], opens: b
             if opens:
                 webbrowser.open(address)
             return
-        time.sleep(_POLL_S)
+        if ending.wait(_POLL_S):
+            return
     print(f"no preview: its server did not start (port {port}); going on without it", file=sys.stderr, flush=True)
 
 

@@ -11,6 +11,7 @@ from typing import Any
 from stereolib.base import read_bytes
 from stereolib.cli.command import Command
 from stereolib.cli.errors import DONE, INTERRUPTED
+from stereolib.cli.lrf_live import EXPORT, LIVE
 from stereolib.cli.outputs import check_ending, check_outputs
 from stereolib.cli.ranges import FOR_EVER, MM, number, whole
 
@@ -171,6 +172,8 @@ _COMMANDS = (
         _show,
         _configure_show,
     ),
+    LIVE,
+    EXPORT,
     Command(
         "record",
         "write the raw bytes of a sensor to a file, as they come",

@@ -12,6 +12,7 @@ from .error_model import (
 )
 from .footprint import FaceLine, Footprint, fit_footprint
 from .framing import PacketError
+from .live_turns import LiveTurn, watch_turns
 from .points import Rays, points_mm, rays
 from .recordings import decode_recording, read_recording, recording_info
 from .scans import (
@@ -64,6 +65,7 @@ __all__ = [
     "Footprint",
     "LaserScan",
     "LidarError",
+    "LiveTurn",
     "PacketError",
     "Rays",
     "Readings",
@@ -96,4 +98,5 @@ __all__ = [
     "recording_info",
     "take_scans",
     "turns",
+    "watch_turns",
 ]

@@ -67,6 +67,8 @@ class CameraWish:
     def __post_init__(self) -> None:
         if self.size is not None and not all(0 < edge <= 2**14 for edge in self.size):
             raise ValueError(f"a picture is 1x1 to 16384x16384 px, got {self.size[0]}x{self.size[1]}")
+        if not all(map(math.isfinite, filter(None, (self.exposure, self.focus, self.white_balance_k)))):
+            raise ValueError("exposure, focus and white balance are finite numbers, as the driver counts them")
         if self.fps is not None and not 0 < self.fps <= 1000:
             raise ValueError(f"pictures a second must be above 0 and at most 1000, got {self.fps:g}")
         if len(self.code) != 4 or not self.code.isascii():
@@ -174,7 +176,8 @@ class LiveCamera:
         Frame or None
             None at its end.
         """
-        is_there, image = self._capture.read()
+        with _quiet():  # a pattern ends where a picture is missing
+            is_there, image = self._capture.read()
         self.grabbed += is_there
         return Frame(np.asarray(image, np.uint8), math.nan) if is_there else None
 
@@ -282,6 +285,8 @@ def _why_not_open(source: str, name: str) -> str:
         return f"{head}: does the address open in a browser on this machine?"
     if "%" in source:
         return f"{head}: no picture of this pattern; numbers begin at 0 to 4, as left_%02d.png for left_01.png"
+    if Path(source).is_dir():
+        return f"{head}: it is a folder; stereolib calibrate reads pictures that are taken already"
     if Path(source).is_file():
         return f"{head}: not a readable video; save it as MP4 or AVI (MJPG)"
     known = sorted(glob.glob("/dev/video*"))

@@ -12,9 +12,11 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from support.shows import BOARD, small_show
 
 from stereolib.base import ROOT
+from stereolib.virtual import emulator, recordings
 from stereolib.virtual.camera_emulator import serve_cameras
 
 
@@ -106,3 +108,24 @@ def test_a_page_that_is_loaded_again_goes_on_with_the_same_capture(browser: Any,
             page.wait_for_selector(".stereolib-ended", timeout=30_000)
         assert child.wait(30) == 0
     assert sorted(path.name for path in (tmp_path / "left").iterdir()) == ["01.png", "02.png"]
+
+
+def test_the_laser_turns_in_the_browser_until_its_button_is_pressed(browser: Any, tmp_path: Path) -> None:
+    scene = recordings.pairs()["conditions/plain"][1]
+    schedule = emulator.with_faults(
+        emulator.emulate(scene, rng=np.random.default_rng(0)),
+        emulator.Faults(lost_byte_rate=0.001), np.random.default_rng(1),
+    )  # fmt: skip
+    with emulator.serve(schedule, "socket") as served, command("lrf", "live", served.port) as (child, address):
+        with opened(browser, address) as (page, problems):
+            before = painted(page)
+            page.wait_for_function(
+                f"document.querySelector('.stereolib-live .stereolib-pictures').dataset.painted > {before + 5}"
+            )
+            said = page.locator(".stereolib-said").inner_text()
+            assert re.search(r"(29|30)\d rpm, [\d.]+ turns a second, [1-9]\d* packets lost", said)
+            page.screenshot(path=str(tmp_path / "laser.png"))
+            page.get_by_role("button", name="end").click()
+            page.wait_for_selector(".stereolib-ended", timeout=30_000)
+            assert not problems
+        assert child.wait(30) == 0

@@ -123,7 +123,7 @@ def test_a_camera_that_fails_says_what_is_kept(tmp_path: Path, sources: tuple[st
         raise CameraError("the right camera has gone")
 
     failing.rig.pairs = pairs  # type: ignore[method-assign]
-    with pytest.raises(CameraError, match=r"has gone; 2 pairs in .* are kept: run it again and it goes on"):
+    with pytest.raises(CameraError, match=r"has gone; kept in .*: 2 pairs; run it again and it goes on"):
         list(failing.run())
     assert len(written(tmp_path)) == 2
 

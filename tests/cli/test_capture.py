@@ -48,11 +48,15 @@ def test_too_few_pairs_are_kept_and_said(tmp_path: Path, capsys: pytest.CaptureF
     assert (tmp_path / "rig" / "left" / "01.png").is_file()
 
 
-def test_a_scene_without_a_board_is_one_pair(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_scene_without_a_board_is_one_pair(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     sources = write_show(tmp_path / "show", small_show())
     assert run(*sources, "--output", tmp_path / "scene") == 0
-    assert "1 pair in" in capsys.readouterr().out
-    assert [pair.left.name for pair in find_pairs(tmp_path / "scene")] == ["01.png"]
+    assert "1 pair in" in capfd.readouterr().out
+    assert run(*sources, "--output", tmp_path / "scene", "--pairs", 500) == 0, "a recording that ends before"
+    told = capfd.readouterr()
+    assert "going on after 1 pair that is there" in told.err and f"{len(small_show().left) + 1} pairs in" in told.out
+    assert "WARN" not in told.err
+    assert [pair.left.name for pair in find_pairs(tmp_path / "scene")][:2] == ["01.png", "02.png"]
 
 
 @pytest.mark.parametrize(
@@ -74,6 +78,11 @@ def test_a_scene_without_a_board_is_one_pair(tmp_path: Path, capsys: pytest.Capt
         (["L", "R", "--code", "MJPEG"], "four letters"),
         (["L", "R", "--automatic", "--focus", "3"], "--automatic contradicts"),
         (["L", "R", "--pairs", "few"], "invalid int value"),
+        (["L", "R", "--legacy"], "--legacy is about a board"),
+        (["L", "R", "--board", "9x6", "--square-mm", "25", "--ruler-mm", "-5"], "--ruler-mm is a number"),
+        (["L", "R", "--exposure", "nan"], "finite numbers"),
+        (["L", "R", "--port", "70000"], "--port is 0 to 65535"),
+        ([".", "R"], "it is a folder; stereolib calibrate reads"),
         (["99", "R"], "left camera 99 cannot be opened"),
     ],
 )

@@ -152,7 +152,7 @@ def format_(session: nox.Session) -> None:
 @nox.session(venv_backend="none", default=False)
 def site(session: nox.Session) -> None:
     """The site, as ``make site``, which installs what it needs first."""
-    run(session, "docs/build.py", *session.posargs)
+    run(session, "docs/build_site.py", *session.posargs)
 
 
 @nox.session(venv_backend="none", default=False)

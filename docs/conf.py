@@ -1,4 +1,4 @@
-"""Sphinx' settings of the site. `build.py` beside this file lays out what Sphinx reads, and calls it."""
+"""Sphinx' settings of the site. `build_site.py` beside this file lays out what Sphinx reads, and calls it."""
 
 from __future__ import annotations
 
@@ -44,6 +44,7 @@ html_title = "stereolib"
 html_static_path = ["static"]
 html_css_files = ["site.css"]
 html_copy_source = False
+html_use_index = html_domain_indices = False  # the search finds names
 html_show_sphinx = False
 html_math_renderer = "mathml"  # made here, so that no script is needed to show it
 

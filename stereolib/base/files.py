@@ -145,6 +145,35 @@ def read_yaml(path: str | PathLike[str]) -> Any:
         As `read_text`; or it is no YAML, holds more than plain values, is nested more than `NESTING` deep, or its
         aliases unfold to more than `YAML_NODES` entries.
     """
+    text = read_text(path)
+    try:
+        return parse_yaml(text)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+
+
+def parse_yaml(text: str) -> Any:
+    """Parse YAML: plain values only, of bounded nesting and aliases.
+
+    Parameters
+    ----------
+    text : str
+
+    Returns
+    -------
+    object
+        Dictionaries, lists, numbers, texts.
+
+    Raises
+    ------
+    ValueError
+        As `read_yaml`.
+
+    Examples
+    --------
+    >>> parse_yaml("a: [1, 2.5]")
+    {'a': [1, 2.5]}
+    """
     import yaml
 
     class Bounded(yaml.SafeLoader):
@@ -169,7 +198,6 @@ def read_yaml(path: str | PathLike[str]) -> Any:
                 raise yaml.YAMLError(f"its aliases unfold to more than {YAML_NODES} entries")
             return node
 
-    text = read_text(path)
     try:
         loader = Bounded(text)
         loader.sizes = {}
@@ -178,7 +206,7 @@ def read_yaml(path: str | PathLike[str]) -> Any:
         finally:
             loader.dispose()
     except (yaml.YAMLError, ValueError, RecursionError) as error:
-        raise ValueError(f"{path}: not a YAML file of plain values ({' '.join(str(error).split())})") from None
+        raise ValueError(f"not a YAML file of plain values ({' '.join(str(error).split())})") from None
 
 
 def check_nesting(text: str) -> None:

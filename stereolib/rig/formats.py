@@ -6,17 +6,20 @@ radians and ``x_right = R x_left + T``, whatever the file holds, and refuses len
 
 from __future__ import annotations
 
+import json
+import re
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from os import PathLike
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import cv2
 import numpy as np
 import yaml
 
-from stereolib.base import Float64, check_nesting, finite_array, read_text, read_yaml, write_atomic
+from stereolib.base import Float64, check_nesting, finite_array, parse_yaml, read_text, read_yaml, write_atomic
 from stereolib.rig.camera import Camera
 from stereolib.rig.stereo_rig import StereoRig
 from stereolib.rig.transforms import rigid
@@ -398,17 +401,41 @@ def _ros_matrix(info: Any, name: str) -> Float64:
 
 
 def _file_storage(text: str) -> dict[str, Any]:
-    """Matrices and numbers at the top of OpenCV's own format."""
+    """Matrices and numbers at the top of OpenCV's own format: YAML, XML or JSON.
+
+    `cv2.FileStorage` writes past the end of its memory where a matrix is damaged, so that it never sees such a file.
+    """
     check_nesting(text)
-    entries: dict[str, Any] = {}
+    begin = text.lstrip()[:1]
     try:
-        storage = cv2.FileStorage(text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
-        for name in storage.root().keys():  # noqa: SIM118 (OpenCV's node is no dictionary)
-            node = storage.getNode(name)
-            if node.isMap():
-                entries[name] = node.mat()
-            elif node.isInt() or node.isReal():
-                entries[name] = node.real()
-    except (cv2.error, SystemError) as error:  # SystemError: from the constructor, on a text of another format
-        raise ValueError("not a file of OpenCV's FileStorage, or damaged") from error
+        if begin == "<":
+            values = _xml_storage(text)
+        elif begin == "{":
+            values = json.loads(text)
+        else:  # its first line is no directive of YAML's, and its tags say what the names say
+            values = parse_yaml(re.sub(r"\A%YAML[^\n]*\n|!!opencv-(?:nd-)?matrix", "", text))
+        if not isinstance(values, Mapping):
+            raise ValueError("it holds no named entries")
+    except (ValueError, ElementTree.ParseError) as error:
+        raise ValueError(f"not a file of OpenCV's FileStorage, or damaged ({error})") from error
+    entries: dict[str, Any] = {}
+    for name, value in values.items():
+        if isinstance(value, Mapping) and value.keys() >= {"rows", "cols", "data"}:
+            rows, columns = (int(numbers(value[side])) for side in ("rows", "cols"))
+            entries[str(name)] = numbers(value["data"]).reshape(rows, columns)
+        elif isinstance(value, int | float | str):
+            with suppress(ValueError):  # texts are there, too
+                entries[str(name)] = float(value)
+    return entries
+
+
+def _xml_storage(text: str) -> dict[str, Any]:
+    """Entries of OpenCV's XML, as its YAML has them; without entities, which may unfold without end."""
+    if "<!" in re.sub(r"<!--.*?-->", "", text, flags=re.DOTALL):
+        raise ValueError("it declares entities")
+    entries: dict[str, Any] = {}
+    for node in ElementTree.fromstring(text):
+        parts = {part.tag: (part.text or "").split() for part in node}
+        sides = {name: parts[name][0] for name in ("rows", "cols") if parts.get(name)}
+        entries[node.tag] = parts | sides if parts else (node.text or "").strip()
     return entries

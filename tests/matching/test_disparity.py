@@ -190,3 +190,9 @@ def test_images_of_another_kind_are_refused(dtype):
     for function in (compute_disparity, check_rectified):
         with pytest.raises(ValueError, match=f"must be uint8 arrays, got {np.dtype(dtype)}; scale to 0..255"):
             function(left, right)
+
+
+@pytest.mark.parametrize(("f_px", "baseline_mm"), [(0.0, 90.0), (700.0, 0.0), (-700.0, 90.0), (700.0, float("nan"))])
+def test_depth_needs_a_lens_and_a_baseline(f_px, baseline_mm):
+    with pytest.raises(ValueError, match="focal length and baseline must be positive"):
+        disparity_to_depth(np.ones((2, 2)), f_px, baseline_mm)

@@ -49,3 +49,9 @@ def test_fit_refuses(depth, scales):
 def test_constant_refuses(values):
     with pytest.raises(ValueError, match="positive"):
         paper.cm_per_px(*values)
+
+
+@pytest.mark.parametrize(("length_cm", "width_px"), [(0.0, 362.0), (42.0, 0.0), (-42.0, 362.0)])
+def test_a_scale_needs_a_length_and_a_width(length_cm, width_px):
+    with pytest.raises(ValueError, match="length and width must be positive"):
+        paper.cm_per_px(length_cm, width_px)

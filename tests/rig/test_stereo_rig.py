@@ -259,3 +259,9 @@ def test_a_good_file_of_the_same_kind_is_read(tmp_path):
         assert (camera.K.tolist(), camera.size) == ([[700, 0, 320], [0, 700, 240], [0, 0, 1]], (640, 480))
         assert not camera.dist.any()
     assert (rig.R.tolist(), rig.T.tolist(), rig.baseline_mm) == (np.eye(3).tolist(), [-90, 0, 0], 90)
+
+
+@pytest.mark.parametrize("alpha", [-0.1, 1.1, float("nan")])
+def test_alpha_lies_between_valid_and_all_pixels(rig, alpha):
+    with pytest.raises(ValueError, match="alpha must lie between 0"):
+        rig.rectify(alpha=alpha)

@@ -1,7 +1,6 @@
 # All the work is done by bootstrap.py, which runs without make too: python bootstrap.py reproduce
 .DEFAULT_GOAL := help
-COMMANDS := setup reproduce test test-opencv4 test-nbgrader test-browser bench same data handout lab explore site lint format \
-    pins clean
+COMMANDS := setup reproduce test test-opencv4 test-nbgrader test-browser bench same data handout lab explore site lint format pins clean
 
 # The first Python that is new enough and can make environments; else the first that runs at all, which then
 # says what it lacks. PYTHON=... on the command line is taken as it is.

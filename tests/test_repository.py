@@ -214,7 +214,7 @@ def test_requirements_are_pins_and_nothing_else(name: str) -> None:
 
 
 def test_requirements_pin_everything_in_pyproject() -> None:
-    lines = {line for name in ("", *ADDED) for line in pinned(name)}  # two additions may share a pin
+    lines = {line for name in ("", *ADDED) for line in pinned(name)}  # what two additions need is the same in both
     pins = {Requirement(line).name: Requirement(line).specifier for line in lines}
     assert len(pins) == len(lines)
     for text in [*PROJECT["dependencies"], *EXTRAS]:

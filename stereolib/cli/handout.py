@@ -17,7 +17,8 @@ from stereolib.cli.outputs import check_ending, check_outputs
 
 FOLDER = "stereolib-class"  # all of the archive is in it
 _PARTS = (
-    *("bootstrap.py", "Makefile", "pyproject.toml", "requirements.txt", "README.md", "CONVENTIONS.md", "LICENSE"),
+    *("bootstrap.py", "Makefile", "pyproject.toml", "requirements.txt"),
+    *("README.md", "CONVENTIONS.md", "LICENSE", "LICENSE-text"),
     *("stereolib", "notebooks", "data", "docs", "figures"),
 )
 _PACKED = {".gz", ".jpg", ".png", ".npz", ".whl", ".zip"}  # endings of what does not get smaller

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import tomllib
 import zipfile
 from pathlib import Path
 
@@ -39,6 +40,15 @@ def test_it_has_what_a_class_needs_and_nothing_hidden(packed: Path) -> None:
     listed = (ROOT / "data" / "virtual" / "SHA256SUMS").read_text(encoding="utf-8").splitlines()
     assert {f"data/virtual/{line.split(maxsplit=1)[1]}" for line in listed} <= names
     assert not [name for name in names if "__pycache__" in name or name.startswith(("tests/", ".")) or "/." in name]
+
+
+def test_it_can_be_installed(packed: Path) -> None:
+    """What the build of the package reads, by its own settings, is in it."""
+    names = {name.removeprefix(f"{handout.FOLDER}/") for name in zipfile.ZipFile(packed).namelist()}
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    project, wheel = settings["project"], settings["tool"]["hatch"]["build"]["targets"]["wheel"]
+    needed = {project["readme"], *project["license-files"], *wheel["only-include"]}
+    assert [part for part in needed if not any(name == part or name.startswith(f"{part}/") for name in names)] == []
 
 
 def test_exercises_work_from_it_alone(packed: Path, tmp_path: Path) -> None:

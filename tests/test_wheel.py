@@ -60,7 +60,7 @@ def test_it_holds_the_library_and_what_it_reads(wheel: Path) -> None:
     data.add("stereolib/data/notebooks/11_your_own_rig.ipynb")
     ours = {name for name in names if not re.match(r"stereolib-[^/]+\.dist-info/", name)}
     assert ours == data | {name for name in files if "__pycache__" not in name}  # stubs and templates too
-    assert sum(entry.file_size for entry in zipfile.ZipFile(wheel).infolist()) < 3e6
+    assert sum(entry.file_size for entry in zipfile.ZipFile(wheel).infolist()) < 3.5e6
 
 
 @pytest.mark.slow

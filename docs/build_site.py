@@ -131,6 +131,7 @@ def bake_sliders() -> None:
     stamp = code_sha256(rooms) + read_text(ROOT / "data" / "virtual" / "SHA256SUMS")
     if (SLIDERS / "stamp").exists() and read_text(SLIDERS / "stamp") == stamp:
         return
+    print("baking sliders, a minute or two ...", flush=True)
     shutil.rmtree(SLIDERS, ignore_errors=True)
     jobs = Parallel(n_jobs=2, return_as="generator_unordered")(delayed(bake)(SLIDERS, [page]) for page in PAGES)
     for _ in tqdm(jobs, "baking sliders", len(PAGES), unit="page", leave=False, disable=None):

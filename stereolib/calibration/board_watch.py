@@ -21,7 +21,7 @@ _FOCAL_WIDTHS = 0.9  # a webcam's, before it is known: 58 degrees across
 _STILL = 0.015  # picture widths a second: 0.3 px within 30 ms in pictures 640 px wide
 _SHARP_PX, _SHARP_SHARE = 4.0, 0.006  # edges between squares: at most so wide, or such a share of the picture
 _UNKNOWN_EDGE = 1000.0  # OpenCV's answer where no edge could be followed is above
-_NEW_PLACE, _NEW_DISTANCE, _NEW_TILT_RAD = 0.12, 0.15, np.radians(9.0)  # picture widths, share, and angle
+_NEW_PLACE, _NEW_DISTANCE, _NEW_TILT_RAD = 0.08, 0.1, np.radians(6.0)  # picture widths, share, and angle
 _SIDES = ("left", "right")
 
 

@@ -194,7 +194,7 @@ def _say_pairs(session: CaptureSession) -> None:
     print(f"{counted(session.taken, 'pair')} in {left} and {right}")
     if not rig.recorded:
         dropped = f"; {counted(rig.dropped, 'pair')} beyond {rig.max_skew_ms:g} ms dropped" if rig.dropped else ""
-        print(f"skew {rig.skew_name}: 95 % up to {rig.skew_p95_ms:.0f} ms{dropped}")
+        print(f"skew {rig.skew_name}: 95 % up to {rig.skew_p95_ms:.1f} ms{dropped}")
     if session.watch is not None and session.watch.coverage:
         print(f"coverage: {session.watch.coverage}")
 

@@ -68,6 +68,8 @@ def _walk(arguments: argparse.Namespace) -> int:
     written = walk_folder.write_walk(arguments.folder)
     print(f"{arguments.folder}: {len(written)} files; the map of them: stereolib map {arguments.folder}")
     sizes = ", ".join(" x ".join(f"{size:.0f}" for size in box.size_mm) for box in walk.objects())
+    boards = arguments.folder / "laser"
+    print(f"{boards}: boards that the camera and the laser saw, 6x9 inner corners of 30 mm (calibrate-laser)")
     print(f"the true sizes of what stands there: {sizes} mm; true_poses.csv is the truth, too (--poses)")
     return DONE
 

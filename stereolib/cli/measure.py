@@ -18,7 +18,7 @@ from stereolib.cli.told import object_details, object_facts, object_title, wrapp
 
 if TYPE_CHECKING:
     from stereolib.base import UInt8
-    from stereolib.measurement import Floor, Instrument, Measurement
+    from stereolib.measurement import Floor, Instrument, MeasuredObject, Measurement
     from stereolib.rig import RectifiedRig
 
 _FLOOR_STD = (1.0, 0.2)  # mm, degrees: what a ruler and a phone's level tell
@@ -206,9 +206,14 @@ def measured_text(measured: Measurement) -> str:
         details = object_details(item, f"at {_place(*item.position_mm)}")
         lines += [object_title(str(k), item), *(f"   {line}" for line in details)]
     if nameless:
-        places = "; ".join(_place(*item.position_mm) for item in nameless)
-        lines.append(f"also seen, but not measurable (pieces of wall, what is cut or hidden): {places}")
+        lines.append("also seen, but not measurable:")
+        lines += [f"   {_place(*item.position_mm)}: {_why_none(item)}" for item in nameless]
     return wrapped([*lines, *(f"warning: {text}" for text in measured.warnings)])
+
+
+def _why_none(item: MeasuredObject) -> str:
+    """Why a thing has no size at all."""
+    return "; ".join(dict.fromkeys(map(str, item.reasons.values()))) or "a piece of wall, or of something larger"
 
 
 def _place(ahead_mm: float, left_mm: float) -> str:

@@ -31,10 +31,9 @@ def _run(arguments: argparse.Namespace) -> int:
     from stereolib.mapping import load_rig_folder
     from stereolib.reproduction import NotebookError, report_rig
 
-    out = arguments.output or arguments.folder / "report"
+    own, out = load_rig_folder(arguments.folder), arguments.output or arguments.folder / "report"
     if in_the_way := [path for path in (out, *out.parents) if path.is_file()]:
         raise ValueError(f"--output must name a folder, but {in_the_way[0]} is a file")
-    own = load_rig_folder(arguments.folder)
     if not (own.boards or own.stations):
         raise ValueError(f"{arguments.folder} holds no recordings yet: its rig.toml says where they are looked for")
     check_outputs([out / name for name in _FILES], force=arguments.force, option="--output")

@@ -133,13 +133,14 @@ def measure_standing(standing: Standing, scan: LaserScan | None) -> Measurement:
     scene = _Scene(standing, bool(footprints), priors.laser.points_mm(walls_mm))
     things, unlike = scene.things(footprints)
     judged, things, apart = scene.solved(things)
+    judged, things, elsewhere = scene.without_phantoms(judged, things, len(apart))
     objects = sorted(scene.measured(judged, things), key=lambda thing: float(np.hypot(*thing.position_mm)))
     if not objects:
         reach = f"{OBJECTS_WITHIN_MM / 1000:g} m of the cameras or {_SCAN_REACH_M} m of the laser"
         warnings.append(f"nothing stands on the floor within {reach}")
     laser = priors.laser.moved(*judged.solution.laser)
     readings = _NOWHERE if scan is None else laser.points_mm(points_mm(scan))
-    warnings += [*unlike, *apart, *_said_of_the_rig(views, judged, _nearest_mm(judged, things), instrument)]
+    warnings += [*unlike, *apart, *elsewhere, *_said_of_the_rig(views, judged, _nearest_mm(judged, things), instrument)]
     pictures = views.left, views.right, views.disparity_px
     return Measurement(tuple(objects), tuple(warnings), standing.floor, laser, readings, *pictures)
 
@@ -240,6 +241,24 @@ class _Scene:
         count = [len(t.seen.observations) if t.seen else 0 for t in things]
         changed = count != [len(t.seen.observations) if t.seen else 0 for t in kept]
         return (self._judged(kept) if changed else judged), kept if changed else things, warnings
+
+    def without_phantoms(
+        self, judged: Judged, things: list[_Thing], disagreements: int
+    ) -> tuple[Judged, list[_Thing], list[str]]:
+        """Leave out what the scan alone shows where it agrees with nothing in the pictures: it is of another place.
+
+        It must disagree about several things, or show one that both cameras should see and do not. What stands beside
+        the pictures, or behind plain faces, counts for nothing.
+        """
+        alone = [thing for thing in things if thing.region is None]
+        unseen = sum(thing.why is not None and thing.why.reason is Reason.NO_TEXTURE for thing in alone)
+        agree = any(thing.scanned and thing.pictured for thing in things)
+        shown = any(thing.pictured and thing.seen for thing in things)
+        if agree or not shown or not alone or not (unseen or disagreements > 1):
+            return judged, things, []
+        kept = [thing for thing in things if thing.region is not None]
+        said = "the scan agrees with nothing that the pictures show: is it of this place and moment?"
+        return self._judged(kept), kept, [f"{said} What it alone shows is left out"]
 
     def _judged(self, things: list[_Thing]) -> Judged:
         both = any(thing.scanned and thing.pictured for thing in things)

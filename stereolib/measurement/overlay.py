@@ -36,6 +36,21 @@ def size_text(measured: MeasuredObject) -> str:
     return " x ".join("?" if np.isnan(size) else f"{size:.0f}" for size in measured.size_mm) + " mm"
 
 
+def why_text(measured: MeasuredObject) -> str:
+    """Say why an object has no sizes, ``"no size: no texture"``.
+
+    Parameters
+    ----------
+    measured : MeasuredObject
+
+    Returns
+    -------
+    str
+    """
+    reasons = dict.fromkeys(why.reason.short for why in measured.reasons.values())
+    return f"no size: {', '.join(reasons) or 'piece of a wall'}"
+
+
 def draw_objects(measured: Measurement, *, scan: bool = True, names: Sequence[str] = (), sizes: bool = True) -> UInt8:
     """Draw a wire box and the sizes (length x width x height) of each object into the rectified left picture.
 
@@ -48,7 +63,7 @@ def draw_objects(measured: Measurement, *, scan: bool = True, names: Sequence[st
         What the objects are called in a map (`stereolib.mapping.Map.names_of`), one each: the first letter, A to Z,
         gives the colour; what has none is grey. By default the colours follow the objects' order.
     sizes : bool
-        Also the sizes, as a text.
+        Also the sizes as a text, or why there are none.
 
     Returns
     -------
@@ -78,9 +93,9 @@ def draw_objects(measured: Measurement, *, scan: bool = True, names: Sequence[st
         if entry.shape in ("box", "face"):
             cv2.polylines(layer, list(np.stack([bottom, top], axis=1)), False, color, 2, cv2.LINE_AA)
         picture = cv2.addWeighted(layer, 1 - _FAINT, picture, _FAINT, 0)
-        if sizes and np.isfinite(entry.size_mm).any():
-            text = f"{name} {size_text(entry)}" if names and name else size_text(entry)
-            _label(picture, text, np.concatenate(rings), color, taken)
+        if sizes:
+            text = size_text(entry) if np.isfinite(entry.size_mm).any() else why_text(entry)
+            _label(picture, f"{name} {text}" if names and name else text, np.concatenate(rings), color, taken)
     return picture
 
 

@@ -55,7 +55,12 @@ def report_rig(folder: Path, output: Path) -> list[Path]:
         execute_notebooks([source], work / "executed", work / "figures", jobs=1)
         text = read_text(work / "executed" / source.name, limit_bytes=_LIMIT_BYTES)
     executed = nbformat.reads(text, as_version=4)  # type: ignore[no-untyped-call]
-    plain: dict[str, Any] = {"exclude_input": True, "exclude_output_prompt": True, "embed_images": True}
+    plain: dict[str, Any] = {
+        "template_name": "classic",
+        "exclude_input": True,
+        "exclude_output_prompt": True,
+        "embed_images": True,
+    }
     nothing_from_elsewhere = dict.fromkeys(("mathjax_url", "require_js_url", "jquery_url"), "")
     for cell in _explains_nothing(executed.cells):
         cell.metadata["tags"] = [_NOTEBOOK]

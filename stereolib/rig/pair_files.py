@@ -103,7 +103,8 @@ def find_pair(left: str | PathLike[str], right: str | PathLike[str] | None = Non
         As `find_pairs`; or if there are several pairs, of which the first is named, or one camera's picture alone.
     """
     named = [left] if right is None else [left, right]
-    if right is not None and not any(glob.has_magic(str(one)) or Path(one).is_dir() or _is_video(one) for one in named):
+    are_many = [glob.has_magic(str(one)) or Path(one).is_dir() or _is_video(one) for one in named]
+    if right is not None and not all(are_many):
         return PairFile(Path(left), Path(right))
     if right is None and Path(left).is_file() and not _is_video(left):
         width, height = image_size(left)

@@ -4,17 +4,21 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 
 import cv2
 import numpy as np
 import pytest
 from support.instruments import LIDAR, RECT, SENSOR
 
+from stereolib.base import data_path
 from stereolib.cli import commands
-from stereolib.measurement import Instrument, floor_from_pose, save_laser_pose
+from stereolib.measurement import Instrument, draw_objects, floor_from_pose, measure_objects, save_laser_pose
+from stereolib.measurement.overlay import why_text
 from stereolib.paper import paper_rig
 from stereolib.rig import StereoRig
 from stereolib.virtual import Webcam, laser_boards, recordings, render, walk
+from stereolib.virtual.measured_walk import walk_laser
 
 
 @pytest.fixture
@@ -192,3 +196,43 @@ def test_a_pair_too_dark_for_the_floor_leaves_the_scan_alone_without_contradicti
     run(files, "--json")
     warnings = json.loads(capsys.readouterr().out)["warnings"]
     assert "What follows is the scan's alone" in warnings[0] and not any("pair's alone" in text for text in warnings)
+
+
+@pytest.fixture(scope="module")
+def room(tmp_path_factory):
+    return save_laser_pose(StereoRig.save(RECT.rig, tmp_path_factory.mktemp("room") / "rig.json"), walk_laser())
+
+
+def measure_room(rig, out, pair, scan, *more):
+    files = [
+        data_path(f"virtual/room/{name}") for name in (f"{pair}_left.jpg", f"{pair}_right.jpg", f"{scan}_scan.bin")
+    ]
+    words = ["measure", *files[:2], "--scan", files[2], "--calibration", rig, "--output", out, "--force", *more]
+    return commands.main([str(word) for word in words])
+
+
+@pytest.mark.parametrize("other", [1, 2, 4, 5])
+def test_a_scan_of_another_place_adds_no_sizes(room, tmp_path, capsys, other):
+    """Nothing but the two boxes in the pictures, which the pair alone measures."""
+    assert measure_room(room, tmp_path / "out.png", 3, other, "--json") == 0
+    facts = json.loads(capsys.readouterr().out)
+    sized = [thing for thing in facts["objects"] if thing["width_mm"]]
+    assert sorted(round(thing["length_mm"], -1) for thing in sized) == [300, 400]
+    assert any("is it of this place and moment? What it alone shows is left out" in text for text in facts["warnings"])
+
+
+def test_what_has_no_size_says_why_in_text_and_picture(room, tmp_path, capsys):
+    assert measure_room(room, tmp_path / "out.png", 3, 3) == 0
+    text = " ".join(capsys.readouterr().out.split())
+    assert "left out" not in text and "297 ± " in text  # a face beside the pictures, which the right scan tells
+    assert re.search(r"also seen, but not measurable: \d+ mm ahead, \d+ mm left: only one face is seen", text)
+
+
+def test_a_thing_without_sizes_is_labelled_with_its_reason(room):
+    measured = measure_objects(*recordings.load_pair("room/3"), recordings.scan("room/1"), Instrument.load(room))
+    (nameless,) = [thing for thing in measured.objects if not np.isfinite(thing.size_mm).any()]
+    assert why_text(nameless) == "no size: leans, no face"
+    with_all, others = (draw_objects(each) for each in (measured, replace(measured, objects=measured.objects[:-1])))
+    assert nameless is measured.objects[-1] and (with_all != others).any()
+    white = [(picture > 250).all(axis=2).sum() for picture in (with_all, others)]
+    assert white[0] > white[1] + 50  # letters

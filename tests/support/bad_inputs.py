@@ -277,6 +277,9 @@ def make(folder: Path) -> None:
     (folder / "sparse.bin").hardlink_to(folder / "sparse.json")
     (folder / "hollow.png").hardlink_to(folder / "sparse.json")
     (folder / "folder").mkdir()
+    for name, text in _OWN_RIGS.items():
+        (folder / name).mkdir()
+        (folder / name / "rig.toml").write_text(text)
     (folder / "folder.bin").mkdir()
     (folder / "loop.bin").symlink_to("loop.bin")
     (folder / "loop.json").symlink_to("loop.json")
@@ -356,6 +359,14 @@ def _stations(folder: Path) -> None:
 
 
 _SILENT = hasattr(os, "mkfifo")
+#: Folders of rigs, and what their rig.toml says.
+_OWN_RIGS = {
+    "own_empty": "",
+    "own_words": "a board of 9 x 6",
+    "own_unknown": "[bord]",
+    "own_metres": "[cameras]\nat_mm = 0.7",
+}
+
 _BOARD = "--board 9x6 --square-mm 25"
 _RIG = "--calibration good/calibration.json"
 
@@ -372,7 +383,7 @@ OTHERS = {
         Bad("reproduce 03 --jobs many", "--jobs"),
     ],
     "explore": [
-        Bad("explore good/left.jpg", "two pictures"),
+        Bad("explore good/left.jpg", "the picture of one camera: name the right camera's, too"),
         Bad("explore good/left.jpg good/right.jpg good/left.jpg", "two pictures"),
         Bad("explore --scan good/scan.bin", "belong to a pair"),
         Bad(f"explore {PAIR} --calibration rig_T_zero.json", "T is 0 mm"),
@@ -385,6 +396,23 @@ OTHERS = {
         Bad(f"explore {PAIR} --port 99999", "--port"),
         Bad(f"explore {PAIR} --port -1", "--port"),
         Bad(f"explore {PAIR} --port http", "--port"),
+    ],
+    "new": [
+        Bad("new", "FOLDER"),
+        Bad("new good/left.jpg", "left.jpg is a file"),
+        Bad("new good/left.jpg/deeper", "left.jpg is a file"),
+        Bad("new /proc/nowhere", "cannot be written"),
+        Bad("new own_empty", "rig.toml is there already: edit it"),
+    ],
+    "report": [
+        Bad("report missing", "missing is no folder: stereolib new missing makes one"),
+        Bad("report good/left.jpg", "left.jpg is no folder"),
+        Bad("report folder", "folder has no rig.toml"),
+        Bad("report own_empty", "own_empty holds no recordings yet"),
+        Bad("report own_words", "rig.toml: not a TOML file"),
+        Bad("report own_unknown", "'bord' is no part; did you mean board"),
+        Bad("report own_metres", "a number of millimetres is expected"),
+        Bad("report own_empty --output good/left.jpg", "must name a folder, but good/left.jpg is a file"),
     ],
     "bake": [
         Bad("bake good/left.jpg", "good/left.jpg"),

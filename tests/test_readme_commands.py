@@ -1,0 +1,93 @@
+"""Every command of the README typed as it stands there, in order, by somebody without cameras."""
+
+from __future__ import annotations
+
+import re
+import shlex
+import shutil
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stereolib.base import ROOT
+from stereolib.cli import commands
+from stereolib.reproduction import own_rig
+from stereolib.virtual import cube_scene, emulator
+
+#: What is asked for its --help alone, and why.
+HELP_ALONE = {
+    "explore": "serves a page until Ctrl-C; tests/browser opens it",
+    "bake": "minutes of work; tests/notebook bakes a page",
+    "capture": "needs two cameras; tests/capture emulates them",
+    "emulate-cameras": "plays until Ctrl-C",
+    "data fetch": "asks the network",
+    "lrf live": "serves a page until Ctrl-C",
+    "lrf emulate": "plays until Ctrl-C; here the port below is one",
+    "lrf replay": "plays until Ctrl-C; tests/cli/test_lrf.py listens",
+}
+PORT = "/dev/ttyUSB0"  # in its place an emulated laser
+_CODE = re.compile(r"```(\w*)\n(.*?)```|`(stereolib [^`]+)`", re.DOTALL)
+
+
+def typed() -> list[str]:
+    """Commands and Python code of the README, in its order; what it generates has none."""
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    found = []
+    for language, block, inline in _CODE.findall(text):
+        if language == "python":
+            found.append(block)
+        else:
+            found += [line for line in (inline or block).splitlines() if line.startswith("stereolib ")]
+    return found
+
+
+def words_of(command: str) -> list[str]:
+    return shlex.split(command, comments=True)[1:]
+
+
+def run(words: Sequence[str], port: str) -> int:
+    """Run one command, or ask for its help."""
+    if any(words[: len(name.split())] == name.split() for name in HELP_ALONE):
+        words = [*words, "--help"]
+    seconds = ["--seconds", "1"] if words[:2] == ["lrf", "record"] else []
+    try:
+        return commands.main([*(port if word == PORT else word for word in words), *seconds])
+    except SystemExit as stopped:
+        return int(stopped.code or 0)
+
+
+def test_what_is_typed_are_commands_of_ours() -> None:
+    names = {words_of(command)[0] for command in typed() if command.startswith("stereolib ")}
+    assert {"calibrate", "disparity", "measure", "map", "report"} <= names <= {each.name for each in commands.COMMANDS}
+    assert all(name.split()[0] in names for name in HELP_ALONE)
+    assert len(typed()) > 20
+
+
+@pytest.mark.slow
+def test_every_command_can_be_typed_as_it_stands(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def as_committed(sources: Sequence[Path], target_dir: Path, *_: object, **__: object) -> None:
+        """The chapter on the demo rig, which the suite of notebooks executes."""
+        target_dir.mkdir()
+        shutil.copy(ROOT / "notebooks" / f"{own_rig.CHAPTER}.ipynb", target_dir / sources[0].name)
+
+    monkeypatch.setattr(own_rig, "execute_notebooks", as_committed)
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "data").symlink_to(ROOT / "data", target_is_directory=True)
+    schedule = emulator.emulate(cube_scene(), rng=np.random.default_rng(0))
+    with emulator.serve(schedule, "socket") as served:
+        for command in typed():
+            if command.startswith("stereolib "):
+                code = run(words_of(command), served.port)
+                assert code == 0, f"{command}: {code}\n{capsys.readouterr()}"
+            else:
+                exec(compile(command, "README.md", "exec"), {})
+    assert "matched" in capsys.readouterr().out
+    made = {path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*") if "data" not in path.parts}
+    assert {"board.pdf", "rig/calibration.json", "demo_report/report.html", "d_depth_mm.png", "room.bin"} <= made
+    page = (tmp_path / "demo_report" / "report.html").read_text(encoding="utf-8")
+    assert page.count("<img") == 5 and "No description" not in page
+    assert {"my_rig/rig.toml", "3_left_measured.png", "length.png", "walk_map/map.glb"} <= made

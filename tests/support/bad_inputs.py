@@ -284,6 +284,9 @@ def make(folder: Path) -> None:
     if hasattr(os, "mkfifo"):
         for ending in ("bin", "json", "png", "npy", "pdf"):
             os.mkfifo(folder / f"silent.{ending}")
+    for name, (text, _) in FOLDERS.items():
+        (folder / f"rig_{name}").mkdir()
+        (folder / f"rig_{name}" / "rig.toml").write_bytes(text)
     _boards(folder)
     _stations(folder)
 
@@ -355,7 +358,25 @@ def _stations(folder: Path) -> None:
         station(f"map_poses_{name}", _1_scan__bin=scan, poses__csv=poses)
 
 
-_SILENT = hasattr(os, "mkfifo")
+_TOML = '[board]\ninner_corners = [9, 6]\nsquare_mm = [25.0, 25.0]\n[recordings]\nboards = "../boards_cut"\n'
+#: Folders of a rig whose file is wrong: what stands in it -> what is to be said.
+FOLDERS: dict[str, tuple[bytes, str]] = {
+    "empty": (b"", "no recordings yet"),
+    "cut": (b"[board", "rig.toml"),
+    "bytes": (b"\xff\xfe[board]", "UTF-8"),
+    "deep": (b"a = " + b"[" * 100_000, "nested"),
+    "flat": (b"board = 3\nrecordings = 4\n", "rig.toml"),
+    "corners": (_TOML.replace("[9, 6]", '"many"').encode(), "inner_corners"),
+    "corner": (_TOML.replace("[9, 6]", "[9]").encode(), "inner_corners"),
+    "square": (_TOML.replace("25.0]", "1e308]").encode(), "square"),
+    "nan": (_TOML.replace("25.0]", "nan]").encode(), "square"),
+    "model": (b'[cameras]\nmodel = "fisheye"\n', "unknown lens model"),
+    "at": (_TOML.encode() + b'[cameras]\nat_mm = "far"\n', "at_mm"),
+    "places": (b"[recordings]\nboards = 7\n", "boards"),
+    "few": (_TOML.replace("boards_cut", "boards_few").encode(), "at least"),
+    "length": (_TOML.encode() + b'[[length]]\npair = "9"\nfrom = [1, 1]\nto = [2, 2]\n', "there is no pair"),
+    "pixels": (_TOML.encode() + b'[[length]]\npair = "9"\nfrom = "here"\nto = [2, 2]\n', "from"),
+}
 _BOARD = "--board 9x6 --square-mm 25"
 _RIG = "--calibration good/calibration.json"
 
@@ -372,7 +393,7 @@ OTHERS = {
         Bad("reproduce 03 --jobs many", "--jobs"),
     ],
     "explore": [
-        Bad("explore good/left.jpg", "two pictures"),
+        Bad("explore good/left.jpg", "the picture of one camera"),
         Bad("explore good/left.jpg good/right.jpg good/left.jpg", "two pictures"),
         Bad("explore --scan good/scan.bin", "belong to a pair"),
         Bad(f"explore {PAIR} --calibration rig_T_zero.json", "T is 0 mm"),
@@ -423,7 +444,7 @@ OTHERS = {
         Bad("disparity rubbish.png good/right.jpg", "not a readable image"),
         Bad("disparity svg.png good/right.jpg", "not a readable image"),
         Bad("disparity gif.gif good/right.jpg", "not a readable image"),
-        Bad("disparity folder good/right.jpg", "is a folder"),
+        Bad("disparity folder good/right.jpg", "folder is empty"),
         Bad("disparity dangling.png good/right.jpg", "no such file"),
         Bad("disparity good/lfet.jpg good/right.jpg", "did you mean left.jpg"),
         Bad("disparity hollow.png good/right.jpg", "at most 268 MB"),
@@ -502,6 +523,41 @@ OTHERS = {
         Bad("lrf emulate --stall-every-s 0 --stall-s 1", "stall"),
         Bad("lrf emulate --stall-s nan", "stall"),
         Bad("lrf emulate --link usb", "--link"),
+    ],
+    "new": [
+        Bad("new good/left.jpg", "is a file"),
+        Bad("new good/left.jpg/deeper", "is a file"),
+        Bad("new /proc/nowhere", "cannot be written"),
+        Bad("new rig_empty", "is there already"),
+    ],
+    "report": [
+        Bad("report missing", "is no folder"),
+        Bad("report good/left.jpg", "is a file"),
+        Bad("report folder", "has no rig.toml"),
+        Bad("report rig_empty --output good/left.jpg", "is a file"),
+        Bad("report rig_empty --output good/left.jpg/deeper", "is a file"),
+        *(Bad(f"report rig_{name}", says) for name, (_, says) in FOLDERS.items()),
+    ],
+    "capture": [
+        Bad("capture 0 1 --output good/left.jpg", "is a file"),
+        Bad("capture 0 1 --output taken --pairs 0", "--pairs"),
+        Bad("capture 0 1 --output taken --pairs many", "--pairs"),
+        Bad("capture 0 1 --output taken --patience-s nan", "--patience-s"),
+        Bad("capture 0 1 --output taken --every-s -1", "--every-s"),
+        Bad("capture 0 1 --output taken --size big", "--size"),
+        Bad("capture 0 1 --output taken --board 9x6", "--square-mm"),
+        Bad("capture 0 1 --output taken --board 9x6 --square-mm 0", "positive"),
+        Bad("capture 0 1 --output taken --automatic --focus 3", "--automatic contradicts"),
+        Bad("capture 0 1 --output taken --max-skew-ms nan", "skew"),
+        Bad("capture 0 1 --output taken --fps nan", "a second"),
+        Bad("capture 0 1 --output taken --size 0x0", "0x0"),
+        Bad("capture /dev/nocamera0 /dev/nocamera1 --output taken --no-preview", "nocamera0"),
+        Bad("capture video.mp4 video2.mp4 --output taken --no-preview", "video.mp4"),
+    ],
+    "handout": [
+        Bad("handout --out class.tar --no-wheels", r"\.zip"),
+        Bad("handout --out good/left.jpg/class.zip --no-wheels", "cannot be written"),
+        Bad("handout --out /proc/class.zip --no-wheels", "cannot be written"),
     ],
     "board": [
         Bad("board --board 9", "inner corners"),

@@ -10,6 +10,7 @@ from .files import (
     read_bytes,
     read_json,
     read_text,
+    read_toml,
     read_yaml,
     write_atomic,
 )
@@ -43,6 +44,7 @@ __all__ = [
     "read_bytes",
     "read_json",
     "read_text",
+    "read_toml",
     "read_yaml",
     "real_recording",
     "real_recordings",

@@ -11,6 +11,7 @@ import secrets
 import select
 import stat
 import time
+import tomllib
 from contextlib import suppress
 from os import PathLike
 from pathlib import Path
@@ -125,6 +126,30 @@ def read_json(path: str | PathLike[str]) -> Any:
         return json.loads(text)
     except ValueError as error:
         raise ValueError(f"{path}: not a JSON file ({error})") from None
+
+
+def read_toml(path: str | PathLike[str]) -> dict[str, Any]:
+    """Read a TOML file of bounded size and nesting.
+
+    Parameters
+    ----------
+    path : path
+
+    Returns
+    -------
+    dict
+
+    Raises
+    ------
+    ValueError
+        As `read_text`; or it is no TOML, or nested more than `NESTING` deep.
+    """
+    text = read_text(path)
+    try:
+        check_nesting(text)
+        return tomllib.loads(text)
+    except ValueError as error:
+        raise ValueError(f"{path}: not a TOML file ({error})") from None
 
 
 def read_yaml(path: str | PathLike[str]) -> Any:

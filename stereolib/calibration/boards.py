@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from threading import Semaphore
 from typing import Any
 
 import cv2
@@ -326,13 +327,21 @@ def over_cores(task: Callable[[Any], Any], items: Sequence[Any], what: str, *, p
     from joblib import Parallel, cpu_count, delayed
     from tqdm.auto import tqdm
 
-    threads = cv2.getNumThreads()
+    threads, cores = cv2.getNumThreads(), cpu_count()
+    slots = Semaphore(cores)
+
+    def held(item: Any) -> Any:
+        with slots:
+            return task(item)
+
     cv2.setNumThreads(1)
     try:
-        parallel = Parallel(n_jobs=cpu_count(), prefer="threads", return_as="generator")
-        running = parallel(delayed(task)(item) for item in items)
+        parallel = Parallel(n_jobs=cores, prefer="threads", return_as="generator")
+        running = parallel(delayed(held)(item) for item in items)
         yield from tqdm(running, what, len(items), unit="view", disable=not progress, leave=False)
     finally:
+        for _ in range(cores):  # interrupted: OpenCV aborts the process if Python ends under it
+            slots.acquire()
         cv2.setNumThreads(threads)
 
 

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import difflib
 import math
-import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeVar
 
-from stereolib.base import counted, listed, read_text, write_atomic
+from stereolib.base import counted, listed, read_toml, write_atomic
 from stereolib.calibration import (
     LENS_MODELS,
     MIN_PAIRS,
@@ -262,10 +261,7 @@ class _Said:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        try:
-            self.parts: dict[str, Any] = tomllib.loads(read_text(path))
-        except tomllib.TOMLDecodeError as error:
-            raise ValueError(f"{path}: not a TOML file ({error})") from None
+        self.parts = read_toml(path)
         for part, entries in self.parts.items():
             self._known(part, _ENTRIES, "part")
             for entry in entries if part == "length" else [entries]:

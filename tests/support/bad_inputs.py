@@ -277,9 +277,6 @@ def make(folder: Path) -> None:
     (folder / "sparse.bin").hardlink_to(folder / "sparse.json")
     (folder / "hollow.png").hardlink_to(folder / "sparse.json")
     (folder / "folder").mkdir()
-    for name, text in _OWN_RIGS.items():
-        (folder / name).mkdir()
-        (folder / name / "rig.toml").write_text(text)
     (folder / "folder.bin").mkdir()
     (folder / "loop.bin").symlink_to("loop.bin")
     (folder / "loop.json").symlink_to("loop.json")
@@ -287,6 +284,9 @@ def make(folder: Path) -> None:
     if hasattr(os, "mkfifo"):
         for ending in ("bin", "json", "png", "npy", "pdf"):
             os.mkfifo(folder / f"silent.{ending}")
+    for name, (text, _) in FOLDERS.items():
+        (folder / f"rig_{name}").mkdir()
+        (folder / f"rig_{name}" / "rig.toml").write_bytes(text)
     _boards(folder)
     _stations(folder)
 
@@ -358,15 +358,27 @@ def _stations(folder: Path) -> None:
         station(f"map_poses_{name}", _1_scan__bin=scan, poses__csv=poses)
 
 
-_SILENT = hasattr(os, "mkfifo")
-#: Folders of rigs, and what their rig.toml says.
-_OWN_RIGS = {
-    "own_empty": "",
-    "own_words": "a board of 9 x 6",
-    "own_unknown": "[bord]",
-    "own_metres": "[cameras]\nat_mm = 0.7",
+_TOML = '[board]\ninner_corners = [9, 6]\nsquare_mm = [25.0, 25.0]\n[recordings]\nboards = "../boards_cut"\n'
+#: Folders of a rig whose file is wrong: what stands in it -> what is to be said.
+FOLDERS: dict[str, tuple[bytes, str]] = {
+    "empty": (b"", "no recordings yet"),
+    "cut": (b"[board", "rig.toml"),
+    "bytes": (b"\xff\xfe[board]", "UTF-8"),
+    "deep": (b"a = " + b"[" * 100_000, "nested"),
+    "flat": (b"board = 3\nrecordings = 4\n", "rig.toml"),
+    "corners": (_TOML.replace("[9, 6]", '"many"').encode(), "inner_corners"),
+    "corner": (_TOML.replace("[9, 6]", "[9]").encode(), "inner_corners"),
+    "square": (_TOML.replace("25.0]", "1e308]").encode(), "square"),
+    "nan": (_TOML.replace("25.0]", "nan]").encode(), "square"),
+    "model": (b'[cameras]\nmodel = "fisheye"\n', "unknown lens model"),
+    "metres": (b"[cameras]\nat_mm = 0.7", "a number of millimetres is expected"),
+    "bord": (b"[bord]", "'bord' is no part; did you mean board"),
+    "at": (_TOML.encode() + b'[cameras]\nat_mm = "far"\n', "at_mm"),
+    "places": (b"[recordings]\nboards = 7\n", "boards"),
+    "few": (_TOML.replace("boards_cut", "boards_few").encode(), "at least"),
+    "length": (_TOML.encode() + b'[[length]]\npair = "9"\nfrom = [1, 1]\nto = [2, 2]\n', "there is no pair"),
+    "pixels": (_TOML.encode() + b'[[length]]\npair = "9"\nfrom = "here"\nto = [2, 2]\n', "from"),
 }
-
 _BOARD = "--board 9x6 --square-mm 25"
 _RIG = "--calibration good/calibration.json"
 
@@ -396,23 +408,6 @@ OTHERS = {
         Bad(f"explore {PAIR} --port 99999", "--port"),
         Bad(f"explore {PAIR} --port -1", "--port"),
         Bad(f"explore {PAIR} --port http", "--port"),
-    ],
-    "new": [
-        Bad("new", "FOLDER"),
-        Bad("new good/left.jpg", "left.jpg is a file"),
-        Bad("new good/left.jpg/deeper", "left.jpg is a file"),
-        Bad("new /proc/nowhere", "cannot be written"),
-        Bad("new own_empty", "rig.toml is there already: edit it"),
-    ],
-    "report": [
-        Bad("report missing", "missing is no folder: stereolib new missing makes one"),
-        Bad("report good/left.jpg", "left.jpg is no folder"),
-        Bad("report folder", "folder has no rig.toml"),
-        Bad("report own_empty", "own_empty holds no recordings yet"),
-        Bad("report own_words", "rig.toml: not a TOML file"),
-        Bad("report own_unknown", "'bord' is no part; did you mean board"),
-        Bad("report own_metres", "a number of millimetres is expected"),
-        Bad("report own_empty --output good/left.jpg", "must name a folder, but good/left.jpg is a file"),
     ],
     "bake": [
         Bad("bake good/left.jpg", "good/left.jpg"),
@@ -451,7 +446,7 @@ OTHERS = {
         Bad("disparity rubbish.png good/right.jpg", "not a readable image"),
         Bad("disparity svg.png good/right.jpg", "not a readable image"),
         Bad("disparity gif.gif good/right.jpg", "not a readable image"),
-        Bad("disparity folder good/right.jpg", "is a folder"),
+        Bad("disparity folder good/right.jpg", "folder is empty"),
         Bad("disparity dangling.png good/right.jpg", "no such file"),
         Bad("disparity good/lfet.jpg good/right.jpg", "did you mean left.jpg"),
         Bad("disparity hollow.png good/right.jpg", "at most 268 MB"),
@@ -530,6 +525,41 @@ OTHERS = {
         Bad("lrf emulate --stall-every-s 0 --stall-s 1", "stall"),
         Bad("lrf emulate --stall-s nan", "stall"),
         Bad("lrf emulate --link usb", "--link"),
+    ],
+    "new": [
+        Bad("new good/left.jpg", "is a file"),
+        Bad("new good/left.jpg/deeper", "is a file"),
+        Bad("new /proc/nowhere", "cannot be written"),
+        Bad("new rig_empty", "is there already"),
+    ],
+    "report": [
+        Bad("report missing", "is no folder"),
+        Bad("report good/left.jpg", "is a file"),
+        Bad("report folder", "has no rig.toml"),
+        Bad("report rig_empty --output good/left.jpg", "is a file"),
+        Bad("report rig_empty --output good/left.jpg/deeper", "is a file"),
+        *(Bad(f"report rig_{name}", says) for name, (_, says) in FOLDERS.items()),
+    ],
+    "capture": [
+        Bad("capture 0 1 --output good/left.jpg", "is a file"),
+        Bad("capture 0 1 --output taken --pairs 0", "--pairs"),
+        Bad("capture 0 1 --output taken --pairs many", "--pairs"),
+        Bad("capture 0 1 --output taken --patience-s nan", "--patience-s"),
+        Bad("capture 0 1 --output taken --every-s -1", "--every-s"),
+        Bad("capture 0 1 --output taken --size big", "--size"),
+        Bad("capture 0 1 --output taken --board 9x6", "--square-mm"),
+        Bad("capture 0 1 --output taken --board 9x6 --square-mm 0", "positive"),
+        Bad("capture 0 1 --output taken --automatic --focus 3", "--automatic contradicts"),
+        Bad("capture 0 1 --output taken --max-skew-ms nan", "skew"),
+        Bad("capture 0 1 --output taken --fps nan", "a second"),
+        Bad("capture 0 1 --output taken --size 0x0", "0x0"),
+        Bad("capture /dev/nocamera0 /dev/nocamera1 --output taken --no-preview", "nocamera0"),
+        Bad("capture video.mp4 video2.mp4 --output taken --no-preview", "video.mp4"),
+    ],
+    "handout": [
+        Bad("handout --out class.tar --no-wheels", r"\.zip"),
+        Bad("handout --out good/left.jpg/class.zip --no-wheels", "cannot be written"),
+        Bad("handout --out /proc/class.zip --no-wheels", "cannot be written"),
     ],
     "board": [
         Bad("board --board 9", "inner corners"),

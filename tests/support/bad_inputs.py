@@ -446,7 +446,7 @@ OTHERS = {
         Bad("disparity rubbish.png good/right.jpg", "not a readable image"),
         Bad("disparity svg.png good/right.jpg", "not a readable image"),
         Bad("disparity gif.gif good/right.jpg", "not a readable image"),
-        Bad("disparity folder good/right.jpg", "folder is empty"),
+        Bad("disparity folder good/right.jpg", "is a folder"),
         Bad("disparity dangling.png good/right.jpg", "no such file"),
         Bad("disparity good/lfet.jpg good/right.jpg", "did you mean left.jpg"),
         Bad("disparity hollow.png good/right.jpg", "at most 268 MB"),

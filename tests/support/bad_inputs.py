@@ -556,6 +556,7 @@ OTHERS = {
         Bad("capture /dev/nocamera0 /dev/nocamera1 --output taken --no-preview", "nocamera0"),
         Bad("capture video.mp4 video2.mp4 --output taken --no-preview", "video.mp4"),
     ],
+    "emulate-cameras": [Bad("emulate-cameras --no-such-option", "unrecognized|no-such-option")],
     "handout": [
         Bad("handout --out class.tar --no-wheels", r"\.zip"),
         Bad("handout --out good/left.jpg/class.zip --no-wheels", "cannot be written"),

@@ -31,6 +31,7 @@ from stereolib.virtual.webcam import Webcam
 _BOUNDARY = "picture"
 _SIDES = ("left", "right")
 _POLL_S = 0.02
+_MOST_PLACES = 1000  # more are rendered for hours
 _MOVED = 1 / 3  # of the time that the board is held still: how long it then moves
 
 
@@ -120,9 +121,9 @@ def show_boards(
     """
     from tqdm.auto import tqdm
 
-    if count < 1 or not 0 < fps <= 120 or not 0.1 <= scale <= 4:
+    if not 1 <= count <= _MOST_PLACES or not 0 < fps <= 120 or not 0.1 <= scale <= 4:
         given = f"got {count}, {fps:g} and {scale:g}"
-        raise ValueError(f"a show has 1 place or more, up to 120 pictures a second, a scale of 0.1 to 4; {given}")
+        raise ValueError(f"a show has 1 to {_MOST_PLACES} places, up to 120 pictures a second, a scale of 0.1 to 4; {given}")
     poses, rig, webcam = draw_board_poses(count, rng, BOARD), scaled_rig(paper_rig(), scale), Webcam()
     held, moved = max(1, round(held_s * fps)), max(1, round(held_s * fps * _MOVED))
     ways = list(zip(poses, [*poses[1:], poses[0]], strict=True))

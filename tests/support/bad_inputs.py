@@ -556,7 +556,17 @@ OTHERS = {
         Bad("capture /dev/nocamera0 /dev/nocamera1 --output taken --no-preview", "nocamera0"),
         Bad("capture video.mp4 video2.mp4 --output taken --no-preview", "video.mp4"),
     ],
-    "emulate-cameras": [Bad("emulate-cameras --no-such-option", "unrecognized|no-such-option")],
+    "emulate-cameras": [
+        Bad("emulate-cameras --no-such-option", "unrecognized|no-such-option"),
+        Bad("emulate-cameras --places 0", "1 to 1000 places"),
+        Bad("emulate-cameras --places 100000000", "1 to 1000 places"),
+        Bad("emulate-cameras --scale nan", "scale"),
+        Bad("emulate-cameras --late-ms -5", "late"),
+        Bad("emulate-cameras --drop-rate nan", "drop"),
+        Bad("emulate-cameras --freeze-after-s -1", "freeze"),
+        Bad("emulate-cameras --cable-kb-s 0", "--cable-kb-s"),
+        Bad("emulate-cameras --seed -1", "--seed"),
+    ],
     "handout": [
         Bad("handout --out class.tar --no-wheels", r"\.zip"),
         Bad("handout --out good/left.jpg/class.zip --no-wheels", "cannot be written"),

@@ -122,8 +122,8 @@ def show_boards(
     from tqdm.auto import tqdm
 
     if not 1 <= count <= _MOST_PLACES or not 0 < fps <= 120 or not 0.1 <= scale <= 4:
-        given = f"got {count}, {fps:g} and {scale:g}"
-        raise ValueError(f"a show has 1 to {_MOST_PLACES} places, up to 120 pictures a second, a scale of 0.1 to 4; {given}")
+        limits = f"1 to {_MOST_PLACES} places, up to 120 pictures a second, a scale of 0.1 to 4"
+        raise ValueError(f"a show has {limits}; got {count}, {fps:g} and {scale:g}")
     poses, rig, webcam = draw_board_poses(count, rng, BOARD), scaled_rig(paper_rig(), scale), Webcam()
     held, moved = max(1, round(held_s * fps)), max(1, round(held_s * fps * _MOVED))
     ways = list(zip(poses, [*poses[1:], poses[0]], strict=True))

@@ -112,6 +112,8 @@ class Stretch:
         Height down to which it was followed.
     foot_mm : float
         Height below which the pictures disagree about it, other than for something nearer that hides it.
+    is_cut_below : bool
+        The pictures end between there and the floor.
     high : End
     mm_per_px : float
     lean_rad, lean_std_rad : float
@@ -123,6 +125,7 @@ class Stretch:
     left: End
     low_mm: float
     foot_mm: float
+    is_cut_below: bool
     high: End
     mm_per_px: float
     lean_rad: float = np.nan
@@ -182,8 +185,9 @@ def _upwards(views: Views, world: World, face: Face, top_mm: float) -> Stretch:
     down, up = along.part(slice(middle, None, -1)).reach(known), along.part(slice(middle, None)).reach(known)
     low, foot = (float(heights[max(middle - max(k, 0), 0)]) for k in (down.last, down.stop))
     foot = 0.0 if down.past is Past.HIDDEN and foot > 0 and _nearer_below(along, heights, foot) else foot
+    is_cut = bool(np.isnan(along.fine[(heights >= 0.0) & (heights < foot)]).any())
     high = End.of(up, heights[middle:])
-    return Stretch(line, End(a, Past.OPEN), End(b, Past.OPEN), low, foot, high, per_px)
+    return Stretch(line, End(a, Past.OPEN), End(b, Past.OPEN), low, foot, is_cut, high, per_px)
 
 
 def _nearer_below(along: Agreement, heights: Float64, foot_mm: float) -> bool:

@@ -41,7 +41,10 @@ class NoFloor(Enum):
         "the floor has texture, but both cameras see it differently: it shines (take the light away from behind it, or "
         "cover it), or the pictures are not of one moment or not left one first"
     )
-    UNSEEN = "nothing below the camera is a plane: tilt the camera down or step back, until a part of the floor is free"
+    UNSEEN = (
+        "nothing below the camera is a plane: step back or tilt the camera down, until both cameras see a free part of "
+        "the floor"
+    )
 
 
 def find_floor(views: Views, rectified: RectifiedRig, *, limits: FloorLimits | None = None) -> Floor:

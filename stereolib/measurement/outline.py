@@ -99,8 +99,10 @@ def predicted_stds_px(
     Returns
     -------
     dict
-        Standard deviations in px.
+        Standard deviations in px; empty where the pictures show no edge.
     """
+    if not edges:
+        return {}
     n = len(Shared)
     world = priors.world(x[:n])
     at = [_Eye.of(world, edge, x[n:], edge_direction(edge, x[n:], first)).at for edge in edges]

@@ -146,7 +146,7 @@ def see_box(views: Views, priors: Priors, region: ObjectRegion) -> Pictured:
     assert solution is not None
     seen = replace(seen, start=solution.boxes[0], shared=solution.shared)  # near what all boxes together will have
     tilts = [upright_line(world, face, 0.0)[1:] for face in faces]
-    refused = _in_the_air(stretch) or _leaning(stretch, tilts, peaks)
+    refused = _cut_below(stretch) or _in_the_air(stretch) or _leaning(stretch, tilts, peaks)
     refused = refused or _unfollowed(stretch) or _too_narrow(rough, solution) or _without_edges(rough, peaks)
     misfits = zip(seen.observations, solution.misfits[0].tolist(), strict=True)
     doubtful = frozenset(o.edge for o, misfit in misfits if isinstance(o, EdgeSeen) and misfit > _CONTRADICTION)
@@ -328,6 +328,11 @@ def _too_narrow(rough: _Rough, solution: Solution) -> Why | None:
 def _gap_mm(stretch: Stretch) -> float:
     """A face that ends so far above the floor may stand in the air."""
     return _GAP_MM + _GAP_PX * stretch.mm_per_px
+
+
+def _cut_below(stretch: Stretch) -> Why | None:
+    """A face whose foot the pictures do not show."""
+    return Why(Reason.FOOT_CUT) if stretch.is_cut_below and stretch.foot_mm >= _gap_mm(stretch) else None
 
 
 def _in_the_air(stretch: Stretch) -> Why | None:

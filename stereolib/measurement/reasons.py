@@ -12,6 +12,7 @@ class Reason(Enum):
     DEPTH_HIDDEN = "only one face is seen, its depth is hidden: turn the object or move the rig to see a corner"
     CUT = "an end lies outside of one of the pictures: step back, or turn the rig towards it"
     TOP_CUT = "the object's top lies above the picture or on its border: step back or tilt the camera up"
+    FOOT_CUT = "its foot lies below the picture: step back or tilt the camera down"
     HIDDEN = "an end is hidden by something nearer"
     TOO_UNCERTAIN = "too uncertain; turn the object, light or texture it, or move the rig"
     CONTRADICTION = "its edges contradict each other: see that it is a box, and that nothing touches it"

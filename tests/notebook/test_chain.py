@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from stereolib.matching import SGBMParams, compute_disparity
-from stereolib.measurement import Measurement
+from stereolib.measurement import Measurement, Reason
 from stereolib.notebook import chain, offered, steps
 from stereolib.notebook.explorer_panels import draw_panels
 from stereolib.notebook.explorer_results import result_line
@@ -237,6 +237,14 @@ def test_a_wrong_calibration_shows():
         assert chain.quality(replace(TEXTURE, **{knob: value})).bad2_pct > 2 * chain.quality(TEXTURE).bad2_pct
     longer = chain.rectified_rig(replace(TEXTURE, baseline_pct=5.0))
     assert longer.baseline_mm == pytest.approx(1.05 * chain.rectified_rig(TEXTURE).baseline_mm)
+
+
+@pytest.mark.parametrize("camera_height_mm", [250, 300, 350])
+def test_a_box_whose_foot_lies_below_the_picture_is_refused_for_that(camera_height_mm):
+    """From 300 mm on no edge of it is seen either."""
+    state = State(camera_height_mm=camera_height_mm)
+    assert chain.ground_plane(state).why == Reason.FOOT_CUT.value
+    assert "in the air" not in result_line(state) and "foot lies below" in result_line(state)
 
 
 def test_a_turned_laser_is_found():

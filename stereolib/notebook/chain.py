@@ -17,11 +17,13 @@ from stereolib.base import Bools, Float32, Float64, Floats, UInt8, turn_about_z
 from stereolib.laser import LaserScan, average, decode, turns
 from stereolib.mapping import read_scan
 from stereolib.matching import (
+    RowOffset,
     Score,
     compute_disparity,
     compute_disparity_guided,
     dilate,
     expected_disparity,
+    find_rows,
     motorcycle_view,
     score,
     smooth,
@@ -219,6 +221,12 @@ def pair(state: State) -> tuple[UInt8, UInt8]:
     """The pair, rectified with the calibration that is believed."""
     shot, rectified = taken(state), rectified_rig(state)
     return rectified.rectify(shot.left, shot.right) if rectified else (shot.left, shot.right)
+
+
+@step(after=(pair,))
+def rows(state: State) -> tuple[RowOffset, Float32]:
+    """How far the pair's rows disagree, and a rough map in half size, which no knob of the matcher changes."""
+    return find_rows(*pair(state))
 
 
 @step(after=(rectified_rig, true_scene))

@@ -352,7 +352,7 @@ def measured(state: State) -> Measurement | str:
 
 _TWO = ThreadPoolExecutor(2, "chain")
 _LOOK_UP_S = 0.02
-_LONG = ((taken, known, scan), (quality, measured, ground_plane))  # those of a row need nothing of each other
+_LONG = ((taken, known, scan), (quality, measured, ground_plane, rows))  # those of a row need nothing of each other
 
 
 def is_made(state: State, is_old: Callable[[], bool]) -> bool:

@@ -45,10 +45,11 @@ class Bench:
     """
 
     def __init__(self, own: tuple[str, ...] = ()) -> None:
-        self.state = _first_state(own)
+        self.state = self._first = _first_state(own)
         self._story: Story | None = None
         self._told = ""
         self._pixels: tuple[tuple[int, int], ...] = ()  # the last two that were clicked
+        self._cross: list[int] = []  # where the last one was, as the page has it
         self._is_setting = False
         self._pictures = LivePicture("The pair, its disparity, its error, and the scene from above.", self._click)
         self._costs = LivePicture("What each disparity costs the clicked pixel.")
@@ -58,12 +59,15 @@ class Bench:
         self._files = widgets.HTML()
         self._controls = {name: _control(knob, getattr(self.state, name)) for name, knob in knobs().items()}
         self._source = widgets.Dropdown(
-            options=offered.sources(self.state), value=self.state.source, description="look at",
-            tooltip="The virtual rig, whose scene the knobs build; a recording; or your own pair.",
+            options=offered.sources(self.state), value=self.state.source,
+            **_described("look at", "The virtual rig, whose scene the knobs build; a recording; or your own pair."),
         )  # fmt: skip
         for name, control in self._controls.items():
             control.observe(lambda change, name=name: self._turn(**{name: change["new"]}), names="value")
-        self._recorded = [widgets.HTML(_RECORDED) for _ in ("Box", "Cameras")]
+        self._notes = {
+            group: widgets.HTML(_RECORDED if group in ("Box", "Cameras") else _IDLE)
+            for group in dict.fromkeys(knob.group for knob in knobs().values())
+        }
         self._groups = self._grouped()
         self._source.observe(lambda change: self._look_at(change["new"]), names="value")
         self._words.observe(lambda change: self._restore(change["new"]), names="value")
@@ -83,8 +87,8 @@ class Bench:
         groups: dict[str, list[Any]] = {}
         for name, knob in knobs().items():
             groups.setdefault(knob.group, []).append(self._controls[name])
-        for group, note in zip((groups["Box"], groups["Cameras"]), self._recorded, strict=True):
-            group.append(note)
+        for group, note in self._notes.items():
+            groups[group].append(note)
         groups |= {"Own pair": [_Upload(self._take).box], "Keep": self._keeping()}
         return {
             name: widgets.Accordion([widgets.VBox(group)], titles=[name], selected_index=0 if name == "Box" else None)
@@ -145,7 +149,8 @@ class Bench:
 
     def _reset(self) -> None:
         self._end()
-        self._set(_first_state(self.state.own))
+        self._pixels = ()
+        self._set(replace(self._first, own=self.state.own))
 
     def _tell(self, story: Story) -> None:
         """Set a story's knobs and show them; its sentences come when they are computed."""
@@ -204,7 +209,13 @@ class Bench:
     def _take(self, own: tuple[str, ...]) -> None:
         self._end()
         self._set(replace(self.state, own=own, source=OWN))
-        self._said.value = _sentence("Your pair. Turn the matcher's knobs until the map is right.")
+        named = [
+            f"{name} {Path(path).name}" if path else f"no {name}" for name, path in zip(_UPLOADS, own, strict=True)
+        ]
+        self._said.value = _sentence(
+            f"Your pair: {', '.join(named)}. If it is seen that something is wrong with it, that stands below the "
+            "readings; else turn the matcher's knobs until the map is right."
+        )
 
     def _set(self, state: State) -> None:
         """Make a state that of all knobs, offer what is possible in it, and show it."""
@@ -232,9 +243,11 @@ class Bench:
         without_effect = offered.idle(state)
         for name, control in self._controls.items():
             control.disabled = name in without_effect
-            control.layout.display = "none" if name in _SCENE & without_effect else None
-        for note in self._recorded:
-            note.layout.display = None if without_effect >= _SCENE else "none"
+            control.layout.display = "none" if name in without_effect else None  # its value would be none that counts
+        for group, note in self._notes.items():
+            needed = {name for name, knob in knobs().items() if knob.group == group}
+            needed = needed & _SCENE or needed  # a recording has an exposure, and no camera that can be moved
+            note.layout.display = None if needed <= without_effect else "none"
         return state
 
     # What is shown: in the worker's thread.
@@ -266,34 +279,57 @@ class Bench:
 
     def _click(self, picture: int, column: int, row: int, is_new: bool) -> None:
         if picture not in _MAP_PICTURES:
+            self._forget(_NOT_THERE)
             return
         scale, (height, width) = scale_of(self.state), chain.pair(self.state)[0].shape[:2]
         pixel = round(column / scale), round(row / scale)
-        if 0 <= pixel[0] < width and 0 <= pixel[1] < height:
-            self._pixels = (*(self._pixels[-1:] if is_new else self._pixels[:-1]), pixel)
-            self._point(self.state)
+        if not (0 <= pixel[0] < width and 0 <= pixel[1] < height):
+            self._forget(_NOT_THERE)
+            return
+        if is_new:
+            self._pictures.before = self._cross if self._pixels else []
+        self._cross = [picture, column, row]
+        self._pixels = (*(self._pixels[-1:] if is_new else self._pixels[:-1]), pixel)
+        self._point(self.state)
 
     def _point(self, state: State) -> None:
         if self._pixels:
             self._pointer.ask((state, self._pixels))
         else:
-            self._pictures.cross, self._clicked.value = [], _CLICK_HELP
-            self._costs.show([])
+            self._forget(_CLICK_HELP)
+
+    def _forget(self, told: str) -> None:
+        """Take away what was clicked, and say something in its place."""
+        self._pixels = ()
+        self._pictures.cross, self._pictures.before, self._clicked.value = [], [], told
+        self._costs.show([])
 
     def _say_found(self, pointed: _Pointed) -> None:
+        told = self._found_text(pointed)
+        if pointed[1] == self._pixels:
+            self._clicked.value = told
+
+    @staticmethod
+    def _found_text(pointed: _Pointed) -> str:
         state, pixels = pointed
-        found = [find(state, pixel) for pixel in pixels]
-        length = length_text(found[0], found[1], chain.rectified_rig(state)) if len(found) == 2 else ""
-        self._clicked.value = _sentence(". ".join(filter(None, (found[-1].text, length))))
+        try:
+            found = [find(state, pixel) for pixel in pixels]
+            length = length_text(found[0], found[1], chain.rectified_rig(state)) if len(found) == 2 else ""
+        except (ValueError, OSError, cv2.error) as error:
+            return _sentence(f"Not possible: {error}", "b00020")
+        return _sentence(". ".join(filter(None, (found[-1].text, length))))
 
     def _show_costs(self, pointed: _Pointed, is_old: Callable[[], bool]) -> None:
         state, pixels = pointed
-        costs = draw_costs(state, find(state, pixels[-1]))
-        if is_old():
+        try:
+            costs = draw_costs(state, find(state, pixels[-1]))
+        except (ValueError, OSError, cv2.error) as error:
+            costs = str(error)
+        if is_old() or pixels != self._pixels:
             return
         self._costs.show([] if isinstance(costs, str) else costs)
         if isinstance(costs, str):
-            self._clicked.value += _sentence(f"No cost curve: {costs}")
+            self._clicked.value = self._found_text(pointed) + _sentence(f"No cost curve: {costs}")
 
     def _prepare(self) -> None:
         self._files.value = " ".join(python_code.download_links(self.state))
@@ -306,11 +342,26 @@ class _Upload:
         self._take, self._folder, self._uses = take, tempfile.TemporaryDirectory(prefix="stereolib-"), 0
         about = {"left": ".jpg,.jpeg,.png", "right": ".jpg,.jpeg,.png", "calibration": ".json", "scan": ".bin,.csv"}
         self._fields = {name: widgets.FileUpload(accept=kinds, description=name) for name, kinds in about.items()}
+        self._names = {name: widgets.HTML().add_class("stereolib-file") for name in about}
+        for name, field in self._fields.items():
+            field.observe(lambda _, name=name: self._name(name), names="value")
+            self._name(name)
         self._said = widgets.HTML("left and right are needed; calibration.json gives lengths, a scan the laser")
         button = widgets.Button(description="use this pair", tooltip="Checks the files and shows the pair.")
         button.on_click(lambda _: self._use())
+        clear = widgets.Button(description="clear files", tooltip="Takes all four files out of these fields.")
+        clear.on_click(lambda _: self._clear())
         self._said.add_class("stereolib-upload")
-        self.box = widgets.VBox([*self._fields.values(), button, self._said])
+        shown = [part for name in about for part in (self._fields[name], self._names[name])]
+        self.box = widgets.VBox([*shown, widgets.HBox([button, clear]), self._said])
+
+    def _name(self, name: str) -> None:
+        uploaded = self._fields[name].value
+        self._names[name].value = escape(uploaded[0]["name"]) if uploaded else "no file"
+
+    def _clear(self) -> None:
+        for field in self._fields.values():
+            field.value = ()
 
     def _use(self) -> None:
         self._uses += 1
@@ -354,9 +405,7 @@ def _first_state(own: tuple[str, ...]) -> State:
 
 
 def _control(knob: Knob, first: Any) -> Any:
-    look = {
-        "description": knob.label,
-        "tooltip": knob.help,
+    look = _described(knob.label, knob.help) | {
         "style": {"description_width": "160px"},
         "layout": widgets.Layout(width="98%"),
     }
@@ -371,6 +420,15 @@ def _control(knob: Knob, first: Any) -> Any:
     return widgets.FloatSlider(value=first, readout_format=f".{decimals}f", **limits, **look)
 
 
+def _described(label: str, help: str) -> dict[str, Any]:
+    """A label whose help is seen on hover, of every kind of control: of some, ipywidgets shows no tooltip."""
+    return {
+        "description": f'<span title="{escape(help)}">{escape(label)}</span>',
+        "description_allow_html": True,
+        "tooltip": help,
+    }
+
+
 def _sentence(text: str, color: str = "222") -> str:
     return f'<p style="color:#{color}">{escape(text)}</p>'
 
@@ -381,7 +439,16 @@ _RECORDED = (
     '<p>Nothing here can be turned in what was recorded: choose "virtual rig" above, and its box and cameras have '
     "sliders here.</p>"
 )
-_TITLE = "<h2>stereolib: the whole measurement under your fingers</h2>"
+_IDLE = "<p>Nothing here changes what is shown now.</p>"
+_TITLE = (
+    "<h2>stereolib: the whole measurement under your fingers</h2><p>Two cameras look at a box on the floor. A matcher, "
+    "OpenCV's SGBM (semi-global block matching), looks for each pixel of the left picture in the same row of the right "
+    "one; how far it moved is its disparity: the nearer, the larger. From disparities come heights, by the paper's "
+    'recipe and by ours. Begin with a story: "Fig. 4: texture", then "Why 37.7 cm?".</p>'
+)
+_NOT_THERE = (
+    "<p>Nothing can be looked up there: click into the left picture, its disparity or its error, not beside them.</p>"
+)
 _CLICK_HELP = _sentence(
     "Click into a picture, or move in it with the arrow keys: disparity, depth, height, and what each disparity costs "
     "there. Two clicks measure a length."

@@ -160,7 +160,8 @@ def length_text(one: Found, other: Found, rectified: RectifiedRig | None) -> str
         return ""
     stds = np.nan_to_num([one.std_px, other.std_px])
     first, second = (
-        SurfacePoint(np.array(at.pixel, float), at.disparity_px, std) for at, std in zip((one, other), stds, strict=True)
+        SurfacePoint(np.array(at.pixel, float), at.disparity_px, std)
+        for at, std in zip((one, other), stds, strict=True)
     )
     between = measure_between(first, second, rectified)
     std_mm = between.std_mm if stds.all() else np.nan  # of one end alone it would be too small

@@ -104,12 +104,18 @@ def _error(state: State) -> UInt8:
 def _above(state: State, shape: tuple[int, ...]) -> UInt8:
     """The laser's readings, the true footprint, and the measured one, in a picture of the others' shape."""
     picture = np.full(shape, 252, np.uint8)
+    has_rig, has_scan = chain.rectified_rig(state) is not None, chain.scan(state) is not None
+    if not (has_rig or has_scan):
+        _write(picture, "no calibration and no laser: no mm", (20, 40), 18)
+        return picture
     for mm in np.arange(-2000.0, 2001.0, 500.0):
         _line(picture, np.array([[mm, -_FAR_MM], [mm, _FAR_MM]]), (225, 225, 225))
         _line(picture, np.array([[-_FAR_MM, mm], [_FAR_MM, mm]]), (225, 225, 225))
     eye = np.array([[0.0, 0.0], [2000.0, 840.0], [2000.0, -840.0]])
-    _line(picture, eye[[1, 0, 2]], (190, 190, 190))
-    _write(picture, "cameras and laser", _placed(picture, eye[:1])[0] + [12, 6], 16)
+    if has_rig:
+        _line(picture, eye[[1, 0, 2]], (190, 190, 190))
+    seen_by = " and ".join(["cameras"] * has_rig + ["laser"] * has_scan)
+    _write(picture, seen_by, _placed(picture, eye[:1])[0] + [12, 6], 16)
     for outline in true_outlines(state):
         _line(picture, np.vstack([outline, outline[:1]]), _bgr(TRUTH), 1)
     measured = None if state.half else chain.measured(state)
@@ -117,7 +123,7 @@ def _above(state: State, shape: tuple[int, ...]) -> UInt8:
         for k, entry in enumerate(measured.objects):
             color = OBJECT_RGB[k % len(OBJECT_RGB)][::-1]
             _line(picture, np.vstack([entry.outline_mm, entry.outline_mm[:1]]), color, 2)
-    if chain.scan(state) is not None:
+    if has_scan:
         for u, v in _placed(picture, points_of(state)):
             cv2.circle(picture, (int(u), int(v)), 2, _bgr(LASER), -1, cv2.LINE_AA)
     return picture

@@ -15,9 +15,19 @@ VIRTUAL, OWN, MOTORCYCLE = "virtual rig", "own pair", "motorcycle (Middlebury)"
 WINDOWS = ("all disparities", "around the laser's")
 BEST = "best"
 MATCHERS = ("sgbm", "paper", "fast", BEST)
-_MATCHER_NAMES = ("OpenCV's, with these knobs", "the paper's", "fast: in half size", "best: takes seconds")
+_MATCHER_NAMES = ("OpenCV's SGBM", "the paper's: dilates", "fast: in half size", "best: takes seconds")
 _PATHS = {"sgbm": "sgbm: 5 paths", "hh": "hh: 8 paths", "3way": "3way: 3 paths", "hh4": "hh4: 4 paths"}
 FILTERS = ("none", *SMOOTHING_METHODS)
+_FILTER_NAMES = {
+    "speckle": "speckle: small patches removed",
+    "background": "background: holes from behind",
+    "inpaint_telea": "inpaint: holes after Telea",
+    "inpaint_navier_stokes": "inpaint: holes as a flow",
+    "inpaint_biharmonic": "inpaint: holes smoothly bent",
+    "left_right": "left-right check, then filled",
+    "weighted_median": "median guided by the picture",
+    "least_squares": "least squares guided by it",
+}
 DILATION, KERNELS = "dilation", ("rect", "ellipse", "cross")
 _SUM_LIMIT, _LEAST_ROOM = 32767, 88  # as of `SGBMParams.room`
 _DECIMALS = 6  # more than any step has
@@ -111,12 +121,12 @@ class State:
         0.45, (0, 0.6, 0.05), "Box", "texture contrast", "0 is a plain box, which no matcher can match."
     )
     grain_mm: float = _slider(6, (2, 40, 1), "Box", "texture grain (mm)", "Size of the spots on the box.")
-    gloss: float = _slider(0, (0, 0.95, 0.05), "Box", "gloss", "Glare and mirror images on box and floor.")
+    gloss: float = _slider(0, (0, 0.95, 0.05), "Box", "gloss (0 to 1)", "Glare and mirror images on box and floor.")
     light: float = _menu(
         (1.0, 0.5, 0.2, 0.1, 0.05, 0.025, 0.012),
         1.0,
         "Cameras",
-        "light",
+        "light (times a room's)",
         "Of a well-lit room's; 0.012 is the paper's poor light.",
     )
     noise: float = _slider(1, (0.5, 6, 0.5), "Cameras", "noise (times a webcam's)", "Of the sensors, in both cameras.")
@@ -171,7 +181,8 @@ class State:
         MATCHERS[0],
         "Matcher",
         "matcher",
-        "OpenCV's with the knobs below, or one of the library's pipelines; the best takes seconds.",
+        "OpenCV's with the knobs below, or one of the library's pipelines: the paper's dilates its map, fast works in "
+        "half size, the best takes seconds.",
         names=_MATCHER_NAMES,
     )
     window: str = _menu(
@@ -198,7 +209,11 @@ class State:
         "Price of a step by one disparity: slanted surfaces pay it.",
     )
     p2: int = _slider(
-        32, (2, 150, 1), "Matcher", "P2 (per pixel of the block)", "Price of a jump: edges pay it. Always above P1."
+        32,
+        (2, 150, 1),
+        "Matcher",
+        "P2 (per pixel of the block)",
+        "Price of a jump: edges pay it. Always above P1; larger blocks leave less room.",
     )
     mode: str = _menu(
         tuple(_PATHS),
@@ -222,14 +237,21 @@ class State:
     )
     pre_filter_cap: int = _slider(63, (1, 63, 1), "Matcher", "gradient cap", "Stronger gradients count as this one.")
     # Filter
-    filter: str = _menu(FILTERS, FILTERS[0], "Filter", "filter", "What becomes of the map: the paper dilates it.")
+    filter: str = _menu(
+        FILTERS,
+        FILTERS[0],
+        "Filter",
+        "filter",
+        "What becomes of the map: the paper dilates it; inpainting and background fill holes, the others smooth.",
+        names=tuple(_FILTER_NAMES.get(name, name) for name in FILTERS),
+    )
     kernel_shape: str = _menu(
         KERNELS, KERNELS[0], "Filter", "kernel's shape", "Of the dilation: a rectangle, an ellipse or a cross."
     )
     kernel_px: int = _menu(tuple(range(3, 32, 2)), 9, "Filter", "kernel (px)", "Edge of the filter's window.")
     # Method
     tolerance_px: float = _slider(
-        7,
+        10,
         (0, 80, 0.5),
         "Method",
         "recipe: threshold (px)",

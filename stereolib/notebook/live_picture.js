@@ -18,8 +18,8 @@ export default {
       model.send({ kind, picture: k, x, y });
     }
 
-    function place(k) {
-      const [picture, x, y] = model.get("cross");
+    function place(k, which = "cross") {
+      const [picture, x, y] = model.get(which);
       return picture === k ? [x, y] : null;
     }
 
@@ -54,7 +54,15 @@ export default {
       if (!picture) return;
       const pen = canvas.getContext("2d");
       pen.drawImage(picture, 0, 0);
+      const before = place(k, "before");
       const at = place(k);
+      for (const [color, width] of before ? [["white", 4], ["#111", 2]] : []) {
+        pen.strokeStyle = color;
+        pen.lineWidth = width;
+        pen.beginPath();
+        pen.arc(before[0] + 0.5, before[1] + 0.5, 7, 0, 2 * Math.PI);
+        pen.stroke();
+      }
       if (!at) return;
       for (const [color, width] of [["white", 4], ["#111", 2]]) {
         pen.strokeStyle = color;
@@ -104,11 +112,13 @@ export default {
     model.on("change:number", paint);
     model.on("change:quality", wait);
     model.on("change:cross", crossed);
+    model.on("change:before", crossed);
     if (model.get("number")) paint();
     return () => {
       model.off("change:number", paint);
       model.off("change:quality", wait);
       model.off("change:cross", crossed);
+      model.off("change:before", crossed);
     };
   },
 };

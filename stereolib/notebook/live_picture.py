@@ -33,6 +33,8 @@ class LivePicture(anywidget.AnyWidget):
     ----------
     cross : list of int
         Where the page draws a cross: the picture's number, column and row; empty for none.
+    before : list of int
+        Where it draws a ring, of a click before; likewise.
     """
 
     _esm = _HERE / "live_picture.js"
@@ -44,6 +46,7 @@ class LivePicture(anywidget.AnyWidget):
     about = traitlets.Unicode().tag(sync=True)
     number = traitlets.Int(0).tag(sync=True)
     cross = traitlets.List(traitlets.Int()).tag(sync=True)
+    before = traitlets.List(traitlets.Int()).tag(sync=True)
     painted = traitlets.Int(0).tag(sync=True)
 
     def __init__(self, alt: str = "", clicked: Clicked | None = None) -> None:

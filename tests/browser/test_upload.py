@@ -5,10 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 import cv2
+import numpy as np
 import pytest
 from support.browser import Page
 
-from stereolib.notebook.knobs import OWN
+from stereolib.notebook.knobs import OWN, VIRTUAL
 from stereolib.virtual import recordings
 
 NAME = "conditions/texture"
@@ -65,3 +66,38 @@ def test_a_good_pair_is_measured(bench: Page, files: dict[str, Path]) -> None:
     assert bench.page.locator(".stereolib-stories select").input_value() == OWN
     assert "30.0" in bench.text("results").partition("ground plane")[2].split("cm")[0]
     assert bench.text("upload") == "" and not bench.problems
+    assert "calibration calibration.json, no scan" in bench.text("said")
+
+
+def test_files_are_named_and_can_be_taken_out_again(bench: Page, files: dict[str, Path]) -> None:
+    upload(bench, left=files["left"], right=files["right"], calibration=files["calibration"])
+    bench.wait_for(f"source={OWN}")
+    names = bench.page.locator(".stereolib-file")
+    assert names.all_inner_texts() == ["left.png", "right.png", "calibration.json", "no file"]
+    bench.page.get_by_role("button", name="clear files").click()
+    bench.page.get_by_role("button", name="calibration (0)").wait_for()
+    assert names.all_inner_texts() == ["no file"] * 4
+    upload(bench, left=files["left"], right=files["right"])
+    bench.page.locator(".stereolib-results", has_text="needs a calibration").wait_for()
+    bench.page.locator(".stereolib-said", has_text="no calibration, no scan").wait_for()
+
+
+def test_reset_goes_to_the_start_also_after_an_upload(bench: Page, files: dict[str, Path]) -> None:
+    upload(bench, left=files["left"], right=files["right"])
+    bench.wait_for(f"source={OWN}")
+    bench.page.get_by_role("button", name="Reset", exact=True).click()
+    bench.wait_for("")
+    assert bench.page.locator(".stereolib-stories select").input_value() == VIRTUAL
+
+
+def test_a_pair_that_is_not_rectified_is_said_to_be_none(bench: Page, files: dict[str, Path], tmp_path: Path) -> None:
+    right = tmp_path / "lower.png"
+    left, moved = recordings.rectified().rectify(*recordings.load_pair(NAME))
+    cv2.imwrite(str(files["left"]), left)
+    cv2.imwrite(str(right), np.roll(moved, 4, axis=0))
+    upload(bench, left=files["left"], right=right)
+    bench.wait_for(f"source={OWN}")
+    bench.page.locator(
+        ".stereolib-warnings", has_text="not rectified: rows of the right picture lie 4.0 px too low"
+    ).wait_for()
+    assert "set-up's alone" in bench.text("results")

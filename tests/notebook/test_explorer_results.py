@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from html import unescape
 
 import numpy as np
 import pytest
@@ -57,7 +58,8 @@ def test_readings_of_the_preview_are_near_those_of_the_full_size():
 def test_a_refusal_says_what_it_means_and_proposes_no_option_of_a_command(name):
     state = State(source=f"conditions/{name}")
     attempt, line = chain.ground_plane(state), said(state)
-    assert attempt.refused and f"refused: {attempt.refused} (" in line
+    assert attempt.refused and f"refused: {attempt.refused}" in line
+    assert attempt.why not in line.replace(attempt.why, "", 1)  # said once
     assert "--" not in line and "nothing was measured" not in line
 
 
@@ -83,8 +85,55 @@ def test_legend_has_the_colours_that_are_drawn():
 def test_truth_is_told_as_far_as_it_is_known():
     for source, told in (
         ("conditions/texture", "30.0 x 30.0 x 30.0 cm"),
-        ("room/1", "boxes"),
+        ("room/1", "5 boxes: 40.0 x 25.0 x 30.0, "),
         (MOTORCYCLE, "its disparities"),
     ):
         assert told in said(State(source=source)).partition("ground plane")[0]
     assert said(State(source=MOTORCYCLE)).count("needs a calibration") == 2
+
+
+@pytest.mark.parametrize("turned", [{"num_disparities": 64}, {"filter": "dilation", "kernel_px": 31}])
+def test_what_no_knob_of_matcher_and_filter_changes_is_said_to_be_measured_otherwise(turned):
+    state = replace(TEXTURE, **turned)
+    line, before = said(state), said(TEXTURE)
+    for name in ("ground plane", "laser and pair"):
+        assert line.partition(name)[2].partition("cm")[0] == before.partition(name)[2].partition("cm")[0]
+    assert chain.recipe(state).height_mm != chain.recipe(TEXTURE).height_mm
+    assert '"Ground plane" and "laser and pair" are measured from the pictures by a matching of their own' in unescape(
+        line
+    )
+
+
+def test_a_search_that_ends_too_early_is_said_with_one_that_does_not():
+    enough = re.search(r"search (\d+) disparities", said(replace(TEXTURE, num_disparities=64)))
+    assert enough and "the search ends" not in said(replace(TEXTURE, num_disparities=int(enough[1])))
+    assert "the search ends" in said(State(baseline_mm=200))
+
+
+def test_the_start_reads_what_the_finding_says_and_why_the_maximum_is_where_it_is():
+    line, truth, map_px = said(State()), chain.known(State()), chain.filtered(State())
+    assert chain.recipe(State()).height_mm == chain.recipe(TEXTURE).height_mm == pytest.approx(378, abs=1)
+    counted = map_px[: -State().constant_rows]
+    at = np.unravel_index(np.nanargmax(counted), counted.shape)
+    assert f"greatest disparity, {counted[at]:.1f} px (true there: {truth.disparity_px[at]:.1f})" in unescape(line)
+
+
+def test_nothing_that_was_not_found_has_a_number():
+    assert "nan" not in said(State(baseline_mm=200)) and "none is within 4 px" in said(State(baseline_mm=200))
+    assert "set-up's alone" in unescape(said(State(source=MOTORCYCLE))) and "set-up" not in said(TEXTURE)
+
+
+def test_what_the_laser_adds_is_computed():
+    alone = replace(TEXTURE, laser=False)
+    both, pair = (chain.measured(one).objects[0].size_mm for one in (TEXTURE, alone))
+    assert f"sizes by {np.abs(both - pair).max() / 10:.2f} cm at most" in said(TEXTURE)
+    assert "laser changes" not in said(alone)
+    assert "laser alone sees its left end" in said(State(distance_mm=500))
+
+
+def test_a_wrong_baseline_is_said_with_and_without_the_laser():
+    for laser in (True, False):
+        wrong = replace(TEXTURE, baseline_pct=5.0, laser=laser)
+        attempt = chain.ground_plane(wrong)
+        assert abs(attempt.height_mm - 300) > 10 * attempt.std_mm  # the interval does not hold it
+        assert "no pair can tell a wrong baseline: here it makes every length +5 % wrong" in said(wrong)

@@ -17,7 +17,8 @@ from .conftest import Opened
 
 WIDTHS = ((1280, 1000), (390, 844))
 CLIPPED = """[...document.querySelectorAll('.stereolib-bench *')].filter(
-  e => e.clientWidth > 0 && e.scrollWidth > e.clientWidth + 1 && !e.closest('textarea, input, .slider-container, .stereolib-pictures')
+  e => e.clientWidth > 0 && e.scrollWidth > e.clientWidth + 1
+    && !e.closest('textarea, input, .slider-container, .stereolib-pictures') // the last is swiped
 ).map(e => `${e.className}: ${e.textContent.slice(0, 40)}`)"""
 
 

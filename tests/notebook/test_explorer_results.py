@@ -136,4 +136,4 @@ def test_a_wrong_baseline_is_said_with_and_without_the_laser():
         wrong = replace(TEXTURE, baseline_pct=5.0, laser=laser)
         attempt = chain.ground_plane(wrong)
         assert abs(attempt.height_mm - 300) > 10 * attempt.std_mm  # the interval does not hold it
-        assert "no pair can tell a wrong baseline: here it makes every length +5 % wrong" in said(wrong)
+        assert "no pair can tell a wrong baseline: here it changes every length by +5 %" in said(wrong)

@@ -26,7 +26,7 @@ _OWN_MATCHING = (
     "and filter concern the recipe, the map and the pictures below."
 )
 _WRONG_BASELINE = (
-    "no pair can tell a wrong baseline: here it changes every length by {pct:+g} %, and no interval holds that; a laser "
+    "no pair can tell a wrong baseline: here it changes every length by {pct:+g} %, and no interval holds it; a laser "
     "whose place is known tells it"
 )
 _MEASURED = "#{:02x}{:02x}{:02x}".format(*OBJECT_RGB[0])

@@ -248,6 +248,16 @@ def test_a_box_whose_foot_lies_below_the_picture_is_refused_for_that(camera_heig
     assert "in the air" not in result_line(state) and "foot lies below" in result_line(state)
 
 
+@pytest.mark.parametrize(
+    "turned", [{"camera_height_mm": 600}, {"pitch_deg": -25.0}, {"pitch_deg": 15.0}, {"baseline_mm": 200}], ids=str
+)
+def test_a_camera_at_the_end_of_its_knobs_is_measured_or_refused_with_a_reason(turned):
+    state = replace(State(), **turned)
+    attempt = chain.ground_plane(state)
+    assert attempt.why if attempt.refused else abs(attempt.height_mm - 300) < 5 * attempt.std_mm + 1
+    assert len(draw_panels(state)) == 4 and "nan" not in result_line(state)
+
+
 def test_a_turned_laser_is_found():
     warnings = chain.measured(replace(TEXTURE, laser_yaw_deg=2.0)).warnings
     assert any("turned by 2.0" in text for text in warnings)

@@ -59,8 +59,8 @@ def test_costs_have_their_least_at_the_disparity():
 
 @pytest.mark.parametrize(
     "turned",
-    [{"num_disparities": 64}, {"row_px": 3.0}, {"roll_deg": 1.0}, {"block_size": 15}, {"source": "conditions/plain"},
-     {"source": "conditions/glare"}, {"source": "conditions/poor_light"}, {"mode": "3way"}],
+    [{"num_disparities": 64}, {"row_px": 3.0}, {"block_size": 15}, {"source": "conditions/glare"},
+     {"source": "conditions/poor_light"}],
     ids=str,
 )  # fmt: skip
 def test_an_interval_that_is_told_holds_the_truth_also_of_a_bad_map(turned):

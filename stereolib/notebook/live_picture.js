@@ -19,7 +19,7 @@ export default {
     }
 
     function place(k, which = "cross") {
-      const [picture, x, y] = model.get(which);
+      const [picture, x, y] = model.get(which) || [];
       return picture === k ? [x, y] : null;
     }
 

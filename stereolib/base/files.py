@@ -320,7 +320,7 @@ def write_atomic(path: str | PathLike[str], data: bytes | str) -> Path:
 
 
 def check_name(path: str | PathLike[str]) -> None:
-    """Refuse a name that is no text: OpenCV crashes on it, and no figure can show it.
+    r"""Refuse a name that is no text: OpenCV crashes on it, and no figure can show it.
 
     Parameters
     ----------
@@ -337,7 +337,7 @@ def check_name(path: str | PathLike[str]) -> None:
     >>> check_name("left/01\udcff.png")
     Traceback (most recent call last):
     ...
-    ValueError: 'left/01\\udcff.png': the name is not in UTF-8; rename it
+    ValueError: 'left/01\udcff.png': the name is not in UTF-8; rename it
     """
     try:
         os.fspath(path).encode("utf-8")

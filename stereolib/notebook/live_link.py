@@ -159,13 +159,13 @@ def follow(link: dict[str, Any], pressed: list[str]) -> Iterator[LiveView]:
     with Client((_HOST, link["port"]), authkey=bytes.fromhex(link["key"])) as command:
         while True:
             names, pressed[:] = pressed[:], []
-            command.send_bytes(json.dumps({"pressed": names}).encode())
             try:
+                command.send_bytes(json.dumps({"pressed": names}).encode())
                 head = json.loads(command.recv_bytes(_MOST_BYTES))
                 images = tuple(
                     np.frombuffer(command.recv_bytes(_MOST_BYTES), np.uint8).reshape(shape) for shape in head["shapes"]
                 )
-            except EOFError:
+            except (EOFError, ConnectionError):  # closed, perhaps while this was asked
                 return
             if head["is_new"]:
                 yield LiveView(images, tuple(head["captions"]), head["html"], head["is_last"])

@@ -33,7 +33,7 @@ def test_the_addresses_that_it_says_are_two_cameras(
 @pytest.mark.parametrize(
     ("words", "text"),
     [
-        (["--places", "0"], "1 place or more"),
+        (["--places", "0"], "1 to 1000 places"),
         (["--fps", "0"], "pictures a second"),
         (["--scale", "9"], "a scale of 0.1 to 4"),
         (["--seed", "-1"], "--seed must be 0 or more"),

@@ -534,7 +534,7 @@ OTHERS = {
     ],
     "report": [
         Bad("report missing", "is no folder"),
-        Bad("report good/left.jpg", "is a file"),
+        Bad("report good/left.jpg", "is no folder"),
         Bad("report folder", "has no rig.toml"),
         Bad("report rig_empty --output good/left.jpg", "is a file"),
         Bad("report rig_empty --output good/left.jpg/deeper", "is a file"),

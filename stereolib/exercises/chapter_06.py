@@ -39,7 +39,7 @@ def _read_height(rng: np.random.Generator) -> Task:
 
         left, _ = recordings.rectified().rectify(*recordings.load_pair(name))
         figure, axes = panels(1, width_in=5.5, aspect=0.8)
-        plot_height(left, read, axes[0], "marked pixels, and the rows that are counted (virtual rig)")
+        plot_height(left, read, axes[0], "marked pixels (virtual rig)")
         return figure, "A picture of the cube with marked pixels. An arrow runs from the first marked row to the cut."
 
     mistakes = {

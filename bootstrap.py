@@ -59,6 +59,8 @@ COMMANDS = {  # what each hands to the environment's Python; nox's sessions stan
 ROOM_MB = 900  # of .venv and of what is unpacked on the way
 WHY = """the lines above say why. No network? The first run needs it once.
   Behind a mirror or a proxy, tell pip about it (pip config set ...), then run the same command again."""
+WHY_WHEELS = """the lines above say why. Are this Python and system the ones that START.txt names?
+  The packages in the folder wheels are for these alone. With a network: delete the folder, then run it again."""
 ADDITIONS = {"explore": ["explore"], "test-browser": ["explore", "browser"], "site": ["site"]}  # pins of their own
 
 
@@ -99,7 +101,7 @@ def why() -> str:
             return (
                 f"{folder} has less than {ROOM_MB} MB free. Make room; for temporary files, TMPDIR names another place."
             )
-    return WHY
+    return WHY_WHEELS if (ROOT / "wheels").is_dir() else WHY
 
 
 def setup() -> None:

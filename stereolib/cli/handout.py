@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import argparse
 import os
+import stat
 import subprocess
 import sys
+import sysconfig
 import tempfile
+import time
 import zipfile
 from collections.abc import Iterator
 from pathlib import Path
 
+from stereolib.base import listed
 from stereolib.cli.command import Command
 from stereolib.cli.errors import DONE
 from stereolib.cli.outputs import check_ending, check_outputs
@@ -21,9 +25,10 @@ _PARTS = (
     *("README.md", "CONVENTIONS.md", "LICENSE", "LICENSE-text"),
     *("stereolib", "notebooks", "data", "docs", "figures"),
 )
+_NEEDS_INTERNET = "3.11 or newer, and the internet once"
 _PACKED = {".gz", ".jpg", ".png", ".npz", ".whl", ".zip"}  # endings of what does not get smaller
 _START = f"""\
-Exercises on stereo vision. You need Python {{version}}.
+Exercises on stereo vision. You need Python {{needs}}.
 
   python bootstrap.py lab
 
@@ -55,9 +60,7 @@ def _run(arguments: argparse.Namespace) -> int:
     with tempfile.TemporaryDirectory() as folder:
         try:
             wheels = [] if arguments.no_wheels else _fetch(root, Path(folder), arguments.platform or [], python)
-            _pack(
-                part, root, wheels, f"{python}, and no internet" if wheels else "3.11 or newer, and the internet once"
-            )
+            _pack(part, root, wheels, _needs(python, arguments.platform) if wheels else _NEEDS_INTERNET)
             os.replace(part, arguments.out)
         finally:
             part.unlink(missing_ok=True)
@@ -81,18 +84,34 @@ def _fetch(root: Path, folder: Path, platforms: list[str], python: str) -> list[
     return sorted(folder.glob("*.whl"))
 
 
-def _pack(target: Path, root: Path, wheels: list[Path], version: str) -> None:
+def _needs(python: str, platforms: list[str] | None) -> str:
+    """Which Python and system the packed packages are for."""
+    system = listed(platforms or [sysconfig.get_platform()])
+    return (
+        f"{python}, and no internet:\nthe packages in the folder wheels are for Python {python} on {system}. With "
+        "another Python or system\nthey do not install: delete that folder, and the first command fetches others, "
+        "with the internet"
+    )
+
+
+def _pack(target: Path, root: Path, wheels: list[Path], needs: str) -> None:
     """Write the archive, with a bar."""
     from tqdm import tqdm
 
     target.parent.mkdir(parents=True, exist_ok=True)
     files = [(path, path.relative_to(root).as_posix()) for path in _files(root)]
     files += [(path, f"wheels/{path.name}") for path in wheels]
-    with zipfile.ZipFile(target, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
-        archive.writestr(f"{FOLDER}/START.txt", _START.format(version=version))
+    with zipfile.ZipFile(target, "w") as archive:
+        _add(archive, zipfile.ZipInfo(f"{FOLDER}/START.txt", time.localtime()[:6]), _START.format(needs=needs).encode())
         for path, name in tqdm(files, desc="packing", unit="file", leave=False):
-            how = zipfile.ZIP_STORED if path.suffix in _PACKED else None
-            archive.write(path, f"{FOLDER}/{name}", how)
+            _add(archive, zipfile.ZipInfo.from_file(path, f"{FOLDER}/{name}"), path.read_bytes())
+
+
+def _add(archive: zipfile.ZipFile, about: zipfile.ZipInfo, data: bytes) -> None:
+    """Add a file that everybody may read, whatever its rights are here."""
+    about.external_attr = (stat.S_IFREG | 0o644) << 16
+    how = zipfile.ZIP_STORED if Path(about.filename).suffix in _PACKED else zipfile.ZIP_DEFLATED
+    archive.writestr(about, data, how, compresslevel=1)
 
 
 def _files(root: Path) -> Iterator[Path]:

@@ -1,5 +1,5 @@
 from .answers import Array, Choice, Function, Number, Verdict
-from .asking import Exercise, WrongAnswer, exercise, exercise_numbers
+from .asking import Exercise, WrongAnswer, exercise, exercise_numbers, handed_in_by
 from .sheets import SHEETS, make_sheet
 from .tampering import REFUSED_NAMES, refuse_tampering
 from .tasks import Recipe, Task, task
@@ -18,6 +18,7 @@ __all__ = [
     "WrongAnswer",
     "exercise",
     "exercise_numbers",
+    "handed_in_by",
     "make_sheet",
     "refuse_tampering",
     "task",

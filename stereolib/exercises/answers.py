@@ -7,6 +7,7 @@ numbers as the right one. Those that any quantity allows (another unit, the sign
 from __future__ import annotations
 
 import copy
+import inspect
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -19,6 +20,8 @@ from stereolib.base import Float64, listed
 
 #: From what a student is likely to have done to what comes out then.
 Mistakes: TypeAlias = Mapping[str, Any]
+#: Between mistakes that lead to the same answer.
+OR = " Or: "
 _TRIALS = 12  # random inputs on which a function is tried
 _FACTORS = {"mm": (10, 1000), "cm": (10, 100), "m": (100, 1000), "litres": (10, 1000)}  # to units that are in use
 
@@ -67,9 +70,11 @@ def _wrong(mistake: str) -> Verdict:
     return Verdict(False, f"Not yet. {mistake}", mistake)
 
 
-def _named(given: Float64, wrong: Iterator[tuple[str, Any]], near: Callable[[Any, Any], bool]) -> Verdict:
-    """The first mistake whose answer is the given one; else only that it is wrong."""
-    for mistake, result in wrong:
+def _named(given: Any, own: Mistakes, usual: Iterator[tuple[str, Any]], near: Callable[[Any, Any], bool]) -> Verdict:
+    """All of the exercise's own mistakes that lead to the given answer; else the first usual one that does."""
+    if found := [mistake for mistake, result in own.items() if near(given, result)]:
+        return _wrong(OR.join(found))
+    for mistake, result in usual:
         if near(given, result):
             return _wrong(mistake)
     return Verdict(False, "Not yet, and it is none of the usual mistakes. `task.hint()` gives a hint.")
@@ -87,8 +92,8 @@ def _usual(right: Any, unit: str) -> Iterator[tuple[str, Any]]:
         yield "This is a share of one. In % it is a hundred times as much.", right / 100
     if unit == "degrees":
         yield "This is the angle in radians; degrees are asked for.", np.radians(right)
-    yield "It is half of the right one. Did you take a radius, or one side only?", right / 2
-    yield "It is twice the right one. Did you take a diameter, or both sides?", right * 2
+    yield "It is half of the right one.", right / 2
+    yield "It is twice the right one.", right * 2
 
 
 @dataclass(frozen=True)
@@ -141,7 +146,7 @@ class Number:
             return Verdict(False, "Your number is not finite: something was divided by zero, or is missing.")
         if self._near(number, self.right):
             return Verdict(True, "Right.")
-        return _named(number, self.wrong_answers(), self._near)  # type: ignore[arg-type]
+        return _named(number, self.mistakes, _usual(self.right, self.unit), self._near)
 
     def right_answer(self) -> float:
         """Return the right number.
@@ -214,7 +219,7 @@ class Array:
             return Verdict(False, "Not yet. Some of your numbers are not finite.")
         if self._near(numbers, right):
             return Verdict(True, "Right.")
-        return _named(numbers, self.wrong_answers(), self._near)
+        return _named(numbers, self.mistakes, self._usual(), self._near)
 
     def right_answer(self) -> Float64:
         """Return the right numbers.
@@ -232,8 +237,11 @@ class Array:
         ------
         tuple of (str, ndarray)
         """
-        right = self.right_answer()
         yield from self.mistakes.items()
+        yield from self._usual()
+
+    def _usual(self) -> Iterator[tuple[str, Float64]]:
+        right = self.right_answer()
         if right.ndim == 2 and right.shape[0] == right.shape[1]:
             yield "It is transposed: rows and columns are exchanged.", right.T
         if right.ndim == 1 and len(right) > 1:
@@ -346,11 +354,13 @@ class Function:
             return self._tried(given, np.random.default_rng())  # seeded by the system: no input can be foreseen
 
     def _tried(self, given: Callable[..., Any], rng: np.random.Generator) -> Verdict:
-        inputs = [self.draw(rng) for _ in range(_TRIALS)]
-        try:
-            results = [_call(given, one) for one in inputs]
-        except Exception as error:
-            return Verdict(False, f"Not yet. Your function stops with {type(error).__name__}: {error}")
+        inputs, results = self.inputs(rng), []
+        for one in inputs:
+            try:
+                results.append(_call(given, one))
+            except Exception as error:
+                why = f"{type(error).__name__}: {error}. It was called with {self._described(one)}."
+                return Verdict(False, f"Not yet. Your function stops with {why}")
         if any(changed for _, changed in results):
             return _wrong("Your function changes its input: work on a copy.")
         outputs = [output for output, _ in results]
@@ -362,6 +372,30 @@ class Function:
             if all(self._same(mine, function(*one)) for mine, one in zip(outputs, inputs, strict=True)):
                 return _wrong(mistake) if mistake else Verdict(True, "Right.")
         return self._unnamed([np.asarray(output, float) for output in outputs], inputs)
+
+    def inputs(self, rng: np.random.Generator) -> list[tuple[Any, ...]]:
+        """Draw the inputs of one trial, anew until each mistake shows on some of them.
+
+        Parameters
+        ----------
+        rng : numpy.random.Generator
+
+        Returns
+        -------
+        list of tuple
+        """
+        while True:
+            inputs = [self.draw(rng) for _ in range(_TRIALS)]
+            if not any(self._agree(function, inputs) for function in self.mistakes.values()):
+                return inputs
+
+    def _agree(self, function: Callable[..., Any], inputs: list[tuple[Any, ...]]) -> bool:
+        return all(self._same(function(*one), self.twin(*one)) for one in inputs)
+
+    def _described(self, inputs: tuple[Any, ...]) -> str:
+        """What a call got, by the names of the arguments."""
+        names = inspect.signature(self.twin).parameters
+        return "; ".join(f"{name} = {_size(value)}" for name, value in zip(names, inputs, strict=True))
 
     def _unnamed(self, outputs: list[Float64], inputs: list[tuple[Any, ...]]) -> Verdict:
         """Say of a wrong function which rule it breaks, or what it should have returned."""
@@ -397,6 +431,14 @@ class Function:
         tuple of (str, callable)
         """
         yield from self.mistakes.items()
+
+
+def _size(value: Any) -> str:
+    """A number or a few as they are; of more the shape, and how many of them are NaN."""
+    if np.size(value) < 6 or isinstance(value, bytes):
+        return np.array2string(np.asarray(value), precision=4, separator=", ") if np.ndim(value) else repr(value)
+    holes = np.count_nonzero(np.isnan(np.asarray(value, float)))
+    return f"an array of shape {np.shape(value)}, {holes or 'none'} of it NaN"
 
 
 def _is_numbers(output: Any) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-import os
+import unicodedata
 from functools import cache
 from importlib import import_module
 from pathlib import Path
@@ -12,15 +12,19 @@ from typing import Any
 
 import numpy as np
 
-from stereolib.exercises.answers import Array, Choice, Number, Verdict
+from stereolib.exercises.answers import Function, Verdict
+from stereolib.exercises.tampering import refuse_tampering
 from stereolib.exercises.tasks import Recipe, Task
 
 CHAPTERS = sorted(int(path.stem[-2:]) for path in Path(__file__).parent.glob("chapter_??.py"))
-_DRAWS = 100  # until no usual mistake leads to the right answer by accident
+#: The name that stands in a new sheet.
+NOBODY = "reader"
+_UNNAMED = f"These are the numbers of `{NOBODY}`. Write your own name into the second cell; run it, then this one."
+_DRAWS = 500  # until no usual mistake leads to the right answer by accident
 
 
 class WrongAnswer(AssertionError):
-    """A wrong answer under nbgrader, which gives no points where a cell raises."""
+    """A wrong answer; nbgrader gives no points where a cell raises, and a notebook shows the sentence alone."""
 
     def _render_traceback_(self) -> list[str]:  # IPython shows these lines in place of a traceback
         return [str(self)]
@@ -35,6 +39,8 @@ class Exercise:
         Chapter and exercise, ``"03.2"``.
     recipe : Recipe
     task : Task
+    unnamed : bool
+        Whether to tell the student that these are nobody's numbers.
 
     Attributes
     ----------
@@ -42,15 +48,15 @@ class Exercise:
         The numbers of the question, by name.
     """
 
-    def __init__(self, number: str, recipe: Recipe, task: Task) -> None:
+    def __init__(self, number: str, recipe: Recipe, task: Task, *, unnamed: bool = False) -> None:
         self.number, self.given = number, SimpleNamespace(**task.given)
-        self._recipe, self._task, self._told = recipe, task, 0
+        self._recipe, self._task, self._told, self._unnamed = recipe, task, 0, unnamed
 
     def __repr__(self) -> str:
         return f"{self.number} {self._recipe.title}\n\n{self._task.question}"
 
     def _repr_markdown_(self) -> str:
-        return self._task.question
+        return self._task.question + (f"\n\n*{_UNNAMED}*" if self._unnamed else "")
 
     def picture(self) -> Any:
         """Show the figure of the question.
@@ -74,18 +80,18 @@ class Exercise:
         return picture
 
     def hint(self) -> str:
-        """Tell the first hint, and the second one when asked again.
+        """Tell the first hint, the second one when asked again, and then that there are no more.
 
         Returns
         -------
         str
         """
-        hint = self._recipe.hints[min(self._told, 1)]
         self._told += 1
-        return hint
+        hints = self._recipe.hints
+        return hints[self._told - 1] if self._told <= len(hints) else "There are only two hints."
 
     def check(self, answer: Any) -> Verdict:
-        """Say whether an answer is right, and if not, what the mistake probably was.
+        """Say that an answer is right, or what the mistake probably was.
 
         Parameters
         ----------
@@ -95,16 +101,15 @@ class Exercise:
         Returns
         -------
         Verdict
-            True where it is right; its text is a sentence.
 
         Raises
         ------
         WrongAnswer
-            If it is wrong and nbgrader runs the notebook.
+            If it is not right; its text says why.
         """
         unsolved = answer is None or answer is Ellipsis
         verdict = Verdict(False, "No answer yet.") if unsolved else self._task.answer.judge(answer)
-        if not verdict and os.environ.get("NBGRADER_EXECUTION"):
+        if not verdict:
             raise WrongAnswer(verdict.text)
         return verdict
 
@@ -152,7 +157,7 @@ def exercise(number: str, student: str = "") -> Exercise:
     number : str
         Chapter and exercise, ``"03.2"``.
     student : str
-        Any name; each name draws other numbers. Small letters and capitals count alike.
+        Any name; each name draws its numbers. Small letters and capitals differ, spaces around it do not count.
 
     Returns
     -------
@@ -163,47 +168,77 @@ def exercise(number: str, student: str = "") -> Exercise:
     ------
     ValueError
         If there is no such exercise.
-    WrongAnswer
-        If nbgrader grades, and another student has handed the notebook in.
 
     Examples
     --------
     >>> depth = exercise("00.2", student="anna")
     >>> depth.check("far")
-    A number is asked for, not str.
+    Traceback (most recent call last):
+    stereolib.exercises.asking.WrongAnswer: A number is asked for, not str.
     """
     recipe_of(number)
-    name = _plain(student)
-    if os.environ.get("NBGRADER_EXECUTION") == "autograde":
-        handed_in_by = Path.cwd().parent.name  # nbgrader works in autograded/STUDENT/ASSIGNMENT
-        if name != _plain(handed_in_by):
-            raise WrongAnswer(f"These are the numbers of {student!r}, and {handed_in_by!r} handed them in.")
-    return _drawn(number, name)
+    _watch()
+    return _drawn(number, plain_name(student))
 
 
-def _plain(student: str) -> str:
-    """A name without what is easily typed differently."""
-    return " ".join(str(student).casefold().split())
+@cache
+def _watch() -> None:
+    """Let a notebook say of each cell that is run from now on if it would not be run while grading."""
+    from IPython import get_ipython
+
+    if shell := get_ipython():
+        shell.events.register("pre_run_cell", _tell_tampering)
+
+
+def _tell_tampering(cell: Any) -> None:
+    if why := refuse_tampering(cell.raw_cell):
+        print(f"Note: a teacher who grades this sheet with nbgrader will not run this cell, because {why}.")
+
+
+def plain_name(student: str) -> str:
+    """Return a name without what cannot be seen: how its accents are coded, and spaces around it."""
+    return unicodedata.normalize("NFC", str(student)).strip()
+
+
+def handed_in_by(owner: str, student: str) -> str:
+    """Refuse a sheet with the numbers of another student; `nbgrader_config.py` puts it before each check.
+
+    Parameters
+    ----------
+    owner : str
+        Who handed it in.
+    student : str
+        The name in the sheet.
+
+    Returns
+    -------
+    str
+        The name of the owner.
+
+    Raises
+    ------
+    WrongAnswer
+        If the names differ.
+    """
+    if plain_name(student) != plain_name(owner):
+        raise WrongAnswer(f"These are the numbers of {student!r}, and {owner!r} handed them in.")
+    return owner
 
 
 @cache
 def _drawn(number: str, student: str) -> Exercise:
-    """An exercise whose mistakes can be told apart for this student's numbers."""
+    """An exercise in which no usual mistake leads to the right answer with this student's numbers."""
     recipe = recipe_of(number)
     seed = int.from_bytes(hashlib.sha256(f"{number} {student}".encode()).digest()[:8], "little")
     rng = np.random.default_rng(seed)
     for _ in range(_DRAWS):
         task = recipe.make(rng)
         if is_clear(task):
-            return Exercise(number, recipe, task)
+            return Exercise(number, recipe, task, unnamed=student == NOBODY)
     raise RuntimeError(f"exercise {number}: in {_DRAWS} draws some mistake could not be told from the right answer")
 
 
 def is_clear(task: Task) -> bool:
-    """Tell whether each mistake of this exercise's own is recognised as what it is, not as another or as right."""
+    """Tell whether every usual mistake leads away from the right answer; of a function, its inputs see to that."""
     answer = task.answer
-    if not isinstance(answer, (Number, Array, Choice)):
-        return True
-    own = answer.wrong if isinstance(answer, Choice) else answer.mistakes
-    named = {why: wrong for why, wrong in answer.wrong_answers() if isinstance(answer, Choice) or why in own}
-    return all(answer.judge(wrong).mistake == why for why, wrong in named.items())
+    return isinstance(answer, Function) or not any(answer.judge(wrong) for _, wrong in answer.wrong_answers())

@@ -102,28 +102,40 @@ def _place(left: Any, right: Any, f_px: float, B_mm: float, centre: Any) -> Floa
 )
 def _length(rng: np.random.Generator) -> Task:
     f_px, B_mm, side_mm = drawn(rng, 600, 900, 10), drawn(rng, 80, 160, 5), drawn(rng, 150, 400, 10)
-    near_mm, tilt = drawn(rng, 600, 900, 10), np.radians(drawn(rng, 25, 40))
-    foot = np.array([drawn(rng, -40, 40), side_mm / 3, near_mm])
-    ends_mm = np.array([foot + side_mm * np.array([0.0, -np.cos(tilt), np.sin(tilt)]), foot])
+    near_mm, tilt, turn = drawn(rng, 600, 900, 10), np.radians(drawn(rng, 30, 45)), np.radians(drawn(rng, 25, 45))
+    foot = np.array([drawn(rng, -90, -20), side_mm / 3, near_mm])
+    lean = np.array([np.sin(tilt) * np.sin(turn), -np.cos(tilt), np.sin(tilt) * np.cos(turn)])
+    ends_mm = np.array([foot + side_mm * lean, foot])
     columns = _CENTRE_PX[0] + f_px * ends_mm[:, 0] / ends_mm[:, 2]
     rows = _CENTRE_PX[1] + f_px * ends_mm[:, 1] / ends_mm[:, 2]
     left = np.round(np.stack([columns, rows], -1), 1)
     right = np.round(np.stack([columns - f_px * B_mm / ends_mm[:, 2], rows], -1), 1)
     top, bottom = (_place(*pixels, f_px, B_mm, _CENTRE_PX) for pixels in zip(left, right, strict=True))
     length_mm = float(np.linalg.norm(top - bottom))
-    rows_px = float(left[1, 1] - left[0, 1])
+    uncentred = (_place(*pixels, f_px, B_mm, (0, 0)) for pixels in zip(left, right, strict=True))
+    pixels_px, (dX, dY, dZ) = float(np.linalg.norm(left[0] - left[1])), np.abs(top - bottom)
     mistakes = {
-        "You took the depth of the foot for both ends. Each end has its own.": rows_px * bottom[2] / f_px,
-        "You took the depth of the top for both ends. Each end has its own.": rows_px * top[2] / f_px,
-        "This is only the difference in height (Y). The ends differ in depth too.": float(bottom[1] - top[1]),
-        "This is only the difference in depth (Z).": float(top[2] - bottom[2]),
+        "You took the depth of the foot for both ends. Each end has its own.": pixels_px * bottom[2] / f_px,
+        "You took the depth of the top for both ends. Each end has its own.": pixels_px * top[2] / f_px,
+        "You took the mean of both depths for both ends. Each end has its own.": pixels_px
+        * (top[2] + bottom[2])
+        / (2 * f_px),
+        "You left out the principal point: count columns and rows from there.": float(
+            np.linalg.norm(next(uncentred) - next(uncentred))
+        ),
+        "You left out X. The ends differ sideways too.": float(np.hypot(dY, dZ)),
+        "You left out Y. The ends differ in height too.": float(np.hypot(dX, dZ)),
+        "You left out Z. The ends differ in depth too.": float(np.hypot(dX, dY)),
+        "This is only the difference in height (Y).": float(dY),
+        "This is only the difference in depth (Z).": float(dZ),
         "This is the square of the length: take the root.": length_mm**2,
-        "These are rows, not millimetres.": rows_px,
+        "These are pixels, not millimetres.": pixels_px,
+        "These are rows, not millimetres.": float(left[1, 1] - left[0, 1]),
     }
     question = (
-        f"An edge leans away from a rig with $f$ = {f_px:g} px, $B$ = {B_mm:g} mm and the principal point "
-        f"({_CENTRE_PX[0]:g}, {_CENTRE_PX[1]:g}). Its upper end is at {_pixel(left[0])} in the left picture and at "
-        f"{_pixel(right[0])} in the right one, its foot at {_pixel(left[1])} and {_pixel(right[1])} (column, row). "
+        f"An edge leans away and to the right. Its rig has $f$ = {f_px:g} px, $B$ = {B_mm:g} mm and the principal "
+        f"point ({_CENTRE_PX[0]:g}, {_CENTRE_PX[1]:g}). Its upper end is at {_pixel(left[0])} in the left picture and "
+        f"at {_pixel(right[0])} in the right one, its foot at {_pixel(left[1])} and {_pixel(right[1])} (column, row). "
         "**How long is the edge, in mm?**"
     )
     given = {"f_px": f_px, "B_mm": B_mm, "centre_px": _CENTRE_PX}
@@ -246,6 +258,8 @@ def _write_place(rng: np.random.Generator) -> Task:
             "X is off by the baseline: it is counted from the left camera, so take the left pixel.": by_right,
             "The sign is wrong: the disparity is left less right.": negative,
             "X and Y are exchanged: a pixel is (column, row), and columns belong to X.": transposed,
+            "It is 10 times too small. Is it in mm?": lambda *given: _place(*given) / 10,
+            "It is 1000 times too small. Is it in mm?": lambda *given: _place(*given) / 1000,
         },
     )
     question = (

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from stereolib.base import Float64, Floats, Ints
-from stereolib.exercises.answers import Function, Number
+from stereolib.exercises.answers import Array, Function, Number
 from stereolib.exercises.tasks import Task, drawn, table, task
 
 _TRIED = 128  # disparities in a cost curve
@@ -112,18 +112,26 @@ def _count(rng: np.random.Generator) -> Task:
 )
 def _census(rng: np.random.Generator) -> Task:
     left = rng.integers(40, 200, (3, 3))
-    right = np.clip(left + rng.integers(-70, 71, (3, 3)), 0, 255)
-    left[1, 1], right[1, 1] = rng.integers(100, 140, 2)
+    right = np.clip(left + rng.integers(-140, 141, (3, 3)), 0, 255)
+    left[1, 1], right[1, 1] = rng.integers(60, 180, 2)
     answers = [(square < square[1, 1]).ravel() for square in (left, right)]
     differ = int(np.sum(answers[0] != answers[1]))
+    darker = [int(each.sum()) for each in answers]
     mistakes = {
         "You counted the answers that agree. The cost counts those that differ.": 8 - differ,
         "You counted the middle as a neighbour too, and the answers that agree.": 9 - differ,
         "You added the differences of the grey values. The census only asks: darker or not?": float(
             np.abs(left - right).sum()
         ),
-        "These are the darker neighbours of the left square alone.": int(answers[0].sum()),
-        "These are the darker neighbours of the right square alone.": int(answers[1].sum()),
+        "These are the darker neighbours of the left square alone.": darker[0],
+        "These are the darker neighbours of the right square alone.": darker[1],
+        "You subtracted the numbers of darker neighbours. Compare neighbour by neighbour.": abs(darker[0] - darker[1]),
+        "You took the left middle for both squares. Each has its own.": int(
+            np.sum((left < left[1, 1]) != (right < left[1, 1]))
+        ),
+        "You took the right middle for both squares. Each has its own.": int(
+            np.sum((left < right[1, 1]) != (right < right[1, 1]))
+        ),
     }
     question = (
         "Here are the grey values around a left pixel, and around its candidate in the right picture. **What does this "
@@ -134,31 +142,35 @@ def _census(rng: np.random.Generator) -> Task:
     return Task(question, given, Number(float(differ), "", 0.0, mistakes, off=0.01))
 
 
-def _path(costs: Ints, p1: int, p2: int, *, less: bool = True, jumps: bool = True, steps: bool = True) -> Ints:
+def _path(costs: Ints, p1: int, p2: int, *, less: bool = True, jumps: bool = True, steps: str = "both") -> Ints:
     """Sums along a path, one row a pixel; the last three leave out a part of the formula."""
     sums = costs.astype(float)
     for x in range(1, len(sums)):
         before = sums[x - 1]
         roomy = np.pad(before, 1, constant_values=np.inf)
         ways = [before]
-        ways += [np.minimum(roomy[:-2], roomy[2:]) + p1] if steps else []
+        ways += [roomy[:-2] + p1] if steps in ("both", "up") else []
+        ways += [roomy[2:] + p1] if steps in ("both", "down") else []
         ways += [np.full_like(before, before.min() + p2)] if jumps else []
         sums[x] += np.min(ways, axis=0) - (before.min() if less else 0)
     return sums
 
 
-def _path_mistakes(costs: Ints, p1: int, p2: int, d: int) -> dict[str, float]:
-    """What the last pixel's price at a disparity becomes by each usual mistake."""
+def _path_mistakes(costs: Ints, p1: int, p2: int) -> dict[str, Any]:
+    """What the last pixel's prices become by each usual mistake."""
 
-    def last(**parts: bool) -> float:
-        return float(_path(costs, p1, p2, **parts)[-1, d])
+    def last(**parts: Any) -> Any:
+        return _path(costs, p1, p2, **parts)[-1]
 
     return {
         "You did not take away the lowest sum of the pixel before.": last(less=False),
         "You left out the jump: from any disparity one may come for P2.": last(jumps=False),
-        "You left out the step: from the next disparity one may come for P1.": last(steps=False),
-        "This is the pixel's own cost. The way there is missing.": float(costs[-1, d]),
-        "You exchanged P1 and P2.": float(_path(costs, p2, p1)[-1, d]),
+        "You left out the step: from the next disparity one may come for P1.": last(steps="none"),
+        "You took the step from the larger disparity only. It may come from the smaller one too.": last(steps="down"),
+        "You took the step from the smaller disparity only. It may come from the larger one too.": last(steps="up"),
+        "These are the pixel's own costs. The way there is missing.": costs[-1],
+        "You exchanged P1 and P2.": _path(costs, p2, p1)[-1],
+        "You read the table transposed: a row is a disparity, a column a pixel.": _path(costs.T, p1, p2)[-1],
     }
 
 
@@ -166,7 +178,7 @@ def _path_mistakes(costs: Ints, p1: int, p2: int, d: int) -> dict[str, float]:
     "Three steps along a path",
     "carry the sums of semi-global matching from pixel to pixel",
     minutes=15,
-    start="price = None  # L of the last pixel at the disparity asked for",
+    start="prices = None  # L of the last pixel: four numbers, at d = 0, 1, 2 and 3",
     hints=(
         "Begin with the first pixel: its sums are its costs. Then fill one column after the other.",
         "For each disparity take the cheapest of three ways: stay, step by 1 and pay P1, jump from the cheapest and "
@@ -175,23 +187,18 @@ def _path_mistakes(costs: Ints, p1: int, p2: int, d: int) -> dict[str, float]:
     points=2,
 )
 def _walk(rng: np.random.Generator) -> Task:
-    while True:  # until most of the usual mistakes lead elsewhere
-        costs, d = rng.integers(0, 13, (4, 4)), int(rng.integers(4))
-        p1, p2 = 1 + int(rng.integers(2)), 3 + int(rng.integers(3))
-        price = float(_path(costs, p1, p2)[-1, d])
-        mistakes = _path_mistakes(costs, p1, p2, d)
-        apart = {why: wrong for why, wrong in mistakes.items() if list(mistakes.values()).count(wrong) == 1}
-        apart = {why: wrong for why, wrong in apart.items() if wrong != price}
-        if len(apart) >= len(mistakes) - 1:
-            break
+    costs = rng.integers(0, 13, (4, 4))
+    p1, p2 = 1 + int(rng.integers(3)), 4 + int(rng.integers(3))
+    prices = _path(costs, p1, p2)[-1]
     question = (
         f"Four pixels follow each other on a path from left to right, with $P_1$ = {p1} and $P_2$ = {p2}. These are "
         "their costs, one row a disparity and one column a pixel:\n\n"
         f"{table(costs.T, [f'pixel {x}' for x in range(4)], [f'd = {k}' for k in range(4)])}\n\n"
-        f"**What is $L$ of pixel 3 at $d$ = {d}?** Take away the lowest sum of the pixel before in each step."
+        f"**What is $L$ of pixel 3 at each of the four disparities?** In each step take away the lowest "
+        "sum of the pixel before."
     )
-    given = {"costs": costs, "P1": p1, "P2": p2, "d": d}
-    return Task(question, given, Number(price, "", 0.0, apart, off=0.01))
+    given = {"costs": costs, "P1": p1, "P2": p2}
+    return Task(question, given, Array(prices, mistakes=_path_mistakes(costs, p1, p2)))
 
 
 @task(
@@ -272,8 +279,8 @@ def _write_check(rng: np.random.Generator) -> Task:
         for each in (left, right):
             each[rng.random(left.shape) < 0.1] = np.nan
             each += rng.uniform(-0.3, 0.3, left.shape)
-            each[rng.random(left.shape) < 0.1] += float(rng.integers(3, 6))
-        return left, right, float(rng.uniform(0.9, 1.1))
+            each += rng.uniform(0.5, 6, left.shape) * (rng.random(left.shape) < 0.2)
+        return left, right, float(rng.uniform(0.4, 3))
 
     def at_same_place(left_px: Any, right_px: Any, tolerance_px: float) -> Float64:
         return np.where(np.abs(right_px - left_px) <= tolerance_px, left_px, np.nan)
@@ -301,6 +308,7 @@ def _write_check(rng: np.random.Generator) -> Task:
             "Columns below 0 are taken from the other border, as numpy counts. They must be NaN.": mistaken(wraps=True),
             "You compare the same column in both maps. Follow the disparity first.": at_same_place,
             "You keep what disagrees and delete what agrees.": mistaken(keeps=False),
+            "Your tolerance is always the same. Take `tolerance_px`.": lambda a, b, t: _left_right(a, b, 1.0),
             "A deleted pixel is NaN here, not 0.": lambda a, b, t: np.nan_to_num(_left_right(a, b, t)),
             "It returns which pixels agree. Return their disparities.": lambda a, b, t: np.isfinite(
                 _left_right(a, b, t)

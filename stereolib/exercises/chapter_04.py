@@ -62,7 +62,7 @@ def _dilate_one(rng: np.random.Generator) -> Task:
         "This is the value before. Look at its neighbours too.": float(np.nan_to_num(values[row, column])),
         "This is the mean of the nine.": float(np.nanmean(around)),
         "You exchanged row and column.": float(np.nanmax(_window(values, min(column, 4), min(row, 7)))),
-        "You looked only at the row.": float(np.nanmax(values[row, column - 1 : column + 2])),
+        "You looked only at the row.": float(np.nanmax(values[row, column - 1 : column + 2], initial=0.0)),
     }
     question = (
         "The picture shows a small disparity map, `task.given.values`. Rows and columns count from 0. It is dilated "

@@ -39,7 +39,7 @@ def _read_height(rng: np.random.Generator) -> Task:
 
         left, _ = recordings.rectified().rectify(*recordings.load_pair(name))
         figure, axes = panels(1, width_in=5.5, aspect=0.8)
-        plot_height(left, read, axes[0], "marked pixels, and the rows that are counted (virtual rig)")
+        plot_height(left, read, axes[0], "marked pixels (virtual rig)")
         return figure, "A picture of the cube with marked pixels. An arrow runs from the first marked row to the cut."
 
     mistakes = {
@@ -96,20 +96,32 @@ def _scale(rng: np.random.Generator) -> Task:
     points=2,
 )
 def _camera(rng: np.random.Generator) -> Task:
-    f_px, B_mm, up_mm = drawn(rng, 600, 850, 5), drawn(rng, 70, 150), drawn(rng, 80, 600, 5)
+    f_px, B_mm, up_mm = drawn(rng, 600, 850, 5), drawn(rng, 70, 120), drawn(rng, 250, 600, 5)
     K = np.array([[f_px, 0, 320.0], [0, f_px, 240.0], [0, 0, 1]])
-    pitch, roll = np.radians(drawn(rng, -4, 10)), np.radians(drawn(rng, -3, 3))
+    pitch, roll = np.radians(drawn(rng, -20, -9)), np.radians(drawn(rng, 3, 8) * float(rng.choice([-1, 1])))
     down = np.array([np.sin(roll), np.cos(roll) * np.cos(pitch), -np.cos(roll) * np.sin(pitch)])
     places = np.array([[150.0, 430], [520, 445], [drawn(rng, 250, 400), 390]])
     corners = np.column_stack([places, np.ones(3)])
     d_px = np.round(f_px * B_mm / up_mm * corners @ np.linalg.inv(K).T @ down, 3)
     plane = np.linalg.solve(corners, d_px)
-    camera_mm = f_px * B_mm / float(np.linalg.norm(K.T @ plane))
+
+    def height_mm(normal: Float64) -> float:
+        return f_px * B_mm / float(np.linalg.norm(normal))
+
+    camera_mm = height_mm(K.T @ plane)
     mistakes = {
         "You turned the fraction round: the height is 1 / |n|.": 1 / camera_mm,
-        "You left out f B: n = Kᵀ π / (f B).": 1 / float(np.linalg.norm(K.T @ plane)),
-        "You left out the camera matrix: n = Kᵀ π / (f B).": f_px * B_mm / float(np.linalg.norm(plane)),
-        "You took K where its transpose is needed.": f_px * B_mm / float(np.linalg.norm(K @ plane)),
+        "You left out f B: n = Kᵀ π / (f B).": camera_mm / (f_px * B_mm),
+        "You left out the camera matrix: n = Kᵀ π / (f B).": height_mm(plane),
+        "You took K where its transpose is needed.": height_mm(K @ plane),
+        "You took the inverse of K. It is Kᵀ π, not K⁻ᵀ π.": height_mm(np.linalg.inv(K).T @ plane),
+        "You took only the part of n that points down. The length of n has three parts.": height_mm((K.T @ plane)[1:2]),
+        "Row and column are exchanged: a place is (column, row).": height_mm(
+            K.T @ np.linalg.solve(corners[:, [1, 0, 2]], d_px)
+        ),
+        "This is the mean of Y at the three places. It is the height only of a camera that is level.": float(
+            np.mean((places[:, 1] - K[1, 2]) * B_mm / d_px)
+        ),
         "It is off by the baseline: nothing is added.": camera_mm + B_mm,
     }
     where = "; ".join(f"{d:.3f} px at ({u:.0f}, {v:.0f})" for (u, v), d in zip(places, d_px, strict=True))
@@ -188,13 +200,14 @@ def _recipe(disparity_px: Any, tolerance_px: float, cut_rows: int, cm_per_px: fl
     return height_by_maximum(disparity_px, cm_per_px, cut_rows, tolerance_px=tolerance_px).height_mm / 10
 
 
-def _mistaken(*, cuts: bool = True, below: bool = True, first: bool = True, from_top: bool = False) -> Any:
+def _mistaken(*, cuts: bool = True, below_px: float | None = None, first: bool = True, from_top: bool = False) -> Any:
     """The recipe with a mistake in it."""
 
     def recipe_cm(disparity_px: Any, tolerance_px: float, cut_rows: int, cm_per_px: float) -> float:
         foot = len(disparity_px) - cut_rows
         above = disparity_px[:foot] if cuts else disparity_px
-        rows = np.flatnonzero((above >= np.nanmax(above) - below * tolerance_px).any(axis=1))
+        below = tolerance_px if below_px is None else below_px
+        rows = np.flatnonzero((above >= np.nanmax(above) - below).any(axis=1))
         row = rows[0] if first else rows[-1]
         return float(cm_per_px * (row if from_top else foot - row))
 
@@ -221,11 +234,12 @@ def _write_recipe(rng: np.random.Generator) -> Task:
         disparity: Float64 = rng.uniform(10, 30, (40, 30))
         top, column, cut = int(rng.integers(5, 20)), int(rng.integers(5, 25)), int(rng.integers(4, 9))
         rows = np.arange(top, 40 - cut)
-        disparity[rows, column] = 60 - rng.uniform(2, 4) * np.abs(rows - rows.mean()) / len(rows)
+        edge = 60 - rng.uniform(4, 24) * np.abs(rows - rows.mean()) / len(rows)  # nearest in the middle
+        disparity[rows, column] = edge
         disparity[40 - cut :] = rng.uniform(62, 90)  # the floor in front is nearer
         disparity[rng.random(disparity.shape) < 0.1] = np.nan
-        disparity[(top, 40 - cut - 1), (column, column)] = 58.0, 58.0
-        return disparity, 5.0, cut, float(rng.uniform(0.08, 0.2))
+        disparity[rows[[0, -1]], column] = edge[[0, -1]]
+        return disparity, float(rng.uniform(1, 9)), cut, float(rng.uniform(0.08, 0.2))
 
     answer = Function(
         _recipe,
@@ -240,8 +254,9 @@ def _write_recipe(rng: np.random.Generator) -> Task:
             "The floor in front is nearer than the cube: cut the lowest rows off before you look for the "
             "largest.": _mistaken(cuts=False),
             "You take only the largest disparity itself. All down to the tolerance below it count.": _mistaken(
-                below=False
+                below_px=0.0
             ),
+            "Your tolerance is always the same. Take `tolerance_px`.": _mistaken(below_px=5.0),
             "You take the last marked row. The top is the first one.": _mistaken(first=False),
             "You count from the top of the picture. Count from the cut up to the top of the cube.": _mistaken(
                 from_top=True

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from stereolib.exercises.asking import exercise_numbers, recipe_of, recipes
+from stereolib.exercises.asking import NOBODY, exercise_numbers, recipe_of, recipes
 
 #: Chapter and name of its notebook of exercises, which is also the name of the chapter's own notebook.
 SHEETS = {
@@ -24,10 +24,11 @@ SHEETS = {
 _HEAD = """\
 # {chapter:02d} · Exercises
 
-These belong to [chapter {chapter:02d}](../{name}.ipynb): {count} exercises, {points} points, about {minutes} minutes.
+These belong to chapter {chapter:02d}, the notebook `{name}`: {count} exercises, {points} points, about {minutes} \
+minutes.
 
 Write your name below, as the teacher has it, and run the cells from the top (Shift and Enter). **Your name draws your \
-numbers**, so yours differ from your neighbour's. Put each answer into its cell, run it, and then run the cell below \
+numbers**: those of your neighbour are other ones. Put each answer into its cell, run it, and then run the cell below \
 it, which says whether the answer is right and what the mistake may have been. Try as often as you like. Are you \
 stuck? `task.hint()` gives a hint, and a second one when asked again."""
 _CHECK = """\
@@ -59,7 +60,7 @@ def make_sheet(chapter: int) -> Any:
     first = [
         _locked("markdown", "head", _HEAD.format(chapter=chapter, name=SHEETS[chapter], **said)),
         _locked("code", "import", "from stereolib.exercises import exercise"),
-        _cell("code", "student", 'student = "reader"  # your name, as the teacher has it'),
+        _cell("code", "student", f'student = "{NOBODY}"  # your name, as the teacher has it'),
     ]
     cells = [cell for number in exercise_numbers(chapter) for cell in _exercise(number)]
     return _v4().new_notebook(cells=first + cells)
@@ -80,8 +81,15 @@ def _exercise(number: str) -> list[Any]:
     return [
         *cells,
         _cell("code", f"answer-{name}", recipe.start, solution=True),
-        _locked("code", f"check-{name}", check, grade=True, points=recipe.points),
+        _check(f"check-{name}", check, recipe.points),
     ]
+
+
+def _check(name: str, source: str, points: int) -> Any:
+    """A check, after which the notebook runs on although a wrong answer raises."""
+    cell = _locked("code", name, source, grade=True, points=points)
+    cell.metadata["tags"] = ["raises-exception"]
+    return cell
 
 
 def _cell(kind: str, name: str, source: str, **roles: Any) -> Any:

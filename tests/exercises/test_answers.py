@@ -17,8 +17,8 @@ from stereolib.exercises import Array, Choice, Function, Number
         (70.0, "10 times too small. Is it in mm"),
         (0.7, "1000 times too small. Is it in mm"),
         (-700.0, "The sign is wrong"),
-        (350.0, "radius, or one side only"),
-        (1400.0, "diameter, or both sides"),
+        (350.0, "half of the right one"),
+        (1400.0, "twice the right one"),
         (793.0, "off by the baseline"),
         (123.0, "none of the usual mistakes"),
         (float("nan"), "not finite"),
@@ -100,7 +100,7 @@ def breaks(values: Any, by: float) -> Any:
         (lambda values, by: {"a": 1}, "returns dict, not numbers"),
         (lambda values: values, "stops with TypeError"),
         (in_place, "changes its input"),
-        (breaks, "stops with KeyError: 'depth'"),
+        (breaks, "stops with KeyError: 'depth'. It was called with values = an array of shape (3, 3), none of it NaN"),
         (3.0, "A function is asked for"),
     ],
 )
@@ -128,3 +128,31 @@ def test_a_function_that_knows_only_some_inputs_is_found_out() -> None:
 
     assert ANSWER.judge(remembers) and ANSWER.judge(remembers)
     assert len({array.tobytes() for array in seen}) == len(seen)
+
+
+def test_the_input_on_which_a_function_stops_is_described() -> None:
+    answer = Function(
+        lambda depth_mm, f_px, data: 0.0, lambda rng: (np.array([[np.nan] * 4 + [2.0] * 4]), 700.0, b"ab")
+    )
+    text = answer.judge(breaks_on_holes).text
+    assert "depth_mm = an array of shape (1, 8), 4 of it NaN; f_px = 700.0; data = b'ab'" in text
+
+
+def breaks_on_holes(depth_mm: Any, f_px: float, data: bytes) -> float:
+    return [1.0][int(np.isnan(depth_mm).sum())]
+
+
+def test_both_mistakes_that_lead_to_one_answer_are_told() -> None:
+    verdict = Number(9.0, "", mistakes={"First.": 4.0, "Second.": 4.0, "Third.": 5.0}).judge(4)
+    assert verdict.text == "Not yet. First. Or: Second."
+
+
+def test_inputs_are_drawn_again_until_a_mistake_shows() -> None:
+    drawn: list[float] = []
+
+    def seldom(rng: np.random.Generator) -> tuple[float]:
+        drawn.append(float(len(drawn) >= 30))
+        return (drawn[-1],)
+
+    answer = Function(lambda x: 2 * x, seldom, mistakes={"It is the double.": lambda x: x})
+    assert not answer.judge(lambda x: x) and len(drawn) == 36

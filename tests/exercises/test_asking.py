@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
-from support.solved_exercises import SOLVED
+from support.solved_exercises import SOLVED, cheapest_ways
 from test_course import GRADES, grade
 
 from stereolib import laser
-from stereolib.exercises import SHEETS, Choice, Function, WrongAnswer, exercise, exercise_numbers
+from stereolib.exercises import SHEETS, Choice, Function, WrongAnswer, asking, exercise, exercise_numbers, handed_in_by
+from stereolib.exercises.answers import OR
 from stereolib.exercises.asking import CHAPTERS, recipe_of, recipes
 from stereolib.exercises.chapter_05 import decoding
 from stereolib.matching import disparity_to_depth
@@ -19,6 +20,7 @@ from stereolib.virtual import recordings
 
 READ_OFF = {"05.1", "06.1", "07.1"}  # some of their numbers stand in the picture alone
 STUDENTS = ["", "anna", "Ben", "çelik", "d. e."]
+CLASS = [f"student {k}" for k in range(60)]
 
 each_exercise = pytest.mark.parametrize("number", exercise_numbers())
 
@@ -26,6 +28,14 @@ each_exercise = pytest.mark.parametrize("number", exercise_numbers())
 def answer_of(number: str, student: str = "") -> Any:
     """What judges an exercise."""
     return exercise(number, student)._task.answer
+
+
+def said(one: Any, answer: Any) -> str:
+    """What a student reads."""
+    try:
+        return str(one.check(answer))
+    except WrongAnswer as wrong:
+        return "\n".join(wrong._render_traceback_())  # what a notebook shows of it
 
 
 def test_each_chapter_has_five_or_more() -> None:
@@ -41,14 +51,54 @@ def test_right_and_wrong_answers_of_several_students(number: str) -> None:
         one, answer = exercise(number, student), answer_of(number, student)
         assert one.check(answer.right_answer()).text == "Right."
         for mistake, wrong in answer.wrong_answers():
-            verdict = one.check(wrong)
-            assert not verdict, mistake
-            told |= {verdict.mistake}
+            text = said(one, wrong)
+            assert text.startswith("Not yet. "), mistake
+            told |= set(text.removeprefix("Not yet. ").split(OR))
         own |= set(answer.wrong.values() if isinstance(answer, Choice) else answer.mistakes)
         if isinstance(answer, Function):  # their mistakes do not depend on the student
             break
     assert len(own) >= 2
     assert own <= told  # each is recognised as what it is
+
+
+@each_exercise
+def test_no_usual_mistake_is_right_for_anyone_in_a_class(number: str) -> None:
+    for k, student in enumerate(CLASS):
+        answer = answer_of(number, student)
+        if isinstance(answer, Function):
+            inputs = answer.inputs(np.random.default_rng(k))
+            passed = [why for why, wrong in answer.wrong_answers() if answer._agree(wrong, inputs)]
+        else:
+            passed = [why for why, wrong in answer.wrong_answers() if answer.judge(wrong)]
+        assert not passed, (student, passed)
+
+
+def place(g: Any, left: Any, right: Any) -> Any:
+    Z = g.f_px * g.B_mm / (left[0] - right[0])
+    return np.array([*(np.subtract(left, g.centre_px) * Z / g.f_px), Z])
+
+
+def darker(square: Any, middle: int) -> Any:
+    return np.delete(square, 4) < middle
+
+
+# Slips of students who tried the exercises, computed from what is given and not from the exercise's own mistakes.
+SLIPS = {
+    "00.3": lambda g: float(
+        np.linalg.norm(np.subtract(place(g, g.top_left, g.top_right), place(g, g.foot_left, g.foot_right))[1:])
+    ),
+    "03.3": lambda g: abs(int(darker(g.left, g.left[1, 1]).sum()) - int(darker(g.right, g.right[1, 1]).sum())),
+    "03.4": lambda g: cheapest_ways(SimpleNamespace(**vars(g) | {"P1": g.P2})),  # a step then costs as much as a jump
+    "06.3": lambda g: g.B_mm / abs(np.linalg.solve(np.column_stack([g.places_px, np.ones(3)]), g.d_px)[1]),
+}
+
+
+@pytest.mark.parametrize("number", SLIPS)
+def test_slips_of_students_are_wrong_for_a_whole_class(number: str) -> None:
+    for student in CLASS:
+        one = exercise(number, student)
+        text = said(one, SLIPS[number](one.given))
+        assert text.startswith("Not yet. ") and "none of the usual" not in text, (student, text)
 
 
 @each_exercise
@@ -80,15 +130,22 @@ def test_sentences_are_for_readers_at_school(chapter: int) -> None:
 
 
 def test_answers_differ_between_neighbours_and_repeat_for_the_same_name() -> None:
-    right = answer_of("00.2", "anna").right_answer()
-    assert right == answer_of("00.2", " Anna ").right_answer()
-    assert not exercise("00.2", "ben").check(right)
+    right = answer_of("00.2", "André").right_answer()
+    assert right == answer_of("00.2", " Andre\N{COMBINING ACUTE ACCENT} ").right_answer()
+    assert right != answer_of("00.2", "andré").right_answer()
+    assert said(exercise("00.2", "ben"), right).startswith("Not yet")
+
+
+def test_a_name_that_was_left_in_is_told_at_once() -> None:
+    assert "Write your own name" in exercise("00.2", " reader")._repr_markdown_()
+    assert "Write your own name" not in exercise("00.2", "anna")._repr_markdown_()
 
 
 def test_hints_come_in_two_steps() -> None:
     one = exercise("00.4", "hints")
     first, second = one.hint(), one.hint()
-    assert first != second == one.hint()
+    assert first != second
+    assert one.hint() == one.hint() == "There are only two hints."
 
 
 @pytest.mark.parametrize("number", ["9.1", "00.99", "", "left", "00.0", "00.-1"])
@@ -118,24 +175,41 @@ def test_a_missing_picture_is_refused() -> None:
 
 @pytest.mark.parametrize("empty", [None, ...])
 def test_no_answer_is_said_to_be_none(empty: Any) -> None:
-    assert exercise("00.2").check(empty).text == "No answer yet."
+    assert said(exercise("00.2"), empty) == "No answer yet."
 
 
-def test_nbgrader_gets_an_error_for_a_wrong_answer(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("NBGRADER_EXECUTION", "validate")
+def test_a_wrong_answer_raises_without_nbgrader_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("NBGRADER_EXECUTION", raising=False)
     right = answer_of("00.2", "anna").right_answer()
     assert exercise("00.2", "anna").check(right)
     with pytest.raises(WrongAnswer, match="10 times too large"):
         exercise("00.2", "anna").check(10 * right)
 
 
-def test_numbers_of_another_student_are_refused_when_graded(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    (tmp_path / "ben" / "ex00").mkdir(parents=True)
-    monkeypatch.chdir(tmp_path / "ben" / "ex00")
-    monkeypatch.setenv("NBGRADER_EXECUTION", "autograde")
+def test_numbers_of_another_student_are_refused_when_graded() -> None:
     with pytest.raises(WrongAnswer, match="numbers of 'anna', and 'ben' handed them in"):
+        handed_in_by("ben", "anna")
+    assert handed_in_by("ben", " ben ") == "ben"
+
+
+def test_a_notebook_says_at_once_which_cell_will_not_be_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    from IPython.core.interactiveshell import InteractiveShell
+    from IPython.utils.capture import capture_output
+
+    shell = InteractiveShell()
+    monkeypatch.setattr("IPython.get_ipython", lambda: shell)
+    asking._watch.cache_clear()
+    try:
         exercise("00.2", "anna")
-    assert exercise("00.2", "Ben").check(answer_of("00.2", "ben").right_answer())
+        with capture_output() as honest:
+            shell.run_cell("import sys\ndepth_mm = 3")
+        with capture_output() as cheating:
+            shell.run_cell("exercise = print")
+    finally:
+        shell.history_manager.end_session()
+        asking._watch.cache_clear()
+    assert honest.stdout == ""
+    assert "will not run this cell, because it gives the name exercise a new meaning" in cheating.stdout
 
 
 @pytest.mark.parametrize("number", SOLVED)
@@ -182,5 +256,5 @@ def test_decoding_twin_is_the_librarys() -> None:
 
 def test_census_costs_have_their_dip_at_the_truth() -> None:
     read = exercise("03.1", "anna")
-    assert read.check(answer_of("03.1", "anna").right_answer() + 1.9)
-    assert not read.check(answer_of("03.1", "anna").right_answer() + 2.1)
+    best = answer_of("03.1", "anna").right_answer()
+    assert said(read, best + 1.9) == "Right." != said(read, best + 2.1)

@@ -74,6 +74,7 @@ HANDED_IN: dict[str, tuple[Answers, float]] = {
             THIRD: "import stereolib.exercises as e\ne.Exercise.check = lambda self, answer: True\nplace_mm = 1",
             FOURTH: "noise_mm = exercise('05.4', student)._task.answer.right",
             FIFTH: f"student = 'anna'\n{solution(FIFTH, 'anna')}",  # with the name that belongs to it
+            WRITTEN: "import pathlib\npathlib.os.environ.pop('NBGRADER_EXECUTION')\ndistances_mm = len",
         },
         0.0,
     ),

@@ -31,6 +31,16 @@ def test_cells_that_raise_or_write_to_stderr_are_named(tmp_path: Path) -> None:
     assert "cell 3" not in raised
 
 
+def test_an_error_that_its_cell_expects_is_no_failure(tmp_path: Path) -> None:
+    source = write_notebook(tmp_path / "notebooks", "01_one", "1 / 0", "print('goes on')")
+    notebook = nbformat.read(source, as_version=4)
+    notebook.cells[0].metadata["tags"] = ["raises-exception"]
+    nbformat.write(notebook, source)
+    execute_notebooks([source], tmp_path / "out", tmp_path / "figures", jobs=1)
+    raised, went_on = nbformat.read(tmp_path / "out" / source.name, as_version=4).cells
+    assert raised.outputs[0].ename == "ZeroDivisionError" and went_on.outputs[0].text == "goes on\n"
+
+
 @pytest.mark.parametrize("fault", ["if first: os._exit(1)", "if first: time.sleep(600)"])
 def test_dead_or_stalled_kernel_gets_one_more_try(tmp_path: Path, fault: str) -> None:
     result = execute(tmp_path, ONCE + fault, "print('done')", limits=Limits(cell_s=3))

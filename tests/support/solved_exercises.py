@@ -24,7 +24,7 @@ def edge_length(g: Any) -> float:
     return float(np.linalg.norm(ends[0] - ends[1]))
 
 
-def cheapest_way(g: Any) -> float:
+def cheapest_ways(g: Any) -> list[float]:
     """All ways through the costs, tried one by one; less the cheapest way to the pixel before."""
 
     def price(way: tuple[int, ...]) -> float:
@@ -35,8 +35,8 @@ def cheapest_way(g: Any) -> float:
         )
 
     levels = range(g.costs.shape[1])
-    last = min(price((*way, g.d)) for way in product(levels, repeat=len(g.costs) - 1))
-    return last - min(price(way) for way in product(levels, repeat=len(g.costs) - 1))
+    before = list(product(levels, repeat=len(g.costs) - 1))
+    return [min(price((*way, d)) for way in before) - min(map(price, before)) for d in levels]
 
 
 def camera_height(g: Any) -> float:
@@ -117,7 +117,7 @@ SOLVED: dict[str, Callable[[Any], Any]] = {
     "02.5": lambda g: g.Z_mm * g.calibrated_mm / g.true_mm,
     "03.2": lambda g: next(n for n in range(16, 9999, 16) if g.f_px * g.B_mm / g.Z_mm < n),
     "03.3": lambda g: sum((a < g.left[1, 1]) != (b < g.right[1, 1]) for a, b in zip(g.left.flat, g.right.flat)),  # noqa: B905
-    "03.4": cheapest_way,
+    "03.4": cheapest_ways,
     "03.5": lambda g: matching.score(g.found, g.truth).bad2_pct,
     "04.1": dilated_at,
     "04.2": closed_at,

@@ -192,7 +192,8 @@ def _fused_text(state: State) -> str:
         reasons = dict.fromkeys(_reasons(entry) for entry in measured.objects[:_MOST])
         told = ["as the ground plane" if attempt.why and why == attempt.why else why for why in reasons]
         return f"no size: {'; '.join(told)}" if told else "nothing stands there"
-    return "; ".join(_sizes(entry) for entry in whole[:_MOST])
+    sizes = "; ".join(_sizes(entry) for entry in whole[:_MOST])
+    return sizes.replace(attempt.why, "as the ground plane") if attempt.why else sizes
 
 
 def _sizes(entry: MeasuredObject) -> str:

@@ -68,7 +68,7 @@ def test_what_cannot_be_measured_is_kept_with_its_reason():
     assert tried.refused and tried.floor is not None
     for refused in (tried, attempted("conditions/glare")):
         assert np.isnan([refused.height_mm, refused.std_mm, corner_width_mm(refused)]).all()
-        assert refused.why and not refused.why.startswith(refused.refused)
+        assert len(refused.why) > len(refused.refused)  # it says more than the name
         assert np.isnan(refused.edge_px).all() and np.isnan(refused.near_mm).all() and refused.parts_mm == {}
     blank = np.full((480, 640), 90, np.uint8)
     assert attempt_height(blank, blank, RECT, floor=floor_from_pose(RECT, recordings.setup())).refused == "no object"

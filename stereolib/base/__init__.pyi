@@ -2,20 +2,10 @@ from . import datasets
 from .angles import direction, turn_2d, turn_about_z, wrap_rad
 from .arrays import Bools, Float32, Float64, Floats, Ints, UInt8, finite_array, set_frozen
 from .datasets import ROOT, NotAvailable, available, data_path, figures_dir, real_recording, real_recordings, repository
-from .files import (
-    check_name,
-    check_nesting,
-    check_target,
-    parse_yaml,
-    read_bytes,
-    read_json,
-    read_text,
-    read_toml,
-    read_yaml,
-    write_atomic,
-)
+from .files import check_name, check_target, read_bytes, read_text, write_atomic
 from .numbers import counted, listed, plus_minus
 from .statistics import clustered_covariance, median
+from .text_formats import check_nesting, parse_yaml, read_json, read_toml, read_yaml
 
 __all__ = [
     "ROOT",

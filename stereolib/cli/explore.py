@@ -3,21 +3,15 @@
 from __future__ import annotations
 
 import argparse
-import importlib.util
 import json
 import os
-import socket
 import subprocess
-import sys
-from importlib.resources import files
 from pathlib import Path
 
 from stereolib.cli.command import Command
 from stereolib.cli.ranges import whole
+from stereolib.cli.voila import free_port, has_voila, voila_command, voila_environment
 
-_PAGE = "explore.ipynb"
-_STRANGERS = ["@jupyter-notebook/lab-extension"]  # it needs parts that Voila has not
-_HOST = "127.0.0.1"
 _NOTES = """\
 The page shows the virtual rig, whose scene, cameras, laser and settings have sliders, every recording of the project,
 or your own pair. It is served on this machine alone, with a token, and asks for nothing from elsewhere. Ctrl-C ends it.
@@ -41,22 +35,11 @@ def _run(arguments: argparse.Namespace) -> int:
     environment = ONE_THREAD | dict(os.environ)  # the page has threads of its own, for both cameras
     if own := _own_pair(arguments):
         environment[OWN_FILES] = json.dumps(own)
-    if importlib.util.find_spec("voila") is None:
+    if not has_voila():
         raise ValueError("explore needs Voila: run make explore, or pip install 'stereolib[explore]'")
-    here = files("stereolib.notebook")
-    # Voila looks for templates below voila/templates of these folders.
-    paths = [str(here), environment.get("JUPYTER_PATH", "")]
-    environment["JUPYTER_PATH"] = os.pathsep.join(filter(None, paths))
-    options = ["--template=stereolib", "--token", f"--Voila.ip={_HOST}", f"--port={arguments.port or _free_port()}"]
-    options.append(f"--VoilaConfiguration.extension_denylist={_STRANGERS}")
-    options += ["--no-browser"] if arguments.no_browser else []
-    return subprocess.call([sys.executable, "-m", "voila", str(here / _PAGE), *options], env=environment)
-
-
-def _free_port() -> int:
-    with socket.socket() as asked:
-        asked.bind((_HOST, 0))
-        return int(asked.getsockname()[1])
+    opened = ["--no-browser"] if arguments.no_browser else []
+    command = [*voila_command("explore.ipynb", arguments.port or free_port()), *opened]
+    return subprocess.call(command, env=voila_environment(environment))
 
 
 def _own_pair(arguments: argparse.Namespace) -> tuple[str, ...]:

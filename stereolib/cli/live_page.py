@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import os
 import secrets
 import socket
@@ -13,16 +12,16 @@ import time
 import webbrowser
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from importlib.resources import files
 from typing import TYPE_CHECKING
+
+from stereolib.cli.ranges import whole
+from stereolib.cli.voila import HOST, free_port, has_voila, voila_command, voila_environment
 
 if TYPE_CHECKING:
     import argparse
 
     from stereolib.notebook.live_link import LiveLink
 
-_HOST, _PAGE = "127.0.0.1", "live.ipynb"
-_STRANGERS = ["@jupyter-notebook/lab-extension"]  # it needs parts that Voila has not
 _START_S, _POLL_S, _END_S = 30.0, 0.1, 5.0
 
 
@@ -30,27 +29,27 @@ def add_page(parser: argparse.ArgumentParser) -> None:
     """Add the options of a live page."""
     parser.add_argument("--no-preview", action="store_true", help="show nothing in the browser")
     parser.add_argument("--no-browser", action="store_true", help="print the page's address and open nothing")
-    parser.add_argument("--port", type=int, default=0, metavar="N", help="of the page (default: a free one)")
+    parser.add_argument(
+        "--port", type=whole(0, 65535), default=0, metavar="N", help="of the page (default: a free one)"
+    )
 
 
 @contextmanager
 def live_page(arguments: argparse.Namespace, title: str, buttons: dict[str, str]) -> Iterator[LiveLink | None]:
     """Serve the page while the block runs; None with ``--no-preview``, and where Voila is missing, which is said."""
-    if not 0 <= arguments.port < 2**16:
-        raise ValueError(f"--port is 0 to 65535, got {arguments.port}")
     if arguments.no_preview:
         yield None
         return
-    if importlib.util.find_spec("voila") is None:
+    if not has_voila():
         print("no preview: it needs Voila, pip install 'stereolib[explore]'; going on without it", file=sys.stderr)
         yield None
         return
     from stereolib.notebook.live_link import LiveLink
 
-    link, token, port = LiveLink(title, buttons), secrets.token_hex(16), arguments.port or _free_port()
+    link, token, port = LiveLink(title, buttons), secrets.token_hex(16), arguments.port or free_port()
     server = _serve(link.environment | {"JUPYTER_TOKEN": token}, port)
     ending = threading.Event()
-    told = f"http://{_HOST}:{port}/?token={token}", port, server, ending, not arguments.no_browser
+    told = f"http://{HOST}:{port}/?token={token}", port, server, ending, not arguments.no_browser
     threading.Thread(target=_announce, args=told, daemon=True, name="announce").start()
     try:
         yield link
@@ -65,22 +64,19 @@ def live_page(arguments: argparse.Namespace, title: str, buttons: dict[str, str]
 
 
 def _serve(told: dict[str, str], port: int) -> subprocess.Popen[bytes]:
-    here = files("stereolib.notebook")
-    environment = dict(os.environ) | told
-    environment["JUPYTER_PATH"] = os.pathsep.join(filter(None, (str(here), environment.get("JUPYTER_PATH", ""))))
-    options = ["--template=stereolib", "--token", f"--Voila.ip={_HOST}", f"--port={port}", "--no-browser"]
-    options += [f"--VoilaConfiguration.extension_denylist={_STRANGERS}", "--Voila.log_level=ERROR"]
-    command = [sys.executable, "-m", "voila", str(here / _PAGE), *options]
+    command = [*voila_command("live.ipynb", port), "--no-browser", "--Voila.log_level=ERROR"]
     # of its own group: Ctrl-C in the terminal is this command's, which ends the server when all is said
     quiet = subprocess.DEVNULL  # its warnings are about its own settings
-    return subprocess.Popen(command, env=environment, stdout=quiet, stderr=quiet, start_new_session=True)
+    return subprocess.Popen(
+        command, env=voila_environment(dict(os.environ) | told), stdout=quiet, stderr=quiet, start_new_session=True
+    )
 
 
 def _announce(address: str, port: int, server: subprocess.Popen[bytes], ending: threading.Event, opens: bool) -> None:
     """Say the address once somebody answers there, and open it."""
     until_s = time.monotonic() + _START_S
     while time.monotonic() < until_s and server.poll() is None:
-        with suppress(OSError), socket.create_connection((_HOST, port), _POLL_S):
+        with suppress(OSError), socket.create_connection((HOST, port), _POLL_S):
             print(f"preview: {address}", file=sys.stderr, flush=True)
             if opens:
                 webbrowser.open(address)
@@ -88,9 +84,3 @@ def _announce(address: str, port: int, server: subprocess.Popen[bytes], ending: 
         if ending.wait(_POLL_S):
             return
     print(f"no preview: its server did not start (port {port}); going on without it", file=sys.stderr, flush=True)
-
-
-def _free_port() -> int:
-    with socket.socket() as asked:
-        asked.bind((_HOST, 0))
-        return int(asked.getsockname()[1])

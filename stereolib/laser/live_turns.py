@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stereolib.laser.scans import LaserScan, turns
-from stereolib.laser.serial_port import _check_packets, read_chunks
+from stereolib.laser.serial_port import check_packets, read_chunks
 from stereolib.laser.xv11 import PACKETS_PER_TURN, Decoder, decode, join_readings
 
 _RECENT = 10  # turns over which their rate is told
@@ -72,7 +72,7 @@ def watch_turns(port: str, timeout_s: float = 2.0) -> Generator[LiveTurn, None, 
     with closing(read_chunks(port, timeout_s)) as chunks:
         for chunk in chunks:
             pending, heard = join_readings([pending[:], decoder.feed(chunk)]), (heard + chunk)[-_HEARD_BYTES:]
-            _check_packets(port, decoder.totals, heard)
+            check_packets(port, decoder.totals, heard)
             while len(ends := np.flatnonzero(np.diff(pending.index.astype(int)) <= 0) + 1):
                 turned, pending = pending[: ends[0]], pending[ends[0] :]
                 ended_s.append(time.monotonic())

@@ -79,7 +79,7 @@ def open_lidar(
             if time.monotonic() - start_s > end_s:
                 return
             heard = (heard + chunk)[-_CHUNK_BYTES:]
-            _check_packets(port, decoder.totals, heard)
+            check_packets(port, decoder.totals, heard)
             ends = np.flatnonzero(np.diff(pending.index.astype(int)) <= 0) + 1
             if not len(ends):
                 continue
@@ -212,7 +212,8 @@ def _said(heard: bytes) -> str:
     return "" if readings is None else "the board prints distances as text: switch it to raw bytes (ShowRaw, HideDist)"
 
 
-def _check_packets(port: str, totals: dict[str, int], heard: bytes) -> None:
+def check_packets(port: str, totals: dict[str, int], heard: bytes) -> None:
+    """Raise `LidarError` where what a port sends is no scan of one XV-11: totals of its `Decoder`, its last bytes."""
     if totals["good"] and totals["old_turns"]:
         raise LidarError(f"{port} mixes packets of two firmwares: connect one sensor at a time")
     wrong = totals["skipped_bytes"] + PACKET_BYTES * totals["bad_checksum"]

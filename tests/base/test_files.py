@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from stereolib.base import files
+from stereolib.base import files, text_formats
 
 pipes = pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
 
@@ -98,19 +98,19 @@ def test_json_that_is_none(tmp_path: Path, text: str) -> None:
     path = tmp_path / "calibration.json"
     path.write_text(text)
     with pytest.raises(ValueError, match=r"calibration\.json: not a JSON file"):
-        files.read_json(path)
+        text_formats.read_json(path)
 
 
 def test_brackets_inside_texts_are_no_nesting(tmp_path: Path) -> None:
     path = tmp_path / "x.json"
     path.write_text('{"a": "' + "[" * 500 + '\\"", "b": [1, 2]}')
-    assert files.read_json(path)["b"] == [1, 2]
+    assert text_formats.read_json(path)["b"] == [1, 2]
 
 
 def test_tags_are_counted_as_brackets_are() -> None:
-    files.check_nesting('<?xml version="1.0"?>' + "<a>1</a><b/>" * 500)
+    text_formats.check_nesting('<?xml version="1.0"?>' + "<a>1</a><b/>" * 500)
     with pytest.raises(ValueError, match="nested more than 64"):
-        files.check_nesting("<a>" * 65)
+        text_formats.check_nesting("<a>" * 65)
 
 
 BOMB = "a0: &a0 [x, x, x, x, x, x, x, x, x, x]\n" + "".join(
@@ -132,13 +132,13 @@ def test_yaml_is_bounded(tmp_path: Path, text: str, message: str) -> None:
     path = tmp_path / "rig.yaml"
     path.write_text(text)
     with pytest.raises(ValueError, match=message):
-        files.read_yaml(path)
+        text_formats.read_yaml(path)
 
 
 def test_yaml_with_a_few_aliases_is_read(tmp_path: Path) -> None:
     path = tmp_path / "rig.yaml"
     path.write_text("a: &size [640, 480]\nb: *size\nc: {d: [1, {e: 2}]}\n")
-    assert files.read_yaml(path) == {"a": [640, 480], "b": [640, 480], "c": {"d": [1, {"e": 2}]}}
+    assert text_formats.read_yaml(path) == {"a": [640, 480], "b": [640, 480], "c": {"d": [1, {"e": 2}]}}
 
 
 def test_writing_replaces_whole_and_leaves_nothing_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

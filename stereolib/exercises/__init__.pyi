@@ -1,5 +1,6 @@
-from .answers import Array, Choice, Function, Number, Verdict
+from .answers import Array, Choice, Number, Verdict
 from .asking import Exercise, WrongAnswer, exercise, exercise_numbers, handed_in_by
+from .function_answers import Function
 from .sheets import SHEETS, make_sheet
 from .tampering import REFUSED_NAMES, refuse_tampering
 from .tasks import Recipe, Task, task

@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from stereolib.exercises.answers import Function, Verdict
+from stereolib.exercises.answers import Verdict
+from stereolib.exercises.function_answers import Function
 from stereolib.exercises.tampering import refuse_tampering
 from stereolib.exercises.tasks import Recipe, Task
 

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from stereolib.base import Float64
-from stereolib.exercises.answers import Choice, Function, Number
+from stereolib.exercises.answers import Choice, Number
+from stereolib.exercises.function_answers import Function
 from stereolib.exercises.tasks import Task, drawn, task
 
 _CENTRE_PX = 320.0, 240.0  # principal point of every rig here

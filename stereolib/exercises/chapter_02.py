@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from stereolib.base import Float64
-from stereolib.exercises.answers import Function, Number
+from stereolib.exercises.answers import Number
+from stereolib.exercises.function_answers import Function
 from stereolib.exercises.tasks import Task, drawn, task
 
 

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from stereolib.base import Float64, Floats, Ints
-from stereolib.exercises.answers import Array, Function, Number
+from stereolib.exercises.answers import Array, Number
+from stereolib.exercises.function_answers import Function
 from stereolib.exercises.tasks import Task, drawn, table, task
 
 _TRIED = 128  # disparities in a cost curve

@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from stereolib.exercises.answers import Array, Function, Number
+from stereolib.exercises.answers import Array, Number
+from stereolib.exercises.function_answers import Function
 from stereolib.exercises.tasks import Task, drawn, task
 
 _INVALID, _WEAK, _DISTANCE = 0x80, 0x40, 0x3FFF  # flags in the high byte; the bits of a distance

@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from stereolib.exercises.answers import Function, Number
+from stereolib.exercises.answers import Number
+from stereolib.exercises.function_answers import Function
 from stereolib.exercises.tasks import Task, drawn, task
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import tempfile
 from collections.abc import Callable
 from dataclasses import replace
 from html import escape
@@ -17,14 +16,14 @@ import ipywidgets as widgets
 from stereolib.notebook import chain, offered, python_code
 from stereolib.notebook.code_block import CodeBlock
 from stereolib.notebook.explorer_clicks import draw_costs, find, length_text
+from stereolib.notebook.explorer_controls import UPLOADS, Controls, Upload, described, sentence
 from stereolib.notebook.explorer_panels import CAPTIONS, draw_panels, scale_of
 from stereolib.notebook.explorer_results import legend, result_line
-from stereolib.notebook.knobs import OWN, VIRTUAL, Knob, State, from_text, knobs, most_p2, on_step, to_text
+from stereolib.notebook.knobs import OWN, VIRTUAL, State, from_text, knobs, on_step, to_text
 from stereolib.notebook.latest import Latest
 from stereolib.notebook.live_picture import LivePicture
 from stereolib.notebook.stories import STORIES, Story
 
-_UPLOADS = ("left", "right", "calibration", "scan")
 _STYLE = Path(__file__).with_name("explorer.css")
 _Pointed: TypeAlias = tuple[State, tuple[tuple[int, int], ...]]
 _MAP_PICTURES = (0, 1, 2)  # pictures whose pixels are the pair's
@@ -57,18 +56,12 @@ class Bench:
         self._code = CodeBlock()
         self._words = widgets.Text(layout=_WIDE, continuous_update=False).add_class("stereolib-words")
         self._files = widgets.HTML()
-        self._controls = {name: _control(knob, getattr(self.state, name)) for name, knob in knobs().items()}
         self._source = widgets.Dropdown(
             options=offered.sources(self.state), value=self.state.source,
-            **_described("look at", "The virtual rig, whose scene the knobs build; a recording; or your own pair."),
+            **described("look at", "The virtual rig, whose scene the knobs build; a recording; or your own pair."),
         )  # fmt: skip
-        for name, control in self._controls.items():
-            control.observe(lambda change, name=name: self._turn(**{name: change["new"]}), names="value")
-        self._notes = {
-            group: widgets.HTML(_RECORDED if group in ("Box", "Cameras") else _IDLE)
-            for group in dict.fromkeys(knob.group for knob in knobs().values())
-        }
-        self._groups = self._grouped()
+        others = {"Own pair": [Upload(self._take).box], "Keep": self._keeping()}
+        self._controls = Controls(self.state, self._turn, others)
         self._source.observe(lambda change: self._look_at(change["new"]), names="value")
         self._words.observe(lambda change: self._restore(change["new"]), names="value")
         self._worker: Latest[State] = Latest(self._preview, self._full)
@@ -82,21 +75,8 @@ class Bench:
 
         display(self.page)  # type: ignore[no-untyped-call]
 
-    def _grouped(self) -> dict[str, widgets.Accordion]:
-        """What is turned, a group that unfolds for each."""
-        groups: dict[str, list[Any]] = {}
-        for name, knob in knobs().items():
-            groups.setdefault(knob.group, []).append(self._controls[name])
-        for group, note in self._notes.items():
-            groups[group].append(note)
-        groups |= {"Own pair": [_Upload(self._take).box], "Keep": self._keeping()}
-        return {
-            name: widgets.Accordion([widgets.VBox(group)], titles=[name], selected_index=0 if name == "Box" else None)
-            for name, group in groups.items()
-        }
-
     def _laid_out(self) -> widgets.Box:
-        tabs = widgets.VBox(list(self._groups.values()))
+        tabs = widgets.VBox(list(self._controls.groups.values()))
         reset = widgets.Button(description="Reset", tooltip="All knobs as at the start.")
         reset.on_click(lambda _: self._reset())
         for part, name in ((self._result, "results"), (self._pictures, "scene"), (self._clicked, "found"),
@@ -156,12 +136,7 @@ class Bench:
         """Set a story's knobs and show them; its sentences come when they are computed."""
         self._end()
         self._story, self._told = story, "…"
-        for names, mark in ((story.next_knobs, "next"), (story.set_knobs, "set")):
-            for name in names:
-                self._controls[name].add_class(f"stereolib-{mark}")
-        if involved := {knobs()[name].group for name in (*story.set_knobs, *story.next_knobs)}:
-            for group, tab in self._groups.items():
-                tab.selected_index = 0 if group in involved else None
+        self._controls.mark(story)
         self._set(replace(story.state, own=self.state.own))
         self._teller.ask(story)
 
@@ -190,8 +165,7 @@ class Bench:
     def _end(self) -> None:
         """End a story and what was said."""
         self._story, self._said.value = None, ""
-        for control in self._controls.values():
-            control.remove_class("stereolib-set").remove_class("stereolib-next")
+        self._controls.unmark()
 
     def _restore(self, text: str) -> None:
         if self._is_setting:
@@ -201,7 +175,7 @@ class Bench:
             if state.source not in offered.sources(state):
                 raise ValueError(f'there is nothing called "{state.source}" to look at')
         except ValueError as error:
-            self._said.value = _sentence(f"Not restored: {error}", "b00020")
+            self._said.value = sentence(f"Not restored: {error}", "b00020")
             return
         self._end()
         self._set(state)
@@ -209,10 +183,8 @@ class Bench:
     def _take(self, own: tuple[str, ...]) -> None:
         self._end()
         self._set(replace(self.state, own=own, source=OWN))
-        named = [
-            f"{name} {Path(path).name}" if path else f"no {name}" for name, path in zip(_UPLOADS, own, strict=True)
-        ]
-        self._said.value = _sentence(
+        named = [f"{name} {Path(path).name}" if path else f"no {name}" for name, path in zip(UPLOADS, own, strict=True)]
+        self._said.value = sentence(
             f"Your pair: {', '.join(named)}. If it is seen that something is wrong with it, that stands below the "
             "readings; else turn the matcher's knobs until the map is right."
         )
@@ -222,9 +194,8 @@ class Bench:
         self._pixels = self._pixels if state.source == self.state.source and state.own == self.state.own else ()
         self._is_setting = True
         try:
-            self.state = self._offer(state)
-            for name, control in self._controls.items():
-                control.value = getattr(self.state, name)
+            self.state = self._controls.offer(state)
+            self._controls.show(self.state)
             self._source.options = offered.sources(self.state)
             self._source.value = self.state.source
             self._words.value = to_text(self.state)
@@ -232,23 +203,6 @@ class Bench:
             self._is_setting = False
         self._show_story()
         self._worker.ask(self.state)
-
-    def _offer(self, state: State) -> State:
-        """Offer no value that is not possible: P2 above P1 and within 16 bits, and no knob that turns nothing."""
-        p2, most = self._controls["p2"], most_p2(state.block_size)
-        state = replace(state, p1=min(state.p1, most - 1), p2=min(max(state.p2, state.p1 + 1), most))
-        self._controls["p1"].max = min(int(knobs()["p1"].high), most - 1)
-        p2.min, p2.max = 1, most  # first wide, as the slider refuses a minimum above its maximum
-        p2.min = state.p1 + 1
-        without_effect = offered.idle(state)
-        for name, control in self._controls.items():
-            control.disabled = name in without_effect
-            control.layout.display = "none" if name in without_effect else None  # its value would be none that counts
-        for group, note in self._notes.items():
-            needed = {name for name, knob in knobs().items() if knob.group == group}
-            needed = needed & _SCENE or needed  # a recording has an exposure, and no camera that can be moved
-            note.layout.display = None if needed <= without_effect else "none"
-        return state
 
     # What is shown: in the worker's thread.
 
@@ -269,7 +223,7 @@ class Bench:
                 return
             images, line = draw_panels(state), result_line(state)
         except (ValueError, OSError, cv2.error) as error:
-            self._result.value = _sentence(f"Not possible: {error}", "b00020")
+            self._result.value = sentence(f"Not possible: {error}", "b00020")
             return
         if not is_old():
             self._pictures.show(images, CAPTIONS, quality="preview" if state.half else "full", about=to_text(state))
@@ -316,8 +270,8 @@ class Bench:
             found = [find(state, pixel) for pixel in pixels]
             length = length_text(found[0], found[1], chain.rectified_rig(state)) if len(found) == 2 else ""
         except (ValueError, OSError, cv2.error) as error:
-            return _sentence(f"Not possible: {error}", "b00020")
-        return _sentence(". ".join(filter(None, (found[-1].text, length))))
+            return sentence(f"Not possible: {error}", "b00020")
+        return sentence(". ".join(filter(None, (found[-1].text, length))))
 
     def _show_costs(self, pointed: _Pointed, is_old: Callable[[], bool]) -> None:
         state, pixels = pointed
@@ -329,65 +283,10 @@ class Bench:
             return
         self._costs.show([] if isinstance(costs, str) else costs)
         if isinstance(costs, str):
-            self._clicked.value = self._found_text(pointed) + _sentence(f"No cost curve: {costs}")
+            self._clicked.value = self._found_text(pointed) + sentence(f"No cost curve: {costs}")
 
     def _prepare(self) -> None:
         self._files.value = " ".join(python_code.download_links(self.state))
-
-
-class _Upload:
-    """Four fields for files; what they hold is checked like the commands check it."""
-
-    def __init__(self, take: Callable[[tuple[str, ...]], None]) -> None:
-        self._take, self._folder, self._uses = take, tempfile.TemporaryDirectory(prefix="stereolib-"), 0
-        about = {"left": ".jpg,.jpeg,.png", "right": ".jpg,.jpeg,.png", "calibration": ".json", "scan": ".bin,.csv"}
-        self._fields = {name: widgets.FileUpload(accept=kinds, description=name) for name, kinds in about.items()}
-        self._names = {name: widgets.HTML().add_class("stereolib-file") for name in about}
-        for name, field in self._fields.items():
-            field.observe(lambda _, name=name: self._name(name), names="value")
-            self._name(name)
-        self._said = widgets.HTML("left and right are needed; calibration.json gives lengths, a scan the laser")
-        button = widgets.Button(description="use this pair", tooltip="Checks the files and shows the pair.")
-        button.on_click(lambda _: self._use())
-        clear = widgets.Button(description="clear files", tooltip="Takes all four files out of these fields.")
-        clear.on_click(lambda _: self._clear())
-        self._said.add_class("stereolib-upload")
-        shown = [part for name in about for part in (self._fields[name], self._names[name])]
-        self.box = widgets.VBox([*shown, widgets.HBox([button, clear]), self._said])
-
-    def _name(self, name: str) -> None:
-        uploaded = self._fields[name].value
-        self._names[name].value = escape(uploaded[0]["name"]) if uploaded else "no file"
-
-    def _clear(self) -> None:
-        for field in self._fields.values():
-            field.value = ()
-
-    def _use(self) -> None:
-        self._uses += 1
-        paths = {name: self._kept(name) for name in _UPLOADS}
-        try:
-            if not (paths["left"] and paths["right"]):
-                raise ValueError("a left and a right picture are needed")
-            own = tuple(paths[name] for name in _UPLOADS)
-            offered.check_own(own)
-        except (ValueError, OSError) as error:
-            told = str(error)
-            for path in filter(None, paths.values()):
-                told = told.replace(path, Path(path).name)  # the visitor knows no other
-            self._said.value = _sentence(f"Not used: {told}", "b00020")
-            return
-        self._said.value = ""
-        self._take(own)
-
-    def _kept(self, name: str) -> str:
-        uploaded = self._fields[name].value
-        if not uploaded:
-            return ""
-        path = Path(self._folder.name) / f"{self._uses}_{name}" / Path(uploaded[0]["name"]).name
-        path.parent.mkdir()  # a new one: what was read from a path is remembered
-        path.write_bytes(bytes(uploaded[0]["content"]))
-        return str(path)
 
 
 def open_bench() -> Bench:
@@ -404,42 +303,7 @@ def _first_state(own: tuple[str, ...]) -> State:
     return State(source=OWN if own else VIRTUAL, own=own)
 
 
-def _control(knob: Knob, first: Any) -> Any:
-    look = _described(knob.label, knob.help) | {
-        "style": {"description_width": "160px"},
-        "layout": widgets.Layout(width="98%"),
-    }
-    if isinstance(first, bool):
-        return widgets.Checkbox(value=first, **look)
-    if knob.choices:
-        return widgets.Dropdown(options=[(knob.shown(one), one) for one in knob.choices], value=first, **look)
-    limits = {"min": knob.low, "max": knob.high, "step": knob.step}
-    if isinstance(first, int) and float(knob.step).is_integer():
-        return widgets.IntSlider(value=first, **limits, **look)
-    decimals = max(0, len(f"{knob.step:g}".partition(".")[2]))
-    return widgets.FloatSlider(value=first, readout_format=f".{decimals}f", **limits, **look)
-
-
-def _described(label: str, help: str) -> dict[str, Any]:
-    """A label whose help is seen on hover, of every kind of control: of some, ipywidgets shows no tooltip."""
-    return {
-        "description": f'<span title="{escape(help)}">{escape(label)}</span>',
-        "description_allow_html": True,
-        "tooltip": help,
-    }
-
-
-def _sentence(text: str, color: str = "222") -> str:
-    return f'<p style="color:#{color}">{escape(text)}</p>'
-
-
 _WIDE = widgets.Layout(width="98%")
-_SCENE = frozenset(chain.OF_SCENE)
-_RECORDED = (
-    '<p>Nothing here can be turned in what was recorded: choose "virtual rig" above, and its box and cameras have '
-    "sliders here.</p>"
-)
-_IDLE = "<p>Nothing here changes what is shown now.</p>"
 _TITLE = (
     "<h2>stereolib: the whole measurement under your fingers</h2><p>Two cameras look at a box on the floor. A matcher, "
     "OpenCV's SGBM (semi-global block matching), looks for each pixel of the left picture in the same row of the right "
@@ -449,7 +313,7 @@ _TITLE = (
 _NOT_THERE = (
     "<p>Nothing can be looked up there: click into the left picture, its disparity or its error, not beside them.</p>"
 )
-_CLICK_HELP = _sentence(
+_CLICK_HELP = sentence(
     "Click into a picture, or move in it with the arrow keys: disparity, depth, height, and what each disparity costs "
     "there. Two clicks measure a length."
 )

@@ -32,21 +32,15 @@ from .matches import (
 )
 from .measurements import plot_error_curves, plot_height_attempt, plot_intervals
 from .output import figure_to_image, save_figure, save_table, show_figure
-from .pictures import (
+from .pictures import plot_box, plot_corners, plot_crop, plot_height, plot_image, plot_mask, plot_points
+from .quantities import (
     ImageQuantity,
     color_disparity,
     color_error,
     plot_arrows,
-    plot_box,
-    plot_corners,
-    plot_crop,
     plot_depth,
     plot_disparity,
     plot_errors,
-    plot_height,
-    plot_image,
-    plot_mask,
-    plot_points,
     plot_quantity,
 )
 from .rows import plot_partners, plot_row_crops, plot_row_test, plot_rows

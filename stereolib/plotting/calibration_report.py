@@ -31,15 +31,8 @@ from stereolib.calibration import (
 )
 from stereolib.plotting.curves import plot_curves, plot_dots
 from stereolib.plotting.output import show_figure
-from stereolib.plotting.pictures import (
-    ImageQuantity,
-    plot_arrows,
-    plot_corners,
-    plot_crop,
-    plot_image,
-    plot_points,
-    plot_quantity,
-)
+from stereolib.plotting.pictures import plot_corners, plot_crop, plot_image, plot_points
+from stereolib.plotting.quantities import ImageQuantity, plot_arrows, plot_quantity
 from stereolib.plotting.style import as_written, panels
 from stereolib.rig import Camera, read_image
 

@@ -13,7 +13,8 @@ from matplotlib.figure import Figure
 
 from stereolib.base import Bools, Floats, Ints, UInt8
 from stereolib.plotting.gallery import Exhibit, plot_gallery
-from stereolib.plotting.pictures import plot_disparity, plot_image
+from stereolib.plotting.pictures import plot_image
+from stereolib.plotting.quantities import plot_disparity
 from stereolib.plotting.style import OURS, TRUTH, default_style, panels
 
 _BGR_MARKED = (200, 0, 230)

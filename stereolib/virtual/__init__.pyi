@@ -3,7 +3,8 @@ from .build import build_recordings
 from .lidar import VirtualLidar
 from .measured_walk import measure_walk, walk_laser
 from .quick import render_quickly
-from .ray_casting import Hits, Truth, cast_rays, render, render_pair, render_truth
+from .ray_casting import Hits, cast_rays
+from .rendering import Truth, render, render_pair, render_truth
 from .scene import (
     CUBE_SURFACE,
     FLOOR_SURFACE,

@@ -13,7 +13,7 @@ from stereolib.base import Float64, read_bytes, write_atomic
 from stereolib.paper import paper_rig
 from stereolib.virtual import recordings, walk
 from stereolib.virtual.lidar import VirtualLidar
-from stereolib.virtual.ray_casting import render_pair
+from stereolib.virtual.rendering import render_pair
 from stereolib.virtual.scene import Scene, cube_scene
 from stereolib.virtual.webcam import Webcam
 

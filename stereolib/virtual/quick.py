@@ -17,19 +17,8 @@ import numpy as np
 
 from stereolib.base import Bools, Float32, Float64, Floats, Ints
 from stereolib.rig import Camera, StereoRig, rigid
-from stereolib.virtual.ray_casting import (
-    EPS_MM,
-    FRESNEL,
-    LEAST_COSINE,
-    LEAST_COSINE_OF_PRINT,
-    LEAST_ROUGHNESS,
-    LIGHT_AT_MM,
-    aim,
-    blocked,
-    checkered,
-    render,
-    textured,
-)
+from stereolib.virtual.ray_casting import EPS_MM, LEAST_COSINE, LEAST_COSINE_OF_PRINT, blocked, checkered, textured
+from stereolib.virtual.rendering import FRESNEL, LEAST_ROUGHNESS, LIGHT_AT_MM, aim, render
 from stereolib.virtual.scene import Box, Light, Material, Scene
 
 _NODE_PX = 8  # rays are computed exactly at every eighth pixel

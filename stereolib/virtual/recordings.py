@@ -18,7 +18,7 @@ from stereolib.matching import KnownView, near_edge_mask
 from stereolib.rig import RectifiedRig, read_pair
 from stereolib.virtual import walk
 from stereolib.virtual.lidar import VirtualLidar
-from stereolib.virtual.ray_casting import Truth, render_pair, render_truth
+from stereolib.virtual.rendering import Truth, render_pair, render_truth
 from stereolib.virtual.scene import CUBE_SURFACE, FLOOR_SURFACE, Light, Scene, board_box, cube_scene, room
 from stereolib.virtual.stereo_boards import draw_board_poses
 from stereolib.virtual.webcam import Webcam

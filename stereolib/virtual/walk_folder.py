@@ -13,7 +13,7 @@ from stereolib.paper import paper_rig
 from stereolib.virtual import laser_boards, recordings, walk
 from stereolib.virtual.lidar import VirtualLidar
 from stereolib.virtual.measured_walk import walk_laser
-from stereolib.virtual.ray_casting import render
+from stereolib.virtual.rendering import render
 from stereolib.virtual.webcam import Webcam
 
 _BOARDS = tuple(f"laser/{k:02d}" for k in range(1, len(laser_boards.POSES) + 1))

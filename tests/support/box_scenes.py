@@ -52,7 +52,10 @@ _BORDER_PX = 3.0  # a corner so near the border of the picture is not in it: a p
 _SEEN_PX = 2.0  # a face that is narrower in both pictures is no face: its two edges are one
 _MISTAKEN_MM = 450.0  # what stands farther from the box than any of its corners is something else
 #: What the pictures depend on: others are rendered when it changes.
-_RENDERER = ("rig/camera.py", "virtual/scene.py", "virtual/texture.py", "virtual/ray_casting.py", "virtual/webcam.py")
+_RENDERER = (
+    "rig/camera.py",
+    *(f"virtual/{name}.py" for name in ("scene", "texture", "ray_casting", "rendering", "webcam")),
+)
 
 
 Surface = Callable[[np.random.Generator], Material]

@@ -140,14 +140,25 @@ def _differences(light: Light, lines: ParallelLines, samples: int, half: int) ->
         if (count := np.count_nonzero(inside)) < _LEAST_SAMPLES:
             continue
         mine, y = (x, v) if count == samples else (x[:, inside], v[:, inside])
-        values = _light(picture, mine, y).reshape(len(x), -1)
+        values = light_at(picture, mine, y).reshape(len(x), -1)
         difference = cv2.absdiff(values[2 * half :], values[: -2 * half])
         found.append(cv2.resize(difference, (_GROUPS, len(difference)), interpolation=cv2.INTER_AREA))
     return found
 
 
-def _light(picture: UInt8 | Float32, x: Float32, y: Float32) -> Float32:
-    """Light at places of a picture; made of no more of it than they lie in."""
+def light_at(picture: UInt8 | Float32, x: Float32, y: Float32) -> Float32:
+    """Light at places inside a picture; made of no more of it than they lie in.
+
+    Parameters
+    ----------
+    picture : (H, W, 3) or (H, W) uint8 or float32
+        Rectified, or its light (`stereolib.rig.to_light`).
+    x, y : (M, N) float32
+
+    Returns
+    -------
+    (M, N, 3) or (M, N) float32
+    """
     left, top = int(x.min()), int(y.min())
     part: Any = picture[top : int(y.max()) + 2, left : int(x.max()) + 2]
     light = to_light(part) if picture.dtype == np.uint8 else part

@@ -334,7 +334,7 @@ class _Eye:
         How much more than in the left picture; 1 where that does not show it.
     shown : (2,) bool
         Left, right: an outer end shows where it moves outwards, and not much less than in the other picture; there the
-        face itself is hidden, and another edge shows.
+        face itself is hidden, and another edge shows. So does the upper edge of a face that is seen from below.
     """
 
     at: EdgeSeen
@@ -351,6 +351,10 @@ class _Eye:
         here, moved = np.moveaxis(pixels.reshape(2, 2, 2, 2), 1, 0)  # (left and right picture, both ends, 2)
         both = [EdgeSeen.through(edge, *line, right=right) for line, right in zip(here, (False, True), strict=True)]
         left, right = (float((b.mean(axis=0) - a.point_px) @ a.across) for a, b in zip(both, moved, strict=True))
+        if edge.is_top and not float(world.camera_height) > own[Own.HEIGHT]:  # it is hidden where its face is
+            in_left, in_right = (1 if edge is Edge.TOP_RIGHT else -1) * (here[:, 1, 0] - here[:, 0, 0])
+            shown = (in_left > _SHOWN * in_right, in_right > _SHOWN * in_left)
+            return cls(both[1], step, right, 1.0, shown) if not shown[0] else cls(both[0], step, left, 1.0, shown)
         if edge not in (Edge.RIGHT_END, Edge.LEFT_END):
             return cls(both[0], step, left, 1.0, (True, True))
         outwards = 1 if (edge is Edge.RIGHT_END) == (both[0].across[0] > 0) else -1

@@ -27,6 +27,7 @@ from stereolib.measurement.outline import Expected, Found, find_edge, find_far_e
 from stereolib.measurement.reasons import Reason, Why
 from stereolib.measurement.regions import ObjectRegion
 from stereolib.measurement.scene_solver import Priors, Seen, Solution, solve
+from stereolib.measurement.upper_edge import upper_edge_beyond
 from stereolib.measurement.upright_line import upright_line
 from stereolib.measurement.views import Views
 
@@ -36,7 +37,7 @@ _HIDDEN_MM = 100.0  # what an extent is taken as that nobody sees
 _UNLOCATED_PX = 6.0  # how well an edge is known that was not located, at best
 _LEAST_PLANE_PX = 20.0  # a second face must be so wide to have a plane of its own
 _ROUGHLY = 1e-2  # tolerance of the first least squares, which only predicts
-_ROUNDS = 2  # of edges and least squares
+_ROUNDS = 3  # of edges and least squares: the last one only where the second met a sliver
 _PRIOR_PX = (1.0, 4.0)  # how well an edge is taken to be known beforehand, at least and at most
 _CORNER_PX = 2.5  # how well a corner is known from looking round it
 _LEAST_TOP_PX = 8.0
@@ -44,6 +45,8 @@ _MOST_CHANGE = 3.0  # factor between a face's width as it was followed and as it
 _KNOWN = 0.1  # of a face's width: what is known so well is not asked of the top
 _FAR_END_PX = 2.0  # how well the end of a sliver is known
 _END_PRIOR_PX = 1.5  # beyond the stretch in which an end may lie
+_GOES_ON = 6.0  # logarithm of the odds that an upper edge goes on beyond an end, from which on it is none
+_TOP_END_PX = 3.0  # how well its end tells that of the face
 _GAP_MM, _GAP_PX = 6.0, 4.0  # so far above the floor a face may end for want of texture, and for a pixel's size
 _LEANING_RAD = np.radians(1.5)
 _LEANING_ASIDE_RAD = np.radians(3.0)
@@ -127,11 +130,17 @@ def see_box(views: Views, priors: Priors, region: ObjectRegion) -> Pictured:
     if rough.second_px >= _LEAST_PLANE_PX:
         faces += align_face(views.pair, world, rough.own, rough.first.other)
     peaks, solution, stds, anew = dict[Edge, Peak](), None, dict[Edge, float](), dict[Edge, Expected]()
-    for _ in range(_ROUNDS):
+    before = set[Edge]()
+    for turn in range(_ROUNDS):
+        if turn == _ROUNDS - 1 and not any(edge.is_top for edge in set(rough.open) - before):
+            break
+        before = set(rough.open)
         if solution is not None:  # the height is known now
             world = priors.world(solution.shared)
             rough, anew = _seen_again(views, world, stretch, rough.solved(solution.boxes[0]), peaks)
             rough = _with_top(views, world, rough, np.sqrt(np.diag(solution.covariance))[len(Shared) :])
+            rough, farther = _as_far_as_its_top(views, world, rough)
+            anew = anew | farther
             peaks = {edge: peak for edge, peak in peaks.items() if edge not in anew}
             stds = predicted_stds_px(rough.open, rough.first, priors, *solution.at(rough.own).of_box(0))
         found = _located(views, world, rough, peaks, rough.expected(peaks, stds) | anew)
@@ -271,6 +280,7 @@ def _with_far_end(views: Views, world: World, stretch: Stretch, rough: _Rough) -
     own[side.other.extent] = found[side][0]
     shown = {side.end: ends[side.other], Edge.CORNER: ends[side], side.top: stretch.high}
     shown[side.other.end] = End(np.nan, Past.OPEN, *[_FAR_END_PX] * 3)
+    shown[side.other.top] = End(np.nan, Past.OPEN)  # its slope tells how far a sliver goes back better than its width
     again = replace(rough, own=own, first=side, ends=shown)
     return again, {} if side is first else again.expected((), {})
 
@@ -288,6 +298,17 @@ def _with_top(views: Views, world: World, rough: _Rough, own_std: Float64) -> _R
         elif side.end in ends and (top := follow_top(views, world, own, side)) is not None:
             own[depth.extent], ends[side.back] = top.at, top
     return replace(rough, own=own, ends=ends)
+
+
+def _as_far_as_its_top(views: Views, world: World, rough: _Rough) -> tuple[_Rough, dict[Edge, Expected]]:
+    """Faces whose upper edge goes straight on beyond their end: that was a line on them, they end where it does."""
+    own, expected = rough.own.copy(), dict[Edge, Expected]()
+    for side in Side:
+        if side.end in rough.open:
+            found = upper_edge_beyond(views.pair.pictures, world, rough.own, side)
+            if found is not None and found[1] > _GOES_ON:
+                own[side.extent], expected[side.end] = found[0], Expected(_TOP_END_PX)
+    return replace(rough, own=own), expected
 
 
 def _move(found: dict[Edge, Found]) -> Float64:

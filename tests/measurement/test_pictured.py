@@ -64,6 +64,37 @@ def look_round_is_vain(shown):
     return all(look_round(shown.views, shown.world, stretch, outwards) is None for outwards in (-1, 1))
 
 
+@pytest.mark.parametrize(("yaw_deg", "lateral"), [(-3.0, 60.0), (4.0, -120.0)])
+def test_the_upper_edge_of_a_sliver_tells_its_depth_better_than_its_width(yaw_deg, lateral):
+    """How far a sliver goes back hangs on the turn of the face beside it; where its top ends does not."""
+    case = (900.0, (140.0, 260.0, 330.0), yaw_deg)
+    shown = rendered(*case, lateral=lateral)
+    seen = shown.box()
+    depth, std = seen.first.other.extent, np.sqrt(np.diag(seen.solution.covariance))[len(Shared) :]
+    assert seen.first.other.top in seen.edges and seen.edges[seen.first.other.top].right is (lateral > 0)
+    assert abs(seen.own[depth] - 140) < 3 * std[depth] and std[depth] < 10
+
+
+def test_a_face_ends_no_nearer_than_its_upper_edge():
+    """Beyond a line on it the pictures disagree, as glare and fine patterns make them: its top tells that it goes on."""
+    case = (700.0, (260.0, 260.0, 220.0), 30.0)
+    shown, own = rendered(*case), true_box(*case)
+    line, rng, pictures = own.copy(), np.random.default_rng(5), [p.copy() for p in shown.views.pair.pictures]
+    line[Own.RIGHT] *= 0.5
+    for right, picture in enumerate(pictures):
+        at, end = (shown.world.pixels(Box(x).edge(Edge.RIGHT_END), bool(right)) for x in (line, own))
+        beyond, ink = np.zeros(picture.shape[:2], np.uint8), np.zeros(picture.shape[:2], np.uint8)
+        cv2.fillPoly(beyond, [np.rint([*at, *end[::-1]]).astype(int)], 1)
+        cv2.line(ink, *np.rint(at).astype(int).tolist(), 1, 3)
+        noise = cv2.GaussianBlur(rng.normal(0, 60, picture.shape[:2]), (0, 0), 1.5)
+        grey = picture[beyond == 1].mean(axis=0)
+        picture[beyond == 1] = np.clip(grey + noise[beyond == 1, None], 0, 255)
+        picture[ink == 1] = 30
+    seen = of_pair(*pictures).box()
+    std = np.sqrt(np.diag(seen.solution.covariance))[len(Shared) :]
+    assert abs(seen.own[Own.RIGHT] - own[Own.RIGHT]) < max(3 * std[Own.RIGHT], 3.0)
+
+
 @pytest.mark.parametrize("inside_mm", [12.0, 16.0, 25.0])
 def test_a_line_printed_on_a_face_is_not_its_end(inside_mm):
     """It stands out more than the end does, but both pictures agree about the face beyond it."""

@@ -120,7 +120,8 @@ def see_box(views: Views, priors: Priors, region: ObjectRegion) -> Pictured:
     The best face is aligned, and followed over both pictures to its ends, up and down. Round either end a second face
     at a right angle is looked for: its place is predicted, so that a sliver is enough. Then its edges are located in
     turn with the least squares that says how well each is known beforehand: before the second turn the second face is
-    followed again from where it is now known to stand, or, if only one camera sees it, looked for by its far edge.
+    followed again from where it is now known to stand, or, if only one camera sees it, looked for by its far edge; a
+    third turn is for that one. A face ends no nearer than its upper edge, which goes straight on beyond printed lines.
     """
     world = priors.world(np.zeros(len(Shared)))
     face = find_face(priors.floor, region, views.pair)

@@ -76,7 +76,7 @@ def test_the_upper_edge_of_a_sliver_tells_its_depth_better_than_its_width(yaw_de
 
 
 def test_a_face_ends_no_nearer_than_its_upper_edge():
-    """Beyond a line on it the pictures disagree, as glare and fine patterns make them: its top tells that it goes on."""
+    """Beyond a line on it the pictures disagree, as glare and fine patterns make them; its top tells where it ends."""
     case = (700.0, (260.0, 260.0, 220.0), 30.0)
     shown, own = rendered(*case), true_box(*case)
     line, rng, pictures = own.copy(), np.random.default_rng(5), [p.copy() for p in shown.views.pair.pictures]

@@ -35,7 +35,7 @@ def upper_edge_beyond(light: Light, world: World, own: Float64, side: Side) -> t
     -------
     (extent_mm, log_odds) or None
         Where it likeliest ends, and the logarithm of the odds for that against the known end; None where it does not
-        stand out from what is beside it.
+        stand out from what is beside it, and where the camera looks down on it: there it may run on into its shadow.
 
     Notes
     -----
@@ -52,7 +52,8 @@ def upper_edge_beyond(light: Light, world: World, own: Float64, side: Side) -> t
     width = [(u[1] - u[0]) * (1 if side is Side.RIGHT else -1) for u in (pixels[:, 0] for pixels in both)]
     picture, (corner, end, far) = light[int(np.argmax(width))], both[int(np.argmax(width))]
     known = int(np.hypot(*(end - corner)))
-    if picture is None or ahead.min() < _LEAST_AHEAD_MM or max(width) <= 0 or known < _LEAST_PX:
+    from_above = float(world.camera_height) > own[Own.HEIGHT]
+    if picture is None or from_above or ahead.min() < _LEAST_AHEAD_MM or max(width) <= 0 or known < _LEAST_PX:
         return None
     length = float(np.hypot(*(far - corner)))
     share = np.arange(1.0, min(known + _BEYOND_PX, length)) / length

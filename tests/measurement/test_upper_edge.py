@@ -10,9 +10,8 @@ from stereolib.measurement.box import Own, Side
 from stereolib.measurement.upper_edge import upper_edge_beyond
 
 CASES = {
-    "both seen from below": ((700.0, (260.0, 260.0, 220.0), 30.0), {}),
+    "near": ((700.0, (260.0, 260.0, 220.0), 30.0), {}),
     "far": ((1100.0, (300.0, 200.0, 250.0), 40.0), {}),
-    "from above": ((700.0, (240.0, 300.0, 200.0), 35.0), {"camera": HIGH}),
 }
 
 
@@ -35,6 +34,14 @@ def test_nothing_goes_on_beyond_a_true_end(case, side):
     shown, own = rendered(*box, **how), true_box(*box)
     _, odds = upper_edge_beyond(shown.views.pair.pictures, shown.world, own, side)
     assert odds < 2
+
+
+def test_an_edge_seen_from_above_tells_nothing():
+    """Its shadow on the floor is parallel to it, and may lie in its line."""
+    box = (700.0, (240.0, 300.0, 200.0), 35.0)
+    shown, own = rendered(*box, camera=HIGH), true_box(*box)
+    own[Own.LEFT] *= 0.5
+    assert upper_edge_beyond(shown.views.pair.pictures, shown.world, own, Side.LEFT) is None
 
 
 def test_what_tells_nothing():

@@ -46,7 +46,7 @@ _KNOWN = 0.1  # of a face's width: what is known so well is not asked of the top
 _FAR_END_PX = 2.0  # how well the end of a sliver is known
 _END_PRIOR_PX = 1.5  # beyond the stretch in which an end may lie
 _GOES_ON = 6.0  # logarithm of the odds that an upper edge goes on beyond an end, from which on it is none
-_TOP_END_PX = 7.0  # its end tells that of the face to so much, where an edge stands out clearly
+_TOP_END_PX = 3.0  # how well its end tells that of the face
 _GAP_MM, _GAP_PX = 6.0, 4.0  # so far above the floor a face may end for want of texture, and for a pixel's size
 _LEANING_RAD = np.radians(1.5)
 _LEANING_ASIDE_RAD = np.radians(3.0)
@@ -308,8 +308,7 @@ def _as_far_as_its_top(views: Views, world: World, rough: _Rough) -> tuple[_Roug
         if side.end in rough.open:
             found = upper_edge_beyond(views.pair.pictures, world, rough.own, side)
             if found is not None and found[1] > _GOES_ON:
-                own[side.extent] = found[0]
-                expected[side.end] = Expected(_END_PRIOR_PX, -_TOP_END_PX, _TOP_END_PX, _TOP_END_PX)
+                own[side.extent], expected[side.end] = found[0], Expected(_TOP_END_PX)
     return replace(rough, own=own), expected
 
 

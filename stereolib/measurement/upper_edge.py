@@ -9,7 +9,7 @@ from stereolib.measurement.box import Box, Own, Side, World
 from stereolib.measurement.edges import Light, light_at
 
 _ACROSS_PX, _STEPS = np.arange(-6.0, 6.5, 0.5), 3  # points that are compared across it are a webcam's edge apart
-_AT_PX, _BESIDE_PX = 0.6, 2.5  # so near lies the edge, and from there on what is beside it
+_BESIDE_PX = 2.5  # from there on nothing of the edge is in it
 _SURE = (0.1, 0.8)  # shares of the known extent between which it is the face's
 _LEAST_PX, _BEYOND_PX = 8.0, 120.0  # so much must be known, and is looked at beyond
 _STANDS_OUT = 2.0  # the edge's strength over that beside it: less tells nothing
@@ -61,8 +61,9 @@ def upper_edge_beyond(light: Light, world: World, own: Float64, side: Side) -> t
     if strength.shape[1] <= known:
         return None
     off = np.abs(_ACROSS_PX[_STEPS:] + _ACROSS_PX[:-_STEPS]) / 2
-    on_edge, sure = strength[off < _AT_PX].max(axis=0), slice(round(_SURE[0] * known), round(_SURE[1] * known))
-    S, T = float(np.median(on_edge[sure])), max(float(np.median(strength[off > _BESIDE_PX, sure])), _LEAST)
+    highest = np.maximum(np.maximum(strength[:-2], strength[1:-1]), strength[2:])  # to half a pixel it may lie aside
+    on_edge, sure = highest[off[1:-1].argmin()], slice(round(_SURE[0] * known), round(_SURE[1] * known))
+    S, T = float(np.median(on_edge[sure])), max(float(np.median(highest[off[1:-1] > _BESIDE_PX, sure])), _LEAST)
     if S < _STANDS_OUT * T:
         return None
     odds = np.log(T / S) + on_edge[known:] * (1 / T - 1 / S)

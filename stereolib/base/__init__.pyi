@@ -4,7 +4,7 @@ from .arrays import Bools, Float32, Float64, Floats, Ints, UInt8, finite_array, 
 from .datasets import ROOT, NotAvailable, available, data_path, figures_dir, real_recording, real_recordings, repository
 from .files import check_name, check_target, read_bytes, read_text, write_atomic
 from .numbers import counted, listed, plus_minus
-from .statistics import clustered_covariance, median
+from .statistics import clustered_covariance, median, quantile
 from .text_formats import check_nesting, parse_yaml, read_json, read_toml, read_yaml
 
 __all__ = [
@@ -31,6 +31,7 @@ __all__ = [
     "median",
     "parse_yaml",
     "plus_minus",
+    "quantile",
     "read_bytes",
     "read_json",
     "read_text",

@@ -1,4 +1,4 @@
-"""Statistics of fits to measured numbers: a quick median, a covariance where errors are common to clusters."""
+"""Statistics of fits to measured numbers: quick medians and quantiles, covariances where clusters share errors."""
 
 from __future__ import annotations
 
@@ -18,8 +18,37 @@ def median(values: Floats) -> float:
     -------
     float
     """
-    ordered = np.sort(values)
+    ordered = values.copy()
+    ordered.sort()
     return float(ordered[(len(values) - 1) // 2] + ordered[len(values) // 2]) / 2
+
+
+def quantile(values: Floats, share: float) -> float:
+    """Take a quantile of a few numbers, interpolated between two: `np.quantile` takes much longer over them.
+
+    Parameters
+    ----------
+    values : (N,) float
+        Without NaN.
+    share : float
+        0..1.
+
+    Returns
+    -------
+    float
+
+    Examples
+    --------
+    >>> quantile(np.array([3.0, 0.0, 2.0, 1.0]), 0.75)
+    2.25
+    """
+    ordered = values.copy()
+    ordered.sort()
+    at = share * (len(values) - 1)
+    low = int(at)
+    first, second = float(ordered[low]), float(ordered[min(low + 1, len(values) - 1)])
+    step, part = second - first, at - low
+    return first + step * part if part < 0.5 else second - step * (1 - part)  # as numpy rounds it
 
 
 def clustered_covariance(

@@ -9,7 +9,7 @@ from functools import cached_property
 import cv2
 import numpy as np
 
-from stereolib.base import Bools, Float32, Float64, Floats, Ints
+from stereolib.base import Bools, Float32, Float64, Floats, quantile
 from stereolib.measurement.box import World
 from stereolib.measurement.views import Views
 
@@ -134,7 +134,7 @@ class Agreement:
         beside = self.matched_px[last + 1 + _MARGIN : last + 1 + _BESIDE]
         hidden = np.count_nonzero(beside > nearer) > len(beside) / 2
         past = Past.HIDDEN if hidden else Past.CUT if cut else Past.OPEN
-        own = self.relief > _QUIET * np.quantile(self.relief[: max(known, 1)], _TYPICAL)
+        own = self.relief > _QUIET * quantile(self.relief[: max(known, 1)], _TYPICAL)
         sure = int(np.flatnonzero((good & own)[: last + 1]).max(initial=min(last, 0)))
         last, sure = (max(at - _MARGIN, min(at, 0)) for at in (last, sure))
         return Reach(last, max(stop - 1, 0), past, sure)
@@ -252,18 +252,31 @@ class Samples:
         )
 
     @cached_property
-    def sums(self) -> tuple[Float64, Float64, Float64]:
-        """Sums of ``a b``, ``a a`` and ``b b``, each line's with its neighbours'. (..., lines, 2) each."""
+    def sums(self) -> Float64:
+        """Sums of ``a b``, ``a a`` and ``b b``, of brightness and slope each, of the slope's square, and how many show.
+
+        Each line's with its neighbours': (..., lines, 8).
+        """
         a, b = self.left, self.right
-        ab, aa, bb = (_summed(np.einsum("...sk,...sk->...k", x, y)) for x, y in ((a, b), (a, a), (b, b)))
-        return ab, aa, bb
+        own = np.empty((*self.inside.shape[:-1], 8), np.float64)
+        for k, (x, y) in enumerate(((a, b), (a, a), (b, b))):
+            own[..., 2 * k : 2 * k + 2] = np.einsum("...sk,...sk->...k", x, y)
+        own[..., 6] = (self.slope * self.slope).sum(axis=-1)
+        own[..., 7] = np.count_nonzero(self.inside, axis=-1)
+        found = own.copy()
+        for step in range(1, _MARGIN + 1):
+            found[..., step:, :] += own[..., :-step, :]
+            found[..., :-step, :] += own[..., step:, :]
+        return found
 
     @cached_property
     def correlations(self) -> Float64:
         """Of brightness and slope; NaN where a picture does not show a line. (..., lines, 2)."""
-        ab, aa, bb = self.sums
-        shown = np.where(self.inside.mean(axis=-1) > _LEAST_SEEN, 1.0, np.nan)
-        return np.asarray(ab / np.sqrt(np.maximum(aa * bb, _LEAST_POWER)) * shown[..., None])
+        ab, aa, bb = (self.sums[..., 2 * k : 2 * k + 2] for k in range(3))
+        found = ab / np.sqrt(np.maximum(aa * bb, _LEAST_POWER))
+        seen = np.count_nonzero(self.inside, axis=-1)
+        found[seen <= _LEAST_SEEN * self.inside.shape[-1]] = np.nan
+        return np.asarray(found)
 
     def agreement(self) -> Agreement:
         """What the lines say of the surface.
@@ -272,12 +285,12 @@ class Samples:
         -------
         Agreement
         """
-        alike, (_, aa, bb) = self.correlations, self.sums
-        n = np.maximum(_summed(self.inside.sum(axis=-1, keepdims=True))[..., 0], 1)
-        contrast = np.sqrt(np.minimum(aa, bb)[..., 1] / n)
-        relief = np.sqrt(_summed((self.slope * self.slope).sum(axis=-1, keepdims=True))[..., 0] / n)
+        alike, (_, _, _, slope_a, _, slope_b, slope, n) = self.correlations, np.moveaxis(self.sums, -1, 0)
+        n = np.maximum(n, 1)
+        contrast, relief = np.sqrt(np.minimum(slope_a, slope_b) / n), np.sqrt(slope / n)
         matched = _medians(np.where(self.inside, self.matched_px, np.nan))
-        return Agreement(alike[..., 1], alike.mean(axis=-1), contrast, relief, self.predicted_px.mean(axis=-1), matched)
+        whole = (alike[..., 0] + alike[..., 1]) / 2
+        return Agreement(alike[..., 1], whole, contrast, relief, self.predicted_px.mean(axis=-1), matched)
 
 
 def _projected(views: Views, world: World, points_mm: Float64) -> tuple[list[Float32], Bools]:
@@ -296,17 +309,8 @@ def _projected(views: Views, world: World, points_mm: Float64) -> tuple[list[Flo
     return found, inside.reshape(shape)
 
 
-def _summed(values: Floats | Ints) -> Float64:
-    """Sum over each line and its neighbours: (..., lines, k)."""
-    found = np.array(values, np.float64)
-    for step in range(1, _MARGIN + 1):
-        found[..., step:, :] += values[..., :-step, :]
-        found[..., :-step, :] += values[..., step:, :]
-    return found
-
-
 def _medians(values: Floats) -> Float64:
     """Lower median of each row without its NaN; NaN where all are."""
-    known = np.count_nonzero(np.isfinite(values), axis=1)
-    middle = np.maximum(known[:, None] - 1, 0) // 2
-    return np.asarray(np.take_along_axis(np.sort(values, axis=1), middle, axis=1)[:, 0], np.float64)  # NaN last
+    known = np.count_nonzero(values == values, axis=1)
+    ordered = np.sort(values, axis=1)  # NaN last
+    return np.asarray(ordered[np.arange(len(known)), np.maximum(known - 1, 0) // 2], np.float64)

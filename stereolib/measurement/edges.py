@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, TypeAlias
 
 import cv2
 import numpy as np
 
-from stereolib.base import Float32, Float64, Floats, UInt8, median
+from stereolib.base import Bools, Float32, Float64, Floats, Ints, UInt8, median
 from stereolib.rig import to_light
 
 #: Neighbouring lines are so far apart in the picture, px.
@@ -21,6 +22,7 @@ _RIVALRY = 12  # power of two peaks' ratio that is their odds
 _STEPPING = 3  # and of the texture's ratio on both sides of a line
 _APART, _BESIDE = 6, 16  # which is looked at so many lines from it, over so many
 _LEAST = 1e-3  # of a difference: what is less is none
+_NONE = np.zeros(1)
 _FLOOR = 0.03  # least standard deviation of an edge, of its width: what blur and staircase do to all of it alike
 
 
@@ -174,13 +176,19 @@ def _width_px(strength: Float64, best: int) -> float:
 
 def _steps(strength: Float64) -> Float64:
     """Size of the step in texture at each line: ``|log(E before / E after)|`` of their means; 0 near either end."""
-    n, at = len(strength), np.arange(len(strength))
-    total = np.concatenate([[0.0], np.cumsum(strength)])
-    ends = [(at - _APART - _BESIDE, at - _APART), (at + _APART + 1, at + _APART + 1 + _BESIDE)]
-    (a, b), (c, d) = ([np.clip(end, 0, n) for end in pair] for pair in ends)
-    shown = np.minimum(b - a, d - c) > _APART
-    before, after = ((total[stop] - total[start]) / np.maximum(stop - start, 1) for start, stop in ((a, b), (c, d)))
-    return np.where(shown, np.abs(np.log(np.maximum(before, _LEAST) / np.maximum(after, _LEAST))), 0.0)
+    total = np.concatenate([_NONE, np.cumsum(strength)])
+    first, last, count, shown = _beside(len(strength))
+    means = np.maximum((total[last] - total[first]) / count, _LEAST)
+    return np.where(shown, np.abs(np.log(means[0] / means[1])), 0.0)
+
+
+@lru_cache(maxsize=256)
+def _beside(n: int) -> tuple[Ints, Ints, Ints, Bools]:
+    """Lines before and after each of n: first, one after the last, count, (2, n) each; whether both are enough."""
+    at = np.arange(n)
+    first, last = np.clip([[at - _APART - _BESIDE, at + _APART + 1], [at - _APART, at + _APART + 1 + _BESIDE]], 0, n)
+    count = last - first
+    return first, last, np.maximum(count, 1), count.min(axis=0) > _APART
 
 
 def _rivals(strength: Float64, likely: Float64, off: Float64, best: int) -> float:

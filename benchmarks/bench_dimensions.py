@@ -9,6 +9,7 @@ import time
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
+from types import BuiltinFunctionType
 from typing import Any
 from unittest import mock
 
@@ -90,10 +91,11 @@ def inside_cv2(spent: list[float]) -> Iterator[None]:
             self.compute = timed(make(params).compute)
 
     make = SGBMParams.matcher
-    used = ("remap", "resize", "cvtColor", "blur", "subtract", "absdiff", "LUT", "merge", "Sobel", "copyMakeBorder",
-            "connectedComponentsWithStats")  # fmt: skip
+    functions = {
+        name: timed(function) for name, function in vars(cv2).items() if isinstance(function, BuiltinFunctionType)
+    }
     with (
-        mock.patch.multiple(cv2, **{name: timed(getattr(cv2, name)) for name in used}),
+        mock.patch.multiple(cv2, **functions),
         mock.patch.object(SGBMParams, "matcher", lambda params: Matcher(params)),
     ):
         yield

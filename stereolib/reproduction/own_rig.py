@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import re
-import tempfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from stereolib.base import datasets, read_text, write_atomic
+from stereolib.base import datasets, read_text, work_folder, write_atomic
 from stereolib.reproduction.execution import execute_notebooks
 
 CHAPTER = "11_your_own_rig"
@@ -49,8 +48,7 @@ def report_rig(folder: Path, output: Path) -> list[Path]:
     for cell in notebook.cells:
         if cell.cell_type == "markdown":
             cell.source = _LINK.sub(r"\1", cell.source)
-    with tempfile.TemporaryDirectory(prefix="stereolib-") as name:
-        work = Path(name)
+    with work_folder() as work:
         source = write_atomic(work / f"{CHAPTER}.ipynb", nbformat.writes(notebook))  # type: ignore[no-untyped-call]
         execute_notebooks([source], work / "executed", work / "figures", jobs=1)
         text = read_text(work / "executed" / source.name, limit_bytes=_LIMIT_BYTES)

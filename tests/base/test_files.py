@@ -237,7 +237,7 @@ def test_what_a_killed_writer_left_goes_with_the_next_write(tmp_path):
         path.write_bytes(b"half")
     at_work = tmp_path / ".map.png.fedcba98"
     with at_work.open("wb") as stream:
-        assert files._hold(stream)
+        assert files.hold(stream)
         files.write_atomic(target, b"new")
         assert set(tmp_path.iterdir()) == {target, at_work, *others}
     files.write_atomic(target, b"newer")

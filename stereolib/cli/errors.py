@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+#: What libraries say that could not get memory: OpenCV, C++, the system's loader, Python's threads.
+_NO_MEMORY = ("Insufficient memory", "bad_alloc", "failed to map segment", "annot allocate memory", "t start new thread")
 DONE, REFUSED, WRONG_INPUT, INTERRUPTED = 0, 1, 2, 130
 
 
@@ -45,12 +48,14 @@ def guarded(run: Callable[[], int], interrupted: str = "") -> int:
         if not error.name or error.name.partition(".")[0] == "stereolib":
             raise
         _say(f'error: this needs {error.name}: pip install "stereolib[notebooks]"')
-    except MemoryError as error:
-        _say(
-            f"error: too little memory ({str(error) or 'none is left'}): try smaller pictures, or close other programs"
-        )
-    except (ValueError, OSError) as error:
-        _say(f"error: {_told(error)}")
+    except Exception as error:
+        if _lacks_memory(error):
+            why = getattr(error, "err", "") or str(error) or "none is left"
+            _say(f"error: too little memory ({why}): try smaller pictures, or close other programs")
+        elif isinstance(error, (ValueError, OSError)):
+            _say(f"error: {_told(error)}")
+        else:
+            raise
     return WRONG_INPUT
 
 
@@ -64,6 +69,14 @@ def named(*files: object) -> Iterator[None]:
         if any(str(file) in text for file in files):
             raise
         raise ValueError(f"{' and '.join(map(str, files))}: {text}") from error
+
+
+def _lacks_memory(error: Exception) -> bool:
+    """Whether there was too little memory: for Python, for the system that loads or forks, or for OpenCV."""
+    if isinstance(error, MemoryError) or getattr(error, "errno", None) == errno.ENOMEM:
+        return True
+    is_of_libraries = isinstance(error, (ImportError, RuntimeError)) or type(error).__module__ == "cv2"
+    return is_of_libraries and any(words in str(error) for words in _NO_MEMORY)
 
 
 def _told(error: Exception) -> str:

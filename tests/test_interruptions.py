@@ -192,8 +192,8 @@ def folder(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFact
 
 @pytest.fixture
 def laser(folder: Path) -> Iterator[str]:
-    """The address of a laser that turns for an hour."""
-    with emulator.serve(emulator.replay((folder / "room.bin").read_bytes() * 3600), "socket") as served:
+    """The address of a laser that turns for ten minutes."""
+    with emulator.serve(emulator.replay((folder / "room.bin").read_bytes() * 600), "socket") as served:
         yield served.port
 
 

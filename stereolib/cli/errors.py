@@ -41,15 +41,13 @@ def guarded(run: Callable[[], int], interrupted: str = "") -> int:
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # the interpreter flushes once more at its end
         return DONE
-    except KeyboardInterrupt:
-        _say("; ".join(filter(None, ("interrupted", interrupted))))
-        return INTERRUPTED
-    except ModuleNotFoundError as error:
-        if not error.name or error.name.partition(".")[0] == "stereolib":
-            raise
-        _say(f'error: this needs {error.name}: pip install "stereolib[notebooks]"')
-    except Exception as error:
-        if _lacks_memory(error):
+    except (KeyboardInterrupt, Exception) as error:
+        if _was_interrupted(error):
+            _say("; ".join(filter(None, ("interrupted", interrupted))))
+            return INTERRUPTED
+        if isinstance(error, ModuleNotFoundError) and error.name and error.name.partition(".")[0] != "stereolib":
+            _say(f'error: this needs {error.name}: pip install "stereolib[notebooks]"')
+        elif _lacks_memory(error):
             why = getattr(error, "err", "") or str(error) or "none is left"
             _say(f"error: too little memory ({why}): try smaller pictures, or close other programs")
         elif isinstance(error, (ValueError, OSError)):
@@ -71,7 +69,14 @@ def named(*files: object) -> Iterator[None]:
         raise ValueError(f"{' and '.join(map(str, files))}: {text}") from error
 
 
-def _lacks_memory(error: Exception) -> bool:
+def _was_interrupted(error: BaseException | None) -> bool:
+    """Whether Ctrl-C is what it came of: a library that is just being loaded makes an ImportError of it."""
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__cause__ or error.__context__
+    return error is not None
+
+
+def _lacks_memory(error: BaseException) -> bool:
     """Whether there was too little memory: for Python, for the system that loads or forks, or for OpenCV."""
     if isinstance(error, MemoryError) or getattr(error, "errno", None) == errno.ENOMEM:
         return True
@@ -79,7 +84,7 @@ def _lacks_memory(error: Exception) -> bool:
     return is_of_libraries and any(words in str(error) for words in _NO_MEMORY)
 
 
-def _told(error: Exception) -> str:
+def _told(error: BaseException) -> str:
     """The system's own words with the file first, anybody else's as they are."""
     if isinstance(error, OSError) and error.filename is not None and error.strerror:
         return f"{os.fsdecode(error.filename)}: {error.strerror}"

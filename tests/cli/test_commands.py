@@ -113,6 +113,19 @@ def test_errors_are_one_line(
     assert capsys.readouterr().err == line
 
 
+def test_an_interruption_that_a_library_turned_into_an_error_is_one(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As modules in C do where Ctrl-C comes while they are loaded."""
+
+    def fail(arguments: argparse.Namespace) -> int:
+        raise ImportError("initialization failed") from KeyboardInterrupt()
+
+    monkeypatch.setattr(commands, "COMMANDS", (commands.Command("fail", "fails", "stereolib fail", fail),))
+    assert commands.main(["fail"]) == 130
+    assert capsys.readouterr().err == "stereolib: interrupted\n"
+
+
 @pytest.mark.skipif(sys.platform != "linux", reason="limits of memory are not held elsewhere")
 def test_opencv_without_memory_ends_in_one_line(tmp_path: Path) -> None:
     """A real one: so much is matched that OpenCV gets no memory for what it computes."""

@@ -128,7 +128,8 @@ def make_more(folder: Path) -> None:
 
 
 def run(folder: Path, words: list[str]) -> subprocess.Popen[bytes]:
-    own = {"TMPDIR": str(folder / "tmp"), "PYTHONDONTWRITEBYTECODE": "1"}
+    # one thread: OpenCV's calibration adds up in the order in which threads come
+    own = {"TMPDIR": str(folder / "tmp"), "PYTHONDONTWRITEBYTECODE": "1", "OPENCV_FOR_THREADS_NUM": "1"}
     if (folder / "out" / "stereolib").is_dir():  # a checkout works on itself
         own["PYTHONPATH"] = str(folder / "out")
     return subprocess.Popen(
@@ -221,7 +222,7 @@ def test_an_interruption_loses_nothing_and_leaves_nothing(
         left = {name: content for name, content in there(folder / "out").items() if not name.startswith(_STAGED)}
         if sent == signal.SIGINT:
             assert code in (0, 1, 130, -signal.SIGINT) and "Traceback" not in said, said
-            assert code != 130 or not said or said.splitlines()[-1].startswith("stereolib: interrupted"), said
+            assert code != 130 or not said or "stereolib: interrupted" in said.splitlines()[-1], said
             assert left.keys() <= finished.keys()
             assert list((folder / "tmp").iterdir()) == []
         assert left.keys() >= before.keys()

@@ -10,6 +10,7 @@ from contextlib import contextmanager
 
 #: What libraries say that could not get memory: OpenCV, C++, the system's loader, Python's threads.
 _NO_MEMORY = ("Insufficient memory", "bad_alloc", "failed to map segment", "annot allocate memory", "t start new thread")
+_MAKE_ROOM = "; make room, or write to another place (of temporary files: the variable TMPDIR)"
 DONE, REFUSED, WRONG_INPUT, INTERRUPTED = 0, 1, 2, 130
 
 
@@ -86,8 +87,10 @@ def _lacks_memory(error: BaseException) -> bool:
 
 def _told(error: BaseException) -> str:
     """The system's own words with the file first, anybody else's as they are."""
-    if isinstance(error, OSError) and error.filename is not None and error.strerror:
-        return f"{os.fsdecode(error.filename)}: {error.strerror}"
+    if isinstance(error, OSError) and error.strerror:
+        place = "" if error.filename is None else f"{os.fsdecode(error.filename)}: "
+        remedy = _MAKE_ROOM if error.errno in (errno.ENOSPC, errno.EDQUOT) else ""
+        return f"{place}{error.strerror}{remedy}"
     return str(error).strip() or type(error).__name__
 
 

@@ -198,7 +198,7 @@ def test_write_replaces(tmp_path, data):
 
 
 @pytest.mark.parametrize("at", ["fdopen", "chmod", "replace"])
-@pytest.mark.parametrize("error", [KeyboardInterrupt, OSError("no space left on device")])
+@pytest.mark.parametrize("error", [KeyboardInterrupt, OSError(28, "no space left on device")])
 def test_interrupted_write_leaves_the_old_file_whole(tmp_path, monkeypatch, at, error):
     path = files.write_atomic(tmp_path / "fig05.png", b"the old picture")
     real = os.fdopen
@@ -210,8 +210,9 @@ def test_interrupted_write_leaves_the_old_file_whole(tmp_path, monkeypatch, at, 
         raise error
 
     monkeypatch.setattr(os, at, fail)
-    with pytest.raises(error if isinstance(error, type) else OSError):
+    with pytest.raises(error if isinstance(error, type) else OSError) as stopped:
         files.write_atomic(path, b"the new picture, all of it")
+    assert getattr(stopped.value, "filename", str(path)) == str(path)
     assert path.read_bytes() == b"the old picture"
     assert [p.name for p in tmp_path.iterdir()] == ["fig05.png"]
 

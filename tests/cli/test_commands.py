@@ -19,6 +19,7 @@ from stereolib.base import datasets
 from stereolib.cli import commands
 from stereolib.reproduction import NotebookError
 
+_MAKE_ROOM = "; make room, or write to another place (of temporary files: the variable TMPDIR)\n"
 _MEMORY, _LESS = "stereolib: error: too little memory", ": try smaller pictures, or close other programs\n"
 
 def leaves(
@@ -76,6 +77,8 @@ def test_an_unknown_option_leads_to_the_help_that_lists_them(capsys: pytest.Capt
     [
         (ValueError("three\nlines  of text"), 2, "stereolib: error: three lines of text\n"),
         (FileNotFoundError(2, "No such file", "left.png"), 2, "stereolib: error: left.png: No such file\n"),
+        (OSError(28, "No space left", "m.png"), 2, f"stereolib: error: m.png: No space left{_MAKE_ROOM}"),
+        (OSError(28, "No space left"), 2, f"stereolib: error: No space left{_MAKE_ROOM}"),
         (FileExistsError("d.npy would be overwritten"), 2, "stereolib: error: d.npy would be overwritten\n"),
         (
             ModuleNotFoundError("no", name="trimesh.x"),

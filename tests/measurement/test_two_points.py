@@ -73,9 +73,9 @@ def test_points_are_within_their_deviations_more_often_than_by_chance(name: str)
     assert len(inside) > 100 and np.mean(inside) > 0.88
 
 
-@pytest.mark.parametrize("near_px", [55, 63])
+@pytest.mark.parametrize("near_px", [55, 70])
 def test_what_the_half_size_saw_is_inside_the_window(near_px: int) -> None:
-    """A match at the window's end would have no neighbour."""
+    """Also where the next larger window is needed for it."""
     rng, views = np.random.default_rng(2), seen("conditions/texture")[0]
     right = cv2.GaussianBlur(rng.integers(0, 256, (120, 320, 3), np.uint8), (0, 0), 1.0)
     left = np.roll(right, near_px, axis=1)

@@ -106,7 +106,7 @@ def _pose(text: str | None) -> tuple[float, float, float]:
     """x and y in mm, the yaw in rad."""
     try:
         x_mm, y_mm, yaw_deg = (float(part) for part in (text or "0,0,0").split(","))
-        if not max(abs(x_mm), abs(y_mm)) <= MM or not math.isfinite(yaw_deg):
+        if not (abs(x_mm) <= MM and abs(y_mm) <= MM and math.isfinite(yaw_deg)):
             raise ValueError
     except ValueError:
         raise ValueError(f"--pose is X,Y,YAW in mm, mm and degrees, as 1200,-300,90; got {text!r}") from None

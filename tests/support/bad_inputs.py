@@ -515,6 +515,8 @@ OTHERS = {
         Bad("lrf export good/scan.bin out.csv --pose 1,2,3", "--pose"),
         Bad("lrf export good/scan.bin out.ply --pose 1,2", "--pose"),
         Bad("lrf export good/scan.bin out.ply --pose nan,0,0", "--pose"),
+        Bad("lrf export good/scan.bin out.ply --pose 0,nan,0", "--pose"),
+        Bad("lrf export good/scan.bin out.ply --pose 0,0,inf", "--pose"),
         Bad("lrf export good/scan.bin out.ply --pose 1e300,0,0", "--pose"),
         Bad("lrf export good/scan.bin out.ply --height-mm nan", "--height-mm"),
         Bad("lrf export good/scan.bin out.ply --height-mm 1e300", "--height-mm"),

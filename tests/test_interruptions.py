@@ -77,9 +77,15 @@ WRITING = [
     Writing("disparity l.jpg r.jpg --calibration rig.json --max-disparity 96 --output out/d.npy --force"),
     Writing(f"calibrate left right {_BOARD} --output out --format opencv --force", varies=(".html",)),
     Writing(f"check left right {_BOARD} --calibration rig.json --picture out/c.png --force"),
-    Writing("calibrate-laser walk/laser walk/laser --calibration out/rig.json --board 6x9 --square-mm 30 --margin-mm 24",
-            over="without_laser"),
-    Writing("capture left/%02d.jpg right/%02d.jpg --output out --pairs 6 --no-preview", begins_anew=True, varies=(".png", ".json")),
+    Writing(
+        "calibrate-laser walk/laser walk/laser --calibration out/rig.json --board 6x9 --square-mm 30 --margin-mm 24",
+        over="without_laser",
+    ),
+    Writing(
+        "capture left/%02d.jpg right/%02d.jpg --output out --pairs 6 --no-preview",
+        begins_anew=True,
+        varies=(".png", ".json"),
+    ),
     Writing("map walk --output out --force"),
     Writing("data walk out --force"),
     Writing("data build --output out", most_s=40.0),
@@ -87,7 +93,7 @@ WRITING = [
     Writing("bake out --force"),
     Writing("handout --out out/class.zip --no-wheels --force", varies=(".zip",)),
     Writing("reproduce 02 --jobs 1 --accept", over="checkout"),
-]  # fmt: skip
+]
 
 
 def make(folder: Path) -> None:

@@ -147,7 +147,9 @@ def write_atomic(path: str | PathLike[str], data: bytes | str) -> Path:
             os.replace(temporary, target)
     except BaseException as error:
         temporary.unlink(missing_ok=True)
-        if isinstance(error, OSError) and error.errno is not None:  # not the name beside it, nor none as when the disk is full
+        if (
+            isinstance(error, OSError) and error.errno is not None
+        ):  # not the name beside it, nor none as when the disk is full
             error.filename = os.fspath(path)
         raise
     return path

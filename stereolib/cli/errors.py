@@ -9,7 +9,13 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 #: What libraries say that could not get memory: OpenCV, C++, the system's loader, Python's threads.
-_NO_MEMORY = ("Insufficient memory", "bad_alloc", "failed to map segment", "annot allocate memory", "t start new thread")
+_NO_MEMORY = (
+    "Insufficient memory",
+    "bad_alloc",
+    "failed to map segment",
+    "annot allocate memory",
+    "t start new thread",
+)
 _MAKE_ROOM = "; make room, or write to another place (of temporary files: the variable TMPDIR)"
 DONE, REFUSED, WRONG_INPUT, INTERRUPTED = 0, 1, 2, 130
 

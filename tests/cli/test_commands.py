@@ -22,6 +22,7 @@ from stereolib.reproduction import NotebookError
 _MAKE_ROOM = "; make room, or write to another place (of temporary files: the variable TMPDIR)\n"
 _MEMORY, _LESS = "stereolib: error: too little memory", ": try smaller pictures, or close other programs\n"
 
+
 def leaves(
     commands: Sequence[commands.Command] = commands.COMMANDS, above: str = ""
 ) -> Iterator[tuple[str, commands.Command]]:

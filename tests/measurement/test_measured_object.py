@@ -110,7 +110,9 @@ def test_a_height_without_a_face_keeps_its_deviation():
     region = ObjectRegion(nothing, nothing, nothing, nothing, (800.0, 50.0), (0, 0, 9, 9))
     thing = from_region(region, (250.0, 3.0), {})
     assert thing.size_mm[2] == 250.0 and thing.std_mm[2] == 3.0 and np.isnan(thing.std_mm[:2]).all()
-    assert {name: why.reason for name, why in thing.reasons.items()} == dict.fromkeys(("length", "width"), Reason.NO_FACE)
+    assert {name: why.reason for name, why in thing.reasons.items()} == dict.fromkeys(
+        ("length", "width"), Reason.NO_FACE
+    )
 
 
 def test_a_cylinder_s_volume_and_surface():

@@ -24,7 +24,6 @@ import pytest
 
 from stereolib.base import datasets
 from stereolib.laser import decode
-from stereolib.mapping import write_rig_file
 from stereolib.measurement import save_laser_pose
 from stereolib.paper import paper_rig
 from stereolib.virtual import emulator, walk_folder
@@ -118,7 +117,7 @@ def make_more(folder: Path) -> None:
     (folder / "rig").mkdir()
     for name in ("boards", "pairs", "scans"):
         (folder / "rig" / name).mkdir()
-    write_rig_file(folder / "rig" / "rig.toml")
+    (folder / "rig" / "rig.toml").write_text("[board]\ninner_corners = [9, 6]\nsquare_mm = [25.0, 25.0]\n")
     for side in ("left", "right"):
         shutil.copy(VIRTUAL / "room" / f"3_{side}.jpg", folder / "rig" / "pairs")
         for board in VIRTUAL.glob(f"boards/[01]*_{side}.jpg"):

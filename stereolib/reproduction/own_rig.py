@@ -43,7 +43,8 @@ def report_rig(folder: Path, output: Path) -> list[Path]:
     notebook: Any = nbformat.reads(read_text(datasets.chapter_path(CHAPTER)), as_version=4)  # type: ignore[no-untyped-call]
     at = next(k for k, cell in enumerate(notebook.cells) if "parameters" in cell.metadata.get("tags", []))
     given = f"folder = {str(folder.resolve())!r}\noutput = {str(output.resolve())!r}"
-    injected: Any = nbformat.v4.new_code_cell(given, metadata={"tags": ["injected-parameters"]})  # type: ignore[no-untyped-call]
+    about = {"id": "injected", "metadata": {"tags": ["injected-parameters"]}}  # an id of its own would differ each time
+    injected: Any = nbformat.v4.new_code_cell(given, **about)  # type: ignore[no-untyped-call]
     notebook.cells.insert(at + 1, injected)
     for cell in notebook.cells:
         if cell.cell_type == "markdown":

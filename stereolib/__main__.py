@@ -5,6 +5,7 @@ import sys
 if __name__ == "__main__":
     try:
         from stereolib.cli import main
-    except KeyboardInterrupt:
+
+        sys.exit(main())
+    except KeyboardInterrupt:  # before the command began
         sys.exit(130)
-    sys.exit(main())

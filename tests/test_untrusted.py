@@ -22,6 +22,7 @@ from hypothesis import strategies as st
 from stereolib import laser
 from stereolib.base import datasets, read_json, read_yaml
 from stereolib.calibration import CalibrationRecord
+from stereolib.cli.voila import voila_command
 from stereolib.mapping import list_stations, read_scan
 from stereolib.measurement import Instrument, save_laser_pose
 from stereolib.paper import paper_rig
@@ -203,6 +204,16 @@ def test_nothing_runs_what_a_file_says() -> None:
     for name in ("run", "call", "Popen", "check_output", "check_call"):
         for path, call in calls(name):
             assert not any(word.arg == "shell" for word in call.keywords), path
+
+
+def test_pages_are_served_to_this_machine_alone_with_a_token() -> None:
+    """Voila is told so in one place, whichever command starts it; no server is told of another address anywhere."""
+    words = voila_command("live.ipynb", 8765)
+    assert {"--token", "--Voila.ip=127.0.0.1"} <= set(words)
+    started = [str(path) for path, call in calls("Popen") + calls("call") if "voila" in ast.unparse(call)]
+    assert len(started) == len(calls("voila_command")) == 2, "explore and the live pages"
+    for path in LIBRARY:
+        assert not re.search(r"0\.0\.0\.0|INADDR_ANY|ip=\*|token=''", path.read_text(encoding="utf-8")), path
 
 
 def test_emulators_listen_on_this_machine_alone() -> None:

@@ -6,6 +6,7 @@ from .files import check_name, check_target, read_bytes, read_text, write_atomic
 from .numbers import counted, listed, plus_minus
 from .statistics import clustered_covariance, median, quantile
 from .text_formats import check_nesting, parse_yaml, read_json, read_toml, read_yaml
+from .work_folder import work_folder
 
 __all__ = [
     "ROOT",
@@ -43,6 +44,7 @@ __all__ = [
     "set_frozen",
     "turn_2d",
     "turn_about_z",
+    "work_folder",
     "wrap_rad",
     "write_atomic",
 ]

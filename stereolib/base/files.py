@@ -136,7 +136,7 @@ def write_atomic(path: str | PathLike[str], data: bytes | str) -> Path:
     try:
         descriptor = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o666)
         with os.fdopen(descriptor, "wb") as stream:
-            held = _hold(stream)
+            held = hold(stream)
             stream.write(payload)
             stream.flush()
             if target.exists():
@@ -145,8 +145,12 @@ def write_atomic(path: str | PathLike[str], data: bytes | str) -> Path:
                 os.replace(temporary, target)
         if not held:
             os.replace(temporary, target)
-    except BaseException:
+    except BaseException as error:
         temporary.unlink(missing_ok=True)
+        if (
+            isinstance(error, OSError) and error.errno is not None
+        ):  # not the name beside it, nor none as when the disk is full
+            error.filename = os.fspath(path)
         raise
     return path
 
@@ -209,8 +213,18 @@ def _beside(target: Path) -> Path:
     return target.with_name(f".{target.name[:100]}.{secrets.token_hex(4)}")
 
 
-def _hold(stream: Any) -> bool:
-    """Lock a file as long as it is open, so that nobody sweeps it; False where an open file is safe anyhow."""
+def hold(stream: Any) -> bool:
+    """Lock a file as long as it is open, so that `unlink_unheld` leaves it.
+
+    Parameters
+    ----------
+    stream : file
+
+    Returns
+    -------
+    bool
+        False where an open file is safe anyhow.
+    """
     try:
         import fcntl
     except ModuleNotFoundError:  # Windows removes and renames no open file
@@ -220,19 +234,33 @@ def _hold(stream: Any) -> bool:
     return True
 
 
+def unlink_unheld(path: Path) -> None:
+    """Remove a file, unless a process that lives holds it.
+
+    Parameters
+    ----------
+    path : Path
+
+    Raises
+    ------
+    OSError
+        If it is held, or the system refuses.
+    """
+    if os.name != "nt":
+        import fcntl
+
+        with path.open("rb") as stream:
+            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    path.unlink()
+
+
 def _sweep(target: Path) -> None:
     """Take away what writers of a file that were killed left beside it; those still at work hold theirs."""
     begin = f".{target.name[:100]}."
     for left in target.parent.iterdir():
-        if not (left.name.startswith(begin) and _LEFT.fullmatch(left.name[len(begin) :])):
-            continue
-        with suppress(OSError):
-            if os.name != "nt":
-                import fcntl
-
-                with left.open("rb") as stream:
-                    fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            left.unlink()
+        if left.name.startswith(begin) and _LEFT.fullmatch(left.name[len(begin) :]):
+            with suppress(OSError):
+                unlink_unheld(left)
 
 
 def _open_to_write(path: Path) -> int:

@@ -2,11 +2,21 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+#: What libraries say that could not get memory: OpenCV, C++, the system's loader, Python's threads.
+_NO_MEMORY = (
+    "Insufficient memory",
+    "bad_alloc",
+    "failed to map segment",
+    "annot allocate memory",
+    "t start new thread",
+)
+_MAKE_ROOM = "; make room, or write to another place (of temporary files: the variable TMPDIR)"
 DONE, REFUSED, WRONG_INPUT, INTERRUPTED = 0, 1, 2, 130
 
 
@@ -38,19 +48,19 @@ def guarded(run: Callable[[], int], interrupted: str = "") -> int:
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # the interpreter flushes once more at its end
         return DONE
-    except KeyboardInterrupt:
-        _say("; ".join(filter(None, ("interrupted", interrupted))))
-        return INTERRUPTED
-    except ModuleNotFoundError as error:
-        if not error.name or error.name.partition(".")[0] == "stereolib":
+    except (KeyboardInterrupt, Exception) as error:
+        if _was_interrupted(error):
+            _say("; ".join(filter(None, ("interrupted", interrupted))))
+            return INTERRUPTED
+        if isinstance(error, ModuleNotFoundError) and error.name and error.name.partition(".")[0] != "stereolib":
+            _say(f'error: this needs {error.name}: pip install "stereolib[notebooks]"')
+        elif _lacks_memory(error):
+            why = getattr(error, "err", "") or str(error) or "none is left"
+            _say(f"error: too little memory ({why}): try smaller pictures, or close other programs")
+        elif isinstance(error, (ValueError, OSError)):
+            _say(f"error: {_told(error)}")
+        else:
             raise
-        _say(f'error: this needs {error.name}: pip install "stereolib[notebooks]"')
-    except MemoryError as error:
-        _say(
-            f"error: too little memory ({str(error) or 'none is left'}): try smaller pictures, or close other programs"
-        )
-    except (ValueError, OSError) as error:
-        _say(f"error: {_told(error)}")
     return WRONG_INPUT
 
 
@@ -66,10 +76,27 @@ def named(*files: object) -> Iterator[None]:
         raise ValueError(f"{' and '.join(map(str, files))}: {text}") from error
 
 
-def _told(error: Exception) -> str:
+def _was_interrupted(error: BaseException | None) -> bool:
+    """Whether Ctrl-C is what it came of: a library that is just being loaded makes an ImportError of it."""
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__cause__ or error.__context__
+    return error is not None
+
+
+def _lacks_memory(error: BaseException) -> bool:
+    """Whether there was too little memory: for Python, for the system that loads or forks, or for OpenCV."""
+    if isinstance(error, MemoryError) or getattr(error, "errno", None) == errno.ENOMEM:
+        return True
+    is_of_libraries = isinstance(error, (ImportError, RuntimeError)) or type(error).__module__ == "cv2"
+    return is_of_libraries and any(words in str(error) for words in _NO_MEMORY)
+
+
+def _told(error: BaseException) -> str:
     """The system's own words with the file first, anybody else's as they are."""
-    if isinstance(error, OSError) and error.filename is not None and error.strerror:
-        return f"{os.fsdecode(error.filename)}: {error.strerror}"
+    if isinstance(error, OSError) and error.strerror:
+        place = "" if error.filename is None else f"{os.fsdecode(error.filename)}: "
+        remedy = _MAKE_ROOM if error.errno in (errno.ENOSPC, errno.EDQUOT) else ""
+        return f"{place}{error.strerror}{remedy}"
     return str(error).strip() or type(error).__name__
 
 

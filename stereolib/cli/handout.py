@@ -8,7 +8,6 @@ import stat
 import subprocess
 import sys
 import sysconfig
-import tempfile
 import time
 import zipfile
 from collections.abc import Iterator
@@ -51,15 +50,15 @@ def _configure(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from stereolib.base import counted, datasets
+    from stereolib.base import counted, datasets, work_folder
 
     check_ending(arguments.out, ".zip", "the handout")
     check_outputs([arguments.out], force=arguments.force, option="--out")
     root, python = datasets.repository(), arguments.python or "{}.{}".format(*sys.version_info)
     part = arguments.out.with_name(f".{arguments.out.name}.part")
-    with tempfile.TemporaryDirectory() as folder:
+    with work_folder() as folder:
         try:
-            wheels = [] if arguments.no_wheels else _fetch(root, Path(folder), arguments.platform or [], python)
+            wheels = [] if arguments.no_wheels else _fetch(root, folder, arguments.platform or [], python)
             _pack(part, root, wheels, _needs(python, arguments.platform) if wheels else _NEEDS_INTERNET)
             os.replace(part, arguments.out)
         finally:

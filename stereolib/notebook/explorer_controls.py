@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import tempfile
+import weakref
 from collections.abc import Callable, Mapping
+from contextlib import ExitStack
 from dataclasses import replace
 from html import escape
 from pathlib import Path
@@ -11,6 +12,7 @@ from typing import Any
 
 import ipywidgets as widgets
 
+from stereolib.base import work_folder
 from stereolib.notebook import chain, offered
 from stereolib.notebook.knobs import Knob, State, knobs, most_p2
 from stereolib.notebook.stories import Story
@@ -138,7 +140,9 @@ class Upload:
     """
 
     def __init__(self, take: Callable[[tuple[str, ...]], None]) -> None:
-        self._take, self._folder, self._uses = take, tempfile.TemporaryDirectory(prefix="stereolib-"), 0
+        kept = ExitStack()
+        self._take, self._folder, self._uses = take, kept.enter_context(work_folder()), 0
+        weakref.finalize(self, kept.close)
         about = {"left": ".jpg,.jpeg,.png", "right": ".jpg,.jpeg,.png", "calibration": ".json", "scan": ".bin,.csv"}
         self._fields = {name: widgets.FileUpload(accept=kinds, description=name) for name, kinds in about.items()}
         self._names = {name: widgets.HTML().add_class("stereolib-file") for name in about}
@@ -183,7 +187,7 @@ class Upload:
         uploaded = self._fields[name].value
         if not uploaded:
             return ""
-        path = Path(self._folder.name) / f"{self._uses}_{name}" / Path(uploaded[0]["name"]).name
+        path = self._folder / f"{self._uses}_{name}" / Path(uploaded[0]["name"]).name
         path.parent.mkdir()  # a new one: what was read from a path is remembered
         path.write_bytes(bytes(uploaded[0]["content"]))
         return str(path)

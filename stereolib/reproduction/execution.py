@@ -11,7 +11,6 @@ import asyncio
 import re
 import subprocess
 import sys
-import tempfile
 import time
 from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager
@@ -20,11 +19,13 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
-from stereolib.base import read_text, write_atomic
+from stereolib.base import read_text, work_folder, write_atomic
 from stereolib.reproduction.kernels import kernel_environment
 
 CELL_TIMEOUT_S = 240.0
 NOTEBOOK_TIMEOUT_S = 600.0
+#: Where the user's settings would be: IPython's profile and matplotlib's file.
+_SETTINGS = ("IPYTHONDIR", "MPLCONFIGDIR")
 _TRACEBACK_LINES, _STDERR_CHARACTERS = 15, 500  # shown of a failure
 INDEX = "00_two_pictures"  # shows what all the others recorded, so it runs last
 
@@ -129,7 +130,7 @@ def failures(notebook: Any) -> list[str]:
     return wrong
 
 
-def _make_client(notebook: Any, cwd: Path, limits: Limits, advance: Callable[[], None]) -> Any:
+def _make_client(notebook: Any, cwd: Path, connection: Path, limits: Limits, advance: Callable[[], None]) -> Any:
     """Client whose kernel is this interpreter, installed kernels or not, and which leaves signals alone."""
     from jupyter_client.kernelspec import KernelSpec, KernelSpecManager
     from jupyter_client.manager import AsyncKernelManager
@@ -146,7 +147,7 @@ def _make_client(notebook: Any, cwd: Path, limits: Limits, advance: Callable[[],
         # interruption cancels them all.
         @asynccontextmanager
         async def async_setup_kernel(self, **kwargs: Any) -> AsyncIterator[None]:
-            self.km = AsyncKernelManager(kernel_spec_manager=ThisInterpreter())
+            self.km = AsyncKernelManager(kernel_spec_manager=ThisInterpreter(), connection_file=str(connection))
             try:
                 await self.async_start_new_kernel(**kwargs)
                 await self.async_start_new_kernel_client()
@@ -177,7 +178,8 @@ async def _execute_once(source: Path, env: dict[str, str], limits: Limits, bar: 
         if cell.cell_type == "code":
             cell.outputs, cell.execution_count = [], None
     bar.reset(total=len(notebook.cells))
-    client = _make_client(notebook, source.parent, limits, lambda: bar.update())
+    connection = Path(env[_SETTINGS[0]]) / f"{source.stem}.json"
+    client = _make_client(notebook, source.parent, connection, limits, lambda: bar.update())
     try:
         async with asyncio.timeout(limits.notebook_s) as clock:
             await client.async_execute(env=env)
@@ -288,9 +290,9 @@ def execute_notebooks(
     if jobs < 1:
         raise ValueError(f"jobs is {jobs}; give the number of notebooks to run at once, 1 or more")
     target_dir.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix="stereolib-") as settings:
-        # The user's IPython profile and matplotlibrc stay out of it; a home that cannot be written is not asked for.
-        env = kernel_environment(figures_dir) | {"IPYTHONDIR": settings, "MPLCONFIGDIR": settings}
+    with work_folder() as settings:
+        # The user's own stay out of it; a home that cannot be written is not asked for.
+        env = kernel_environment(figures_dir) | dict.fromkeys(_SETTINGS, str(settings))
         list_fonts = [sys.executable, "-c", "import matplotlib.font_manager"]  # said on stderr where it takes long
         subprocess.run(list_fonts, env=env, capture_output=True, check=False)
         with asyncio.Runner(loop_factory=asyncio.SelectorEventLoop) as runner:

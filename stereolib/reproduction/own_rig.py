@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import re
-import tempfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from stereolib.base import datasets, read_text, write_atomic
+from stereolib.base import datasets, read_text, work_folder, write_atomic
 from stereolib.reproduction.execution import execute_notebooks
 
 CHAPTER = "11_your_own_rig"
@@ -44,13 +43,13 @@ def report_rig(folder: Path, output: Path) -> list[Path]:
     notebook: Any = nbformat.reads(read_text(datasets.chapter_path(CHAPTER)), as_version=4)  # type: ignore[no-untyped-call]
     at = next(k for k, cell in enumerate(notebook.cells) if "parameters" in cell.metadata.get("tags", []))
     given = f"folder = {str(folder.resolve())!r}\noutput = {str(output.resolve())!r}"
-    injected: Any = nbformat.v4.new_code_cell(given, metadata={"tags": ["injected-parameters"]})  # type: ignore[no-untyped-call]
+    about = {"id": "injected", "metadata": {"tags": ["injected-parameters"]}}  # an id of its own would differ each time
+    injected: Any = nbformat.v4.new_code_cell(given, **about)  # type: ignore[no-untyped-call]
     notebook.cells.insert(at + 1, injected)
     for cell in notebook.cells:
         if cell.cell_type == "markdown":
             cell.source = _LINK.sub(r"\1", cell.source)
-    with tempfile.TemporaryDirectory(prefix="stereolib-") as name:
-        work = Path(name)
+    with work_folder() as work:
         source = write_atomic(work / f"{CHAPTER}.ipynb", nbformat.writes(notebook))  # type: ignore[no-untyped-call]
         execute_notebooks([source], work / "executed", work / "figures", jobs=1)
         text = read_text(work / "executed" / source.name, limit_bytes=_LIMIT_BYTES)

@@ -7,6 +7,7 @@ from the beginning.
 from __future__ import annotations
 
 import math
+import secrets
 import threading
 import time
 from collections.abc import Iterator, Sequence
@@ -191,7 +192,7 @@ def serve_cameras(
         threading.Thread(target=server.serve_forever, args=(_POLL_S,), daemon=True, name=f"{side} camera").start()
         servers.append(server)
     try:
-        left, right = (f"http://127.0.0.1:{server.server_address[1]}/{side}.mjpg" for server, side in
+        left, right = (f"http://127.0.0.1:{server.server_address[1]}/{stage.token}/{side}.mjpg" for server, side in
                        zip(servers, _SIDES, strict=True))  # fmt: skip
         yield left, right
     finally:
@@ -222,6 +223,7 @@ class _Stage:
 
     def __init__(self, fps: float, bus_bytes_per_s: float) -> None:
         self.fps, self.closed = fps, threading.Event()
+        self.token = secrets.token_hex(8)  # in the addresses: who does not know them sees nothing
         self._left_bytes_per_s, self._lock, self._start_s = bus_bytes_per_s, threading.Lock(), math.nan
 
     def now_s(self) -> float:
@@ -254,7 +256,10 @@ class _Camera:
 
         class Handler(BaseHTTPRequestHandler):
             def do_GET(self) -> None:
-                camera._answer(self)
+                if self.path.startswith(f"/{camera._stage.token}/"):
+                    camera._answer(self)
+                else:
+                    self.send_error(403)
 
             def log_message(self, *_: Any) -> None:
                 pass

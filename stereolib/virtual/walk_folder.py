@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from stereolib.base import data_path, read_bytes, write_atomic
+from stereolib.base import data_path, read_bytes, work_folder, write_atomic
 from stereolib.measurement import save_laser_pose
 from stereolib.paper import paper_rig
 from stereolib.virtual import laser_boards, recordings, walk
@@ -48,7 +48,9 @@ def write_walk(folder: Path) -> list[Path]:
     OSError
         If they cannot be written.
     """
-    calibration = save_laser_pose(paper_rig().save(folder / WALK_FILES[0]), walk_laser())
+    with work_folder() as work:  # in its place it has its laser from the first moment
+        rig = save_laser_pose(paper_rig().save(work / WALK_FILES[0]), walk_laser())
+        calibration = write_atomic(folder / WALK_FILES[0], read_bytes(rig))
     rows = [f"{name[-1]},{x},{y},{np.degrees(yaw):.6f}" for name, (x, y, yaw) in walk.POSES.items()]
     poses = write_atomic(folder / WALK_FILES[1], "\n".join(("station,x_mm,y_mm,yaw_deg", *rows, "")))
     recorded = (

@@ -198,7 +198,7 @@ def test_write_replaces(tmp_path, data):
 
 
 @pytest.mark.parametrize("at", ["fdopen", "chmod", "replace"])
-@pytest.mark.parametrize("error", [KeyboardInterrupt, OSError("no space left on device")])
+@pytest.mark.parametrize("error", [KeyboardInterrupt, OSError(28, "no space left on device")])
 def test_interrupted_write_leaves_the_old_file_whole(tmp_path, monkeypatch, at, error):
     path = files.write_atomic(tmp_path / "fig05.png", b"the old picture")
     real = os.fdopen
@@ -210,8 +210,9 @@ def test_interrupted_write_leaves_the_old_file_whole(tmp_path, monkeypatch, at, 
         raise error
 
     monkeypatch.setattr(os, at, fail)
-    with pytest.raises(error if isinstance(error, type) else OSError):
+    with pytest.raises(error if isinstance(error, type) else OSError) as stopped:
         files.write_atomic(path, b"the new picture, all of it")
+    assert getattr(stopped.value, "filename", str(path)) == str(path)
     assert path.read_bytes() == b"the old picture"
     assert [p.name for p in tmp_path.iterdir()] == ["fig05.png"]
 
@@ -237,7 +238,7 @@ def test_what_a_killed_writer_left_goes_with_the_next_write(tmp_path):
         path.write_bytes(b"half")
     at_work = tmp_path / ".map.png.fedcba98"
     with at_work.open("wb") as stream:
-        assert files._hold(stream)
+        assert files.hold(stream)
         files.write_atomic(target, b"new")
         assert set(tmp_path.iterdir()) == {target, at_work, *others}
     files.write_atomic(target, b"newer")

@@ -10,12 +10,17 @@ import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
 
 from stereolib import __version__, reproduction
 from stereolib.base import datasets
 from stereolib.cli import commands
 from stereolib.reproduction import NotebookError
+
+_MAKE_ROOM = "; make room, or write to another place (of temporary files: the variable TMPDIR)\n"
+_MEMORY, _LESS = "stereolib: error: too little memory", ": try smaller pictures, or close other programs\n"
 
 
 def leaves(
@@ -73,6 +78,8 @@ def test_an_unknown_option_leads_to_the_help_that_lists_them(capsys: pytest.Capt
     [
         (ValueError("three\nlines  of text"), 2, "stereolib: error: three lines of text\n"),
         (FileNotFoundError(2, "No such file", "left.png"), 2, "stereolib: error: left.png: No such file\n"),
+        (OSError(28, "No space left", "m.png"), 2, f"stereolib: error: m.png: No space left{_MAKE_ROOM}"),
+        (OSError(28, "No space left"), 2, f"stereolib: error: No space left{_MAKE_ROOM}"),
         (FileExistsError("d.npy would be overwritten"), 2, "stereolib: error: d.npy would be overwritten\n"),
         (
             ModuleNotFoundError("no", name="trimesh.x"),
@@ -82,9 +89,13 @@ def test_an_unknown_option_leads_to_the_help_that_lists_them(capsys: pytest.Capt
         (
             MemoryError("Unable to allocate 3 GiB"),
             2,
-            "stereolib: error: too little memory (Unable to allocate 3 GiB): try smaller pictures, or close other "
-            "programs\n",
+            f"{_MEMORY} (Unable to allocate 3 GiB){_LESS}",
         ),
+        (MemoryError(), 2, f"{_MEMORY} (none is left){_LESS}"),
+        (cv2.error("std::bad_alloc"), 2, f"{_MEMORY} (std::bad_alloc){_LESS}"),
+        (ImportError("a.so: failed to map segment"), 2, f"{_MEMORY} (a.so: failed to map segment){_LESS}"),
+        (RuntimeError("can't start new thread"), 2, f"{_MEMORY} (can't start new thread){_LESS}"),
+        (OSError(12, "Cannot allocate memory"), 2, f"{_MEMORY} ([Errno 12] Cannot allocate memory){_LESS}"),
         (ValueError("bad \udcff name"), 2, "stereolib: error: bad \\udcff name\n"),
         (ValueError(), 2, "stereolib: error: ValueError\n"),
         (KeyboardInterrupt(), 130, "stereolib: interrupted; all is kept\n"),
@@ -106,6 +117,38 @@ def test_errors_are_one_line(
     assert capsys.readouterr().err == line
 
 
+def test_an_interruption_that_a_library_turned_into_an_error_is_one(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As modules in C do where Ctrl-C comes while they are loaded."""
+
+    def fail(arguments: argparse.Namespace) -> int:
+        raise ImportError("initialization failed") from KeyboardInterrupt()
+
+    monkeypatch.setattr(commands, "COMMANDS", (commands.Command("fail", "fails", "stereolib fail", fail),))
+    assert commands.main(["fail"]) == 130
+    assert capsys.readouterr().err == "stereolib: interrupted\n"
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="limits of memory are not held elsewhere")
+def test_opencv_without_memory_ends_in_one_line(tmp_path: Path) -> None:
+    """A real one: so much is matched that OpenCV gets no memory for what it computes."""
+    noise = cv2.GaussianBlur(np.random.default_rng(0).integers(0, 256, (2000, 3000), np.uint8), (0, 0), 2)
+    for name, picture in (("l.png", noise), ("r.png", np.roll(noise, -16, 1))):
+        cv2.imwrite(str(tmp_path / name), cv2.resize(picture, (6000, 4000)))
+    limited = (
+        "import sys, resource, cv2, numpy, scipy.linalg; from stereolib import cli, matching, rig\n"
+        "used = int(open('/proc/self/statm').read().split()[0]) * resource.getpagesize()\n"
+        "resource.setrlimit(resource.RLIMIT_AS, (used + 250 * 2**20,) * 2)\nsys.exit(cli.main(sys.argv[1:]))"
+    )
+    words = ["disparity", "l.png", "r.png", "--pipeline", "paper", "--max-disparity", "128"]
+    done = subprocess.run(
+        [sys.executable, "-c", limited, *words], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 2 and done.stderr.count("\n") == 1 and done.stderr.startswith(_MEMORY), done.stderr
+    assert {path.name for path in tmp_path.iterdir()} == {"l.png", "r.png"}
+
+
 @pytest.mark.skipif(os.name == "nt", reason="pipes break otherwise there")
 def test_nobody_reading_is_no_error() -> None:
     reading, writing = os.pipe()
@@ -116,12 +159,13 @@ def test_nobody_reading_is_no_error() -> None:
     assert (done.returncode, done.stderr) == (0, b"")
 
 
-def test_a_fault_of_ours_keeps_its_traceback(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("fault", [KeyError("a bug"), cv2.error("Assertion failed"), RuntimeError("a bug")])
+def test_a_fault_of_ours_keeps_its_traceback(fault: Exception, monkeypatch: pytest.MonkeyPatch) -> None:
     def fail(arguments: argparse.Namespace) -> int:
-        raise KeyError("a bug")
+        raise fault
 
     monkeypatch.setattr(commands, "COMMANDS", (commands.Command("fail", "fails", "stereolib fail", fail),))
-    with pytest.raises(KeyError, match="a bug"):
+    with pytest.raises(type(fault), match=str(fault)):
         commands.main(["fail"])
 
 

@@ -111,6 +111,16 @@ def test_the_outline_runs_counter_clockwise_along_the_length(turn):
     assert known.outline_mm == pytest.approx(turned)
 
 
+def test_where_a_face_stands_is_known_as_well_as_is_said():
+    """Over many scans of the same faces, without the bias that all scans share."""
+    scene = cube_scene(700.0)
+    segments = [find_footprints(scan_of(scene, seed))[0].segment for seed in range(60)]
+    faces = [fit_footprint(segment, bias_mm=0.0).faces for segment in segments]
+    for k in (0, 1):
+        offsets, told = np.array([[pair[k].offset_mm, pair[k].offset_std_mm] for pair in faces]).T
+        assert np.median(told) == pytest.approx(offsets.std(ddof=1), rel=0.22)
+
+
 def test_one_face_has_a_width_and_no_depth():
     (found,) = find_footprints(scan_of(cube_scene(800.0, size_mm=(200.0, 260.0, 300.0), yaw_rad=0.0), 2))
     assert found.shape == "face" and np.isnan([found.length_mm, found.length_std_mm]).all()

@@ -126,6 +126,7 @@ def test_invalid_readings_keep_error_code_strength_and_warning():
         error_code=[[0x21, 0, 0x35, 0]],
         warning=[[False, True, True, False]],
     )
+    assert not laser.Readings.build(0, [[500.0] * 4]).warning.any()  # unless it is said
     r = laser.decode(laser.encode(sent))
     np.testing.assert_array_equal(r.distance_mm, [[np.nan, 1234, np.nan, 0]])
     assert r.error_code.tolist() == [[0x21, 0, 0x35, 0]]

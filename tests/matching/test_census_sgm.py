@@ -85,6 +85,14 @@ def test_strips_tell_the_same_as_one_piece(monkeypatch):
     assert (np.abs(whole.left_px - strips.left_px) < 0.1).mean() > 0.99
 
 
+@pytest.mark.parametrize(("census_px", "p2"), [((7, 9), 3916), ((9, 7), 3916), ((5, 5), 3954)])
+def test_costs_that_16_bits_do_not_hold_are_refused(census_px, p2):
+    """Eight paths of the census' bits, the colours' 20 and p2: up to 32,000."""
+    census_sgm.CensusSGM(census_px=census_px, p2=p2)
+    with pytest.raises(ValueError, match="the costs add up to 32000, more than 16 bits hold"):
+        census_sgm.CensusSGM(census_px=census_px, p2=p2 + 1)
+
+
 def test_too_little_memory_is_told_with_what_would_fit(monkeypatch):
     monkeypatch.setattr(census_sgm, "_free_bytes", lambda: 1e8)
     pair = [np.zeros((480, 640), np.uint8)] * 2  # 1.5 MB a disparity

@@ -66,6 +66,7 @@ def test_sixteen_bits_end_at_65_m():
 def test_a_pair_as_it_comes():
     pair = recordings.load_pair("conditions/texture")
     found, truth = measure_depth(*pair, Instrument(RECT), "fast"), recordings.load_truth("conditions/texture")
+    assert not found.is_filled
     seen = truth.visible & np.isfinite(found.depth_mm) & (truth.box == 1)
     true_mm = RECT.f_px * RECT.baseline_mm / truth.disparity_px
     assert np.median(np.abs(found.depth_mm / true_mm - 1)[seen]) < 0.005

@@ -22,6 +22,7 @@ from stereolib.measurement import (
     floor_from_pose,
     measure_objects,
 )
+from stereolib.measurement.measure import _scanned
 from stereolib.rig import rigid
 from stereolib.virtual import cube_scene, recordings
 
@@ -54,6 +55,12 @@ def test_the_recorded_cube_within_its_deviations(name):
     assert np.degrees(thing.yaw_rad) % 90 == pytest.approx(45, abs=0.5)
     assert thing.sources["lines"] is Source.BOTH and thing.sources["height"] is Source.IMAGE
     assert 0 < thing.scan_share < 1 and thing.reasons == {}
+
+
+def test_what_the_scan_shows_besides_the_cube_stands_behind_it():
+    footprints, others_mm, none = _scanned(scan_of(), 1.0)
+    assert len(footprints) == 1 and none == ""
+    assert len(others_mm) > 100 and np.linalg.norm(others_mm, axis=1).min() > np.linalg.norm(footprints[0].centre_mm)
 
 
 def test_without_a_scan_the_pair_alone_measures():

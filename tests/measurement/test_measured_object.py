@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from support.boxes import EDGES, OWN, PRIORS, STILL, everything, start
 
-from stereolib.measurement import MeasuredObject, Reason, Why
+from stereolib.measurement import MeasuredObject, ObjectRegion, Reason, Why
 from stereolib.measurement.agreement import Past
 from stereolib.measurement.box import Edge, Own, Shared
-from stereolib.measurement.measured_object import BoxFacts, from_box
+from stereolib.measurement.measured_object import BoxFacts, from_box, from_region
 from stereolib.measurement.scene_solver import Seen, Solution, solve
 
 OPEN = dict.fromkeys(EDGES, Past.OPEN)
@@ -103,6 +103,16 @@ def test_a_solved_box_becomes_an_object():
     np.testing.assert_allclose(thing.size_mm, [300, 200, 250], atol=0.02)
     own = found.of_box(0)[1][len(Shared) :, len(Shared) :]
     assert thing.std_mm == pytest.approx(np.sqrt(np.diag(own))[[Own.RIGHT, Own.LEFT, Own.HEIGHT]])
+
+
+def test_a_height_without_a_face_keeps_its_deviation():
+    nothing = np.zeros(1)
+    region = ObjectRegion(nothing, nothing, nothing, nothing, (800.0, 50.0), (0, 0, 9, 9))
+    thing = from_region(region, (250.0, 3.0), {})
+    assert thing.size_mm[2] == 250.0 and thing.std_mm[2] == 3.0 and np.isnan(thing.std_mm[:2]).all()
+    assert {name: why.reason for name, why in thing.reasons.items()} == dict.fromkeys(
+        ("length", "width"), Reason.NO_FACE
+    )
 
 
 def test_a_cylinder_s_volume_and_surface():

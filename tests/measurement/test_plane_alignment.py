@@ -7,7 +7,7 @@ import pytest
 from support.ground import GRID, pictures_of_plane, textured
 
 from stereolib.base import Float64
-from stereolib.measurement.plane_alignment import AlignedPair, align
+from stereolib.measurement.plane_alignment import AlignedPair, align, cell_of
 
 PLANE = np.array([0.02, 0.30, 20.0])
 
@@ -16,6 +16,15 @@ def on_plane() -> tuple[Float64, Float64, Float64]:
     """Pixels u, v, and what `PLANE` is multiplied by."""
     u, v = (a[250:450:2, 250:600:2].ravel() for a in GRID)
     return u, v, np.stack([u, v, np.ones_like(u)], axis=1)
+
+
+def test_every_cell_of_24_pixels_has_a_number_of_its_own():
+    u, v = (a.ravel() for a in np.mgrid[0:100, 0:60].astype(float))
+    numbers = cell_of(u, v)
+    cells = {}
+    for number, cell in zip(numbers.tolist(), zip((u // 24).tolist(), (v // 24).tolist(), strict=True), strict=True):
+        assert cells.setdefault(number, cell) == cell
+    assert len(cells) == 5 * 3
 
 
 def test_alignment_finds_a_slanted_plane_to_a_hundredth():

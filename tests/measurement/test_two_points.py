@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import cv2
 import numpy as np
 import pytest
 
@@ -56,6 +59,31 @@ def test_lengths_on_the_cube(name: str, least: int, typical_mm: float) -> None:
     assert np.median(std) < 3 * typical_mm  # and not by saying nothing
 
 
+@pytest.mark.parametrize("name", ["conditions/texture", "conditions/glare", "series/coarse_1000"])
+def test_points_are_within_their_deviations_more_often_than_by_chance(name: str) -> None:
+    """As the README says of the intervals: on the wide side, where chance would leave 68 %."""
+    views, map_px, truth = seen(name)
+    inside = []
+    for at in pairs_of_pixels(truth, 100).reshape(-1, 2):
+        try:
+            found = find_surface(views, map_px, at)
+        except ValueError:
+            continue
+        inside.append(abs(found.disparity_px - truth.disparity_px[int(at[1]), int(at[0])]) < found.std_px)
+    assert len(inside) > 100 and np.mean(inside) > 0.88
+
+
+@pytest.mark.parametrize("near_px", [55, 70])
+def test_what_the_half_size_saw_is_inside_the_window(near_px: int) -> None:
+    """Also where the next larger window is needed for it."""
+    rng, views = np.random.default_rng(2), seen("conditions/texture")[0]
+    right = cv2.GaussianBlur(rng.integers(0, 256, (120, 320, 3), np.uint8), (0, 0), 1.0)
+    left = np.roll(right, near_px, axis=1)
+    half = np.full((120, 320), near_px, np.float32)
+    found = match_views(replace(views, left=left, right=right, disparity_px=half))
+    assert np.mean(np.abs(found[20:100, 120:300] - near_px) < 0.5) > 0.9
+
+
 @pytest.mark.parametrize(("name", "most"), [("conditions/plain", 2), ("conditions/poor_light", 30)])
 def test_what_shows_too_little_is_refused(name: str, most: int) -> None:
     off, std = off_and_std(name).T
@@ -107,6 +135,7 @@ def test_what_cannot_be_told() -> None:
     lonely[200, 300] = 50
     with pytest.raises(ValueError, match="hardly anything was matched around pixel 300,200"):
         find_surface(views, lonely, (300, 200))
-    far = SurfacePoint(np.array([10.0, 10.0]), -0.5, 0.1)
-    with pytest.raises(ValueError, match=r"pixel 10,10 has a disparity of -0.5 px: too far"):
-        measure_between(far, far, RECTIFIED)
+    for far_px in (-0.5, 0.0):
+        far = SurfacePoint(np.array([10.0, 10.0]), far_px, 0.1)
+        with pytest.raises(ValueError, match=rf"pixel 10,10 has a disparity of {far_px} px: too far"):
+            measure_between(far, far, RECTIFIED)

@@ -31,6 +31,13 @@ def test_clicks_hold_the_true_depth_and_height_as_often_as_they_say():
     assert 0.9 <= np.mean(held) <= 1 and len(held) > 200
 
 
+def test_the_interval_of_a_depth_is_what_the_disparity_leaves_of_it():
+    found, rectified = find(TEXTURE, (313, 250)), chain.rectified_rig(TEXTURE)
+    drawn = found.disparity_px + found.std_px * np.random.default_rng(0).standard_normal(100_000)
+    spread = np.std(rectified.f_px * rectified.baseline_mm / drawn)
+    assert found.depth_std_mm == pytest.approx(spread, rel=0.02)
+
+
 def test_unmatched_pixel_and_missing_calibration_are_said():
     assert find(TEXTURE, (20, 200)).text == (
         f"column 20, row 200: no disparity was found here (true: {chain.known(TEXTURE).disparity_px[200, 20]:.1f})"

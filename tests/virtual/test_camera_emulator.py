@@ -36,6 +36,15 @@ def test_pictures_come_in_their_order_and_begin_again() -> None:
             assert (np.diff(got) % 200 == 1).all()
 
 
+def test_who_does_not_know_the_addresses_sees_nothing() -> None:
+    with serve_cameras(FAST) as (left, right), serve_cameras(FAST) as (other, _):
+        tokens = [re.fullmatch(r"http://127\.0\.0\.1:\d+/([0-9a-f]{16})/\w+\.mjpg", at) for at in (left, right, other)]
+        assert all(tokens) and tokens[0][1] == tokens[1][1] != tokens[2][1]
+        for guess in (left.replace(tokens[0][1], tokens[2][1]), left.replace(f"/{tokens[0][1]}", "")):
+            with pytest.raises(HTTPError, match="403"):
+                urlopen(guess, timeout=10)
+
+
 def test_lost_pictures_are_missing_and_the_seed_repeats_them() -> None:
     losses = []
     for seed in (1, 1, 2):

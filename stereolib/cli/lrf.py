@@ -13,7 +13,8 @@ from stereolib.cli.command import Command
 from stereolib.cli.errors import DONE, INTERRUPTED
 from stereolib.cli.lrf_live import EXPORT, LIVE
 from stereolib.cli.outputs import check_ending, check_outputs
-from stereolib.cli.ranges import FOR_EVER, MM, number, whole
+from stereolib.cli.ranges import FOR_EVER, number, whole
+from stereolib.cli.staging import SCENES_TOLD, add_scene, staged
 
 
 def _configure_info(parser: argparse.ArgumentParser) -> None:
@@ -102,12 +103,7 @@ def _replay(arguments: argparse.Namespace) -> int:
 
 
 def _configure_emulate(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--scene", choices=("cube", "room"), default="cube", help="the cube in a room, or the room alone"
-    )
-    parser.add_argument(
-        "--distance-mm", type=number(1, MM), default=700.0, metavar="MM", help="of the cube (default: 700)"
-    )
+    add_scene(parser)
     parser.add_argument(
         "--seconds", type=number(0, FOR_EVER), default=FOR_EVER, metavar="S", help="default: until Ctrl-C"
     )
@@ -132,13 +128,13 @@ def _emulate(arguments: argparse.Namespace) -> int:
 
     import numpy as np
 
-    from stereolib.virtual import Scene, cube_scene, emulator, room
+    from stereolib.virtual import VirtualLidar, emulator
 
     names = [field.name for field in fields(emulator.Faults)]
     given = {name: getattr(arguments, name) for name in names if getattr(arguments, name) is not None}
-    scene = Scene((room(),)) if arguments.scene == "room" else cube_scene(arguments.distance_mm)
-    rng = np.random.default_rng(arguments.seed)
-    schedule = emulator.emulate(scene, rng=rng, seconds=arguments.seconds)
+    shown, rng = staged(arguments), np.random.default_rng(arguments.seed)
+    lidar = VirtualLidar(height_mm=shown.laser_height_mm)
+    schedule = emulator.emulate(shown.scene, shown.laser_pose, lidar=lidar, rng=rng, seconds=arguments.seconds)
     if given:
         schedule = emulator.with_faults(schedule, emulator.Faults(**given), rng)
     return _serve(schedule, arguments.link)
@@ -194,6 +190,7 @@ _COMMANDS = (
         "stereolib lrf emulate --scene cube --lost-byte-rate 0.001",
         _emulate,
         _configure_emulate,
+        notes=SCENES_TOLD,
     ),
 )
 LRF = Command(

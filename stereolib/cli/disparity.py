@@ -42,8 +42,9 @@ _FILES = (
 )
 _NOTES = """\
 Of the pixels, "matched" were found in both pictures, "filled" got a guess from their neighbours, and of "refused" ones
-nothing is told: patches of which a second, rough matching knows nothing are refused, too. Depths are those of matched pixels, unless --filled is given. The points leave out what is known to
-10 % of its depth only, or worse (with best, which tells).
+nothing is told: patches of which a second, rough matching knows nothing are refused, too. Depths are those of matched
+pixels, unless --filled is given. The points leave out what is known to 10 % of its depth only, or worse (with best,
+which tells).
 
 written, for --output d.npy; those of depth with --calibration only:
 """ + "\n".join(f"  d{end:18} {what}" for end, _, what in _FILES)

@@ -22,15 +22,14 @@ from stereolib.calibration import (
     diagnose,
     find_in_files,
 )
-from stereolib.mapping.station_folder import RecordedStation
+from stereolib.mapping.station_folder import POSES, RecordedStation, known_poses, name_scans, pair_stations
 from stereolib.measurement import Instrument, SystematicUncertainty
-from stereolib.rig import PairFile, find_pairs, pair_name
+from stereolib.rig import PairFile, find_pairs
 
 _Result = TypeVar("_Result")
 RIG_FILE, CALIBRATION = "rig.toml", "calibration.json"
 #: What a folder holds, and where unless its file says otherwise.
 RIG_FOLDERS = {"boards": "boards", "pairs": "pairs", "scans": "scans"}
-_SCANS = (".bin", ".csv")
 #: Everything that a rig's file may say, by part.
 _ENTRIES = {
     "board": ("inner_corners", "square_mm", "marker_mm", "dictionary", "legacy"),
@@ -203,15 +202,20 @@ def load_rig_folder(folder: Path) -> RigFolder:
             f"{folder / places['boards']}: {counted(len(boards), 'pair')} of the board; at least {MIN_PAIRS} with "
             f"different tilts are needed, and 15 to 30 give a trustworthy rig"
         )
-    stations, alone = _stations(_pairs(folder, places["pairs"]), _scans(folder, places["scans"]))
+    pairs, scans_at = _pairs(folder, places["pairs"]), folder / places["scans"]
+    scans = scans_at.iterdir() if scans_at.is_dir() else folder.glob(places["scans"])
+    stations, alone = pair_stations(pairs, name_scans(sorted(scans)))
+    stations = known_poses(stations, folder / POSES)
     lengths, names = said.lengths(), [station.name for station in stations if station.left]
     for length in lengths:
         if length.pair not in names:
             raise said.wrong("length", "pair", f"there is no pair {length.pair!r}, only {listed(names) or 'none'}")
     at_mm, ruler = said.length("cameras", "at_mm", _USUALLY_AT_MM), said.length("cameras", "ruler_mm")
     board = said.board() if boards else None
-    absent = _absent(places, bool(boards), (folder / CALIBRATION).is_file(), stations, alone)
-    return RigFolder(folder, board, at_mm or _USUALLY_AT_MM, ruler, model, boards, stations, lengths, tuple(absent))
+    lonely = [station.scan.name for station in alone if station.scan] if pairs else []
+    absent = _absent(places, bool(boards), (folder / CALIBRATION).is_file(), stations, lonely)
+    known = tuple(stations), lengths, tuple(absent)
+    return RigFolder(folder, board, at_mm or _USUALLY_AT_MM, ruler, model, boards, *known)
 
 
 def _absent(
@@ -339,25 +343,3 @@ def _pairs(folder: Path, place: str) -> tuple[PairFile, ...]:
     if not at.exists() and not any(folder.glob(place)):
         return ()
     return tuple(find_pairs(at))
-
-
-def _scans(folder: Path, place: str) -> dict[str, Path]:
-    """Recordings of the laser, by the name of the pair that they belong to."""
-    at = folder / place
-    files = sorted(at.iterdir() if at.is_dir() else folder.glob(place))
-    found: dict[str, Path] = {}
-    for path in (path for path in files if path.suffix.lower() in _SCANS):
-        name = " ".join(word for word in pair_name(path).split() if word != "scan")
-        if name in found:
-            raise ValueError(f"{path} and {found[name].name} are both the scan of pair {name!r}: keep one")
-        found[name] = path
-    return found
-
-
-def _stations(pairs: Sequence[PairFile], scans: Mapping[str, Path]) -> tuple[tuple[RecordedStation, ...], list[str]]:
-    """Pairs with their scans, then the scans without a pair, and what these are called if there are pairs."""
-    stations = [RecordedStation(name := pair_name(pair.left), *pair, scans.get(name)) for pair in pairs]
-    named = {station.name for station in stations}
-    alone = {name: path for name, path in scans.items() if name not in named}
-    stations += [RecordedStation(name, scan=path) for name, path in alone.items()]
-    return tuple(stations), [path.name for path in alone.values()] if pairs else []

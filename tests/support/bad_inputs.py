@@ -650,7 +650,7 @@ OTHERS = {
         Bad(f"check row.png row2.png {_BOARD} {_RIG}", "row.png|board|size"),
     ],
     "calibrate-laser": [
-        Bad(f"calibrate-laser missing scans_empty {_RIG} {_BOARD}", "missing is no folder"),
+        Bad(f"calibrate-laser missing scans_empty {_RIG} {_BOARD}", "missing: no such file or folder"),
         Bad(f"calibrate-laser boards_left missing {_RIG} {_BOARD}", "missing is no folder"),
         Bad(f"calibrate-laser boards_left scans_none {_RIG} {_BOARD}", "0 scans"),
         Bad(f"calibrate-laser boards_left scans_few {_RIG} {_BOARD}", "1 scan"),
@@ -715,7 +715,7 @@ OTHERS = {
         Bad("map good/left.jpg", "is no folder"),
         Bad("map map_bare", "holds no station"),
         Bad("map map_rigless", "calibration.json: no such file"),
-        Bad("map map_lonely", "has no right picture"),
+        Bad("map map_lonely", "without a partner"),
         Bad("map map_twins", "two files for its scan"),
         Bad("map map_numbers", "two files for its scan"),
         Bad("map map_pictureless", "a picture"),

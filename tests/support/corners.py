@@ -10,7 +10,7 @@ import numpy as np
 from stereolib.base import Float64
 from stereolib.calibration import BoardViews, Checkerboard
 from stereolib.paper import paper_rig
-from stereolib.rig import Camera, StereoRig, rigid
+from stereolib.rig import StereoRig, rigid
 from stereolib.virtual import draw_rig as draw_rig
 from stereolib.virtual.recordings import BOARD
 

@@ -10,7 +10,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeVar
 
-from stereolib.base import counted, listed, read_toml, write_atomic
+from stereolib.base import UInt8, counted, listed, read_toml, write_atomic
 from stereolib.calibration import (
     LENS_MODELS,
     MIN_PAIRS,
@@ -24,7 +24,7 @@ from stereolib.calibration import (
 )
 from stereolib.mapping.station_folder import POSES, RecordedStation, known_poses, name_scans, pair_stations
 from stereolib.measurement import Instrument, SystematicUncertainty
-from stereolib.rig import PairFile, find_pairs
+from stereolib.rig import PairFile, find_pairs, read_pair
 
 _Result = TypeVar("_Result")
 RIG_FILE, CALIBRATION = "rig.toml", "calibration.json"
@@ -100,6 +100,24 @@ class RigFolder:
             return None
         left, right = zip(*self.boards, strict=True)
         return find_in_files(left, right, self.board, progress=False)
+
+    def read_boards(self) -> tuple[list[tuple[UInt8, UInt8]], list[str]]:
+        """Read the pictures of the board.
+
+        Returns
+        -------
+        pairs : list of (left, right)
+            Each (H, W, 3) uint8.
+        names : list of str
+
+        Raises
+        ------
+        ValueError
+            If there are none, or one cannot be read.
+        """
+        if not self.boards:
+            raise ValueError(f"{self.folder} holds no pairs of a board, so that nothing can be calibrated")
+        return [read_pair(*files) for files in self.boards], [files.left.name for files in self.boards]
 
     def calibrate(self) -> Diagnosis | None:
         """Calibrate with the boards.

@@ -12,7 +12,7 @@ from stereolib.base import read_bytes
 from stereolib.cli.command import Command
 from stereolib.cli.errors import DONE, INTERRUPTED
 from stereolib.cli.lrf_live import EXPORT, LIVE
-from stereolib.cli.outputs import check_ending, check_outputs
+from stereolib.cli.outputs import check_ending, check_outputs, default_name
 from stereolib.cli.ranges import FOR_EVER, number, whole
 from stereolib.cli.staging import SCENES_TOLD, add_scene, staged
 
@@ -40,7 +40,7 @@ def _configure_show(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--turns", type=whole(1, 10_000), default=5, metavar="N", help="turns combined by the median (default: 5)"
     )
-    parser.add_argument("--output", type=Path, metavar="PNG", help="default: NAME.png in this folder")
+    parser.add_argument("--output", type=Path, metavar="PNG", help="default: NAME.png in this folder; numbered")
     parser.add_argument("--force", action="store_true", help="replace the picture if it is there")
 
 
@@ -48,7 +48,7 @@ def _show(arguments: argparse.Namespace) -> int:
     from stereolib import laser, plotting
     from stereolib.base import write_atomic
 
-    output = arguments.output or Path(f"{Path(arguments.source).stem}.png")
+    output = arguments.output or default_name(Path(f"{Path(arguments.source).stem}.png"), force=arguments.force)
     check_ending(output, ".png", "the picture")
     check_outputs([output], force=arguments.force, option="--output")
     scans = laser.take_scans(arguments.source, arguments.turns)

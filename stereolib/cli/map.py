@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from stereolib.base import counted, plus_minus
 from stereolib.cli.command import Command
 from stereolib.cli.errors import DONE, REFUSED
-from stereolib.cli.outputs import check_outputs
+from stereolib.cli.outputs import check_outputs, default_name
 from stereolib.cli.told import object_details, object_facts, object_title, plain, wrapped
 
 if TYPE_CHECKING:
@@ -62,7 +62,7 @@ def _configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--calibration", type=Path, metavar="FILE", help="default: FOLDER/calibration.json")
     parser.add_argument("--poses", type=Path, metavar="CSV", help="default: FOLDER/poses.csv, if it is there")
     parser.add_argument(
-        "--output", type=Path, metavar="DIR", help="where to write; default: FOLDER's name with _map, here"
+        "--output", type=Path, metavar="DIR", help="where to write; default: FOLDER's name with _map, here, numbered"
     )
     parser.add_argument("--force", action="store_true", help="replace a map that is there")
     parser.add_argument("--json", action="store_true", help="print one JSON object")
@@ -72,7 +72,7 @@ def _run(arguments: argparse.Namespace) -> int:
     from stereolib.mapping import NothingToMap, map_recordings
     from stereolib.measurement import Instrument
 
-    out = arguments.output or Path(f"{arguments.folder.resolve().name}_map")
+    out = arguments.output or default_name(Path(f"{arguments.folder.resolve().name}_map"), force=arguments.force)
     if in_the_way := [path for path in (out, *out.parents) if path.is_file()]:
         raise ValueError(f"--output must name a folder, but {in_the_way[0]} is a file")
     check_outputs([out / name for name in _FILES], force=arguments.force, option="--output")

@@ -166,6 +166,25 @@ class RigFolder:
         return f"{boards}, {counted(pairs, 'pair')} to measure, {counted(scans, 'scan')}"
 
 
+def write_demo_file(folder: Path) -> Path:
+    """Write the ``rig.toml`` of the demo rig, the virtual rig's recordings.
+
+    Parameters
+    ----------
+    folder : Path
+        Where they are.
+
+    Returns
+    -------
+    Path
+    """
+    typed = "`stereolib report data/virtual --output demo_report`"
+    values: dict[str, Any] = {"about": f"The virtual rig, taken for one of which nothing is known: {typed}."}
+    values |= {"square_mm": [25.0, 25.0], "ruler_mm": 93.0, "pairs": "room/*.jpg", "scans": "room/*.bin"}
+    asked = AskedLength("3", ((299, 368), (298, 218)), 240.0), AskedLength("2", ((313, 380), (225, 121)), 336.0)
+    return write_rig_file(folder / RIG_FILE, lengths=asked, **values)
+
+
 def write_rig_file(path: Path, **values: Any) -> Path:
     """Write a ``rig.toml`` with a comment at every entry.
 

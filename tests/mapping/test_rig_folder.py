@@ -8,7 +8,7 @@ import pytest
 
 from stereolib.base import data_path
 from stereolib.calibration import Charuco, Checkerboard
-from stereolib.mapping import RIG_FILE, RIG_FOLDERS, load_rig_folder, tried, write_rig_file
+from stereolib.mapping import RIG_FILE, RIG_FOLDERS, load_rig_folder, tried, write_demo_file, write_rig_file
 from stereolib.measurement import Instrument
 from stereolib.paper import paper_rig
 from stereolib.virtual import recordings, walk
@@ -152,3 +152,8 @@ def test_poses_of_the_folder_are_read(folder):
     (folder / "poses.csv").write_text("station,x_mm,y_mm,yaw_deg\n7,0,0,0\n")
     with pytest.raises(ValueError, match=r"poses\.csv, line 2: there is no station '7', only 1, 2"):
         load_rig_folder(folder)
+
+
+def test_the_demo_rig_is_written_as_it_is_committed(tmp_path):
+    committed = data_path("virtual/rig.toml").read_text()
+    assert write_demo_file(tmp_path).read_text() == committed

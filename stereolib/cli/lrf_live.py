@@ -14,6 +14,7 @@ from stereolib.cli.command import Command
 from stereolib.cli.errors import DONE
 from stereolib.cli.live_page import add_page, live_page
 from stereolib.cli.outputs import check_outputs
+from stereolib.cli.ranges import MM, number
 
 if TYPE_CHECKING:
     from stereolib.laser import LaserScan
@@ -76,7 +77,9 @@ def _configure_export(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--pose", metavar="X,Y,YAW", help="of a .ply: where the sensor stood, mm, mm and degrees counter-clockwise"
     )
-    parser.add_argument("--height-mm", type=float, default=0.0, metavar="MM", help="of a .ply: of the laser's plane")
+    parser.add_argument(
+        "--height-mm", type=number(-MM, MM), default=0.0, metavar="MM", help="of a .ply: of the laser's plane"
+    )
     parser.add_argument("--force", action="store_true", help="replace the file if it is there")
 
 

@@ -101,7 +101,7 @@ def _stations(folder: Path, poses: Path | None) -> StationFolder:
 
     if poses is not None or not (folder / RIG_FILE).is_file():
         return list_stations(folder, poses)
-    if not (stations := load_rig_folder(folder).stations):
+    if not (stations := load_rig_folder(folder, with_boards=False).stations):
         raise ValueError(f"{folder} holds no station: {RIG_FILE} says where its pairs and scans are looked for")
     return StationFolder(stations)
 

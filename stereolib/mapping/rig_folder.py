@@ -206,13 +206,15 @@ def write_rig_file(path: Path, **values: Any) -> Path:
     return write_atomic(path, page.get_template("rig.toml.jinja").render(usual | values))
 
 
-def load_rig_folder(folder: Path) -> RigFolder:
+def load_rig_folder(folder: Path, *, with_boards: bool = True) -> RigFolder:
     """Read what a rig's folder holds.
 
     Parameters
     ----------
     folder : Path
         With ``rig.toml`` in it.
+    with_boards : bool
+        Look for boards, of which the file must then say what they are.
 
     Returns
     -------
@@ -233,7 +235,7 @@ def load_rig_folder(folder: Path) -> RigFolder:
     model = said.text("cameras", "model", "brown3")
     if model not in LENS_MODELS:
         raise said.wrong("cameras", "model", f"unknown lens model {model!r}; choose one of {', '.join(LENS_MODELS)}")
-    boards = _pairs(folder, places["boards"])
+    boards = _pairs(folder, places["boards"]) if with_boards else ()
     if 0 < len(boards) < MIN_PAIRS:
         raise ValueError(
             f"{folder / places['boards']}: {counted(len(boards), 'pair')} of the board; at least {MIN_PAIRS} with "

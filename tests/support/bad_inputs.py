@@ -472,7 +472,6 @@ OTHERS = {
         Bad("disparity noise_a.png noise_b.png --pipeline fast", "nothing can be measured|same"),
         Bad(f"disparity {PAIR} --filled", "needs --calibration FILE"),
         Bad(f"disparity {PAIR} --output folder", r"\.npy"),
-        Bad(f"disparity {PAIR} --output silent.npy", "nobody reads"),
         Bad(f"disparity other.png small.png {_RIG}", "one size"),
         Bad(f"disparity wide.png wide2.png {_RIG}", "wide.png"),
     ],

@@ -209,6 +209,11 @@ def name_scans(files: Iterable[Path]) -> dict[str, Path]:
     ------
     ValueError
         If two are of one pair, or one is named as a camera's picture.
+
+    Examples
+    --------
+    >>> sorted(name_scans([Path("02_scan.bin"), Path("door.csv"), Path("notes.txt")]))
+    ['2', 'door']
     """
     found: dict[str, Path] = {}
     for path in (path for path in files if path.suffix.lower() in _SCANS):

@@ -252,6 +252,11 @@ def scaled_rig(rig: StereoRig, scale: float) -> StereoRig:
     ------
     ValueError
         If the scale is out of range.
+
+    Examples
+    --------
+    >>> scaled_rig(paper_rig(), 0.5).left.size
+    (320, 240)
     """
     if not 0.1 <= scale <= 4:
         raise ValueError(f"pictures have a scale of 0.1 to 4, got {scale:g}")

@@ -104,6 +104,11 @@ def staged_rig(number: int = 0) -> StereoRig:
     Returns
     -------
     StereoRig
+
+    Examples
+    --------
+    >>> staged_rig(7).baseline_mm == staged_rig(7).baseline_mm != staged_rig(8).baseline_mm
+    True
     """
     return paper_rig() if number == 0 else draw_rig(np.random.default_rng([number, _RIGS]))
 

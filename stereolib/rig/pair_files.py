@@ -143,7 +143,7 @@ def pair_sides(files: Sequence[Path], source: str) -> tuple[list[PairFile], list
         As `find_pairs`, of pictures without a partner, or of one name.
     """
     sides: list[list[Path]] = [[], []]
-    others = []
+    others = list[Path]()
     for path in files:
         (others if (side := _side(path)) is None else sides[side]).append(path)
     if any(sides):

@@ -169,7 +169,8 @@ def list_stations(folder: Path, poses: Path | None = None) -> StationFolder:
     pictures, scans, unused = list[Path](), list[Path](), list[str]()
     for path in sorted(path for path in folder.iterdir() if path.is_file() and not path.name.startswith(".")):
         is_scan = "scan" in pair_name(path).split()
-        if path.suffix.lower() in _SCANS and (is_scan or path.suffix.lower() == ".bin"):
+        is_named = is_scan or path.suffix.lower() == ".bin" or _names_a_side(path)
+        if path.suffix.lower() in _SCANS and is_named:
             scans.append(path)
         elif path.suffix.lower() in PICTURES:
             if is_scan:
@@ -217,8 +218,8 @@ def name_scans(files: Iterable[Path]) -> dict[str, Path]:
     """
     found: dict[str, Path] = {}
     for path in (path for path in files if path.suffix.lower() in _SCANS):
-        if set(re.findall("[a-z]+", path.stem.lower())) & _SIDES:
-            raise ValueError(f"{path}: the left and the right of a station are pictures (PNG, JPEG, ...); name it so")
+        if _names_a_side(path):
+            raise ValueError(f"{path}: a side of a station is a picture (PNG, JPEG, ...); name it so, or move it away")
         words = pair_name(path).split()
         name = " ".join(word for word in words if word not in _SCAN_WORDS)
         if name in found:
@@ -283,6 +284,10 @@ def known_poses(stations: Sequence[RecordedStation], path: Path, *, needed: bool
         return list(stations)
     known = _read_poses(path, [station.name for station in stations])
     return [replace(station, pose=known.get(station.name)) for station in stations]
+
+
+def _names_a_side(path: Path) -> bool:
+    return bool(set(re.findall("[a-z]+", path.stem.lower())) & _SIDES)
 
 
 def _files(folder: Path) -> list[Path]:

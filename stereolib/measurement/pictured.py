@@ -346,9 +346,7 @@ def _in_the_air(views: Views, world: World, stretch: Stretch) -> Why | None:
     ])  # fmt: skip
     shown = Samples.of(views, world, below)
     if shown.inside.any() and float(np.median(np.abs(shown.slope[shown.inside]))) < _PLAIN_SLOPE:
-        return Why(
-            Reason.IN_THE_AIR, f"nothing has texture from its face's end, {stretch.foot_mm:.0f} mm up, to the floor"
-        )
+        return Why(Reason.IN_THE_AIR, f"it shows no texture between {stretch.foot_mm:.0f} mm of height and the floor")
     return Why(Reason.IN_THE_AIR, f"its face ends {stretch.foot_mm:.0f} mm above the floor")
 
 

@@ -69,7 +69,7 @@ def data_path(name: str) -> Path:
         raise ValueError(
             f"data/{name} is missing: it comes with stereolib's repository, not with the installed package. Clone the "
             f"repository and work there, or set STEREOLIB_DATA to a folder that holds {name}, or STEREOLIB_DATA_URL to "
-            f"the address of such a folder"
+            f"the address of such a folder; what begins with virtual/ can be made: stereolib data build --help says how"
         )
     raise ValueError(
         f"data/{name} is missing (looked in {folders[0] / name}). Restore it with `git checkout -- data` "

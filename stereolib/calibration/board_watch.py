@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -209,5 +208,5 @@ class BoardWatch:
 
 
 def _next(coverage: Coverage | None) -> str:
-    missing: Sequence[str] = coverage.missing if coverage else ()
-    return f"so far, {missing[0]}" if missing else "move it, tilt it, or take it nearer or farther"
+    advice = coverage.advice if coverage else ()
+    return f"so far, {advice[0]}" if advice else "move it, tilt it, or take it nearer or farther"

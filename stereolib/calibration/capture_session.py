@@ -156,8 +156,8 @@ class CaptureSession:
         watch.add(name, *corners)
         self._is_asked = False
         coverage = watch.coverage
-        missing = coverage.missing if coverage else ()
-        said = f"so far, {missing[0]}" if missing else "nothing is missing" if coverage else ""
+        advice = coverage.advice if coverage else ()
+        said = f"so far, {advice[0]}" if advice else "nothing is missing" if coverage else ""
         return CaptureState(pair, look, self.taken, name, said)
 
     def _in_turn(self, pair: LivePair) -> CaptureState:
@@ -172,7 +172,7 @@ class CaptureSession:
             return self.taken >= self.wanted
         if self.taken >= _MOST * self.wanted or self._now_s - self._taken_s > self._patience_s:
             return True
-        return (coverage := self.watch.coverage) is None or not coverage.missing
+        return (coverage := self.watch.coverage) is None or not coverage.advice
 
     def _write(self, pair: LivePair) -> str:
         """Write a pair under the first number that one of both sides lacks."""

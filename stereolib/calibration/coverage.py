@@ -17,6 +17,14 @@ _SPREAD = 1.2  # farthest over nearest board: with less the focal length hangs o
 _FULL_SPREAD = 1.5  # scores 1
 _TILT_DEG = 10.0  # boards tilted by less count as parallel to the image
 _FULL_TILT_DEG = 20.0  # scores 1
+_LITTLE_IMAGE = 0.2  # share of the images: a lens that was seen on less is a guess elsewhere
+#: How what boards leave out begins, and what mends it: what leaves the focal length open stands first.
+_REMEDIES = {
+    "all boards fronto-parallel": "",  # says it itself
+    "no boards": ": add such pictures",
+    "all boards at one distance": ": hold some nearer and some farther away",
+    "no views": ": hold the board there in some pictures",
+}
 _ROWS, _COLUMNS = ("upper", "middle", "lower"), ("left", "centre", "right")
 
 
@@ -44,9 +52,17 @@ class Coverage:
         """Mean of the three, 0 to 1."""
         return (self.image + self.distance + self.tilt) / 3
 
+    @property
+    def advice(self) -> tuple[str, ...]:
+        """What is missing, each kind with its remedy; while pairs are taken and in the verdict alike."""
+        kinds = ((kind, [text for text in self.missing if text.startswith(kind)]) for kind in _REMEDIES)
+        said = [f"{'; '.join(texts)}{_REMEDIES[kind]}" for kind, texts in kinds if texts]
+        if self.image < _LITTLE_IMAGE:
+            said.append(f"the boards cover only {100 * self.image:.0f} % of the images: hold them nearer")
+        return tuple(said)
+
     def __str__(self) -> str:
-        parts = f"image {self.image:.0%}, distance {self.distance:.0%}, tilt {self.tilt:.0%}"
-        return f"{parts}; " + ("; ".join(self.missing) or "no third of an image and no tilt is missing")
+        return "; ".join(self.advice) or f"nothing is missing (the boards cover {100 * self.image:.0f} % of the images)"
 
 
 def judge_coverage(views: BoardViews, turns: Float64, shifts: Float64) -> Coverage:

@@ -26,20 +26,12 @@ _RMS_PX, _EPIPOLAR_PX, _FOCAL_PCT = 0.5, 0.3, 0.5
 _WIDTH_PX = 640
 FEW_PAIRS = 8  # fewer say too little about what they leave out
 _RULER = (0.02, 2.0)  # share of the baseline, and mm: a ruler between two lenses is no better
-_LITTLE_IMAGE = 0.2  # share of the images: a lens that was seen on less is a guess elsewhere
 _MAGNIFIED = 3.0  # times: rows err as many times more, and a ninth of each picture is left
 _LEAST_LEFT = 1 / _MAGNIFIED**2  # of each picture: where cropping fails, nothing is magnified but as little is left
 _FOLDED = 0.001  # of the image: less is worth a word and nothing more
 _SQUARES_MM = (5.0, 300.0)  # other sizes were hardly meant in millimetres
 _LISTED = 4  # pairs of names in one sentence
 _ADVICE = 3  # lines: more are not read
-#: How what boards leave out begins, and what mends it: what leaves the focal length open stands first.
-_REMEDIES = {
-    "all boards fronto-parallel": "",  # says it itself
-    "no boards": ": add such pictures",
-    "all boards at one distance": ": hold some nearer and some farther away",
-    "no views": ": hold the board there in some pictures",
-}
 _NUMBERS = {2: "two", 3: "three", 4: "four"}
 _NOTE, _REMARK, _USABLE, _BAD = -1, 0, 1, 2  # for the record; advice; what makes the verdict no better than that
 
@@ -234,16 +226,9 @@ def _lens_findings(diagnosis: Diagnosis) -> list[Finding]:
 def _coverage_findings(diagnosis: Diagnosis) -> list[Finding]:
     """What the boards leave out."""
     findings: list[Finding] = []
-    count, coverage = len(diagnosis.views), diagnosis.coverage
-    if count < FEW_PAIRS:
+    if (count := len(diagnosis.views)) < FEW_PAIRS:
         findings.append(Finding(_REMARK, f"{count} pairs are few: 15 to 30 make the result trustworthy"))
-    for kind, remedy in _REMEDIES.items():
-        if texts := [text for text in coverage.missing if text.startswith(kind)]:
-            findings.append(Finding(_REMARK, "; ".join(texts) + remedy))
-    if coverage.image < _LITTLE_IMAGE:
-        text = f"the boards cover only {100 * coverage.image:.0f} % of the images: hold them nearer"
-        findings.append(Finding(_REMARK, text))
-    return findings
+    return [*findings, *(Finding(_REMARK, text) for text in diagnosis.coverage.advice)]
 
 
 def checks_of(diagnosis: Diagnosis) -> tuple[Check, ...]:

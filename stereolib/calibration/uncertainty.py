@@ -188,25 +188,27 @@ def rig_std(rig: StereoRig, covariance: Float64) -> RigStd:
     return RigStd(left[:4], left[4:], right[:4], right[4:], R, T, baseline)
 
 
-def interval_table(rig: StereoRig, covariance: Float64, truth: StereoRig) -> pd.DataFrame:
-    """Lay out every parameter of a rig with its 95 % interval beside the true one, ready to be shown.
+def interval_table(rig: StereoRig, covariance: Float64, truth: StereoRig | None = None) -> pd.DataFrame:
+    """Lay out every parameter of a rig with its 95 % interval, beside the true one if it is known, ready to be shown.
 
     Parameters
     ----------
     rig : StereoRig
     covariance : (s, s) float64
         From `rig_covariance`.
-    truth : StereoRig
+    truth : StereoRig, optional
 
     Returns
     -------
     DataFrame of str
-        Columns parameter, true, ours, ± (95 %), inside. R stands as the turns about x, y, z that lead from the true
-        one to ours, rad. True coefficients that ours has not are left out, those that only ours has are zero.
+        Columns parameter, true, ours, ± (95 %), inside; without a truth the second and the last are missing. R stands
+        as the turns about x, y, z that lead from the true one to ours, or from none, rad. True coefficients that ours
+        has not are left out, those that only ours has are zero.
     """
     import pandas as pd
 
-    truth = with_coefficients(truth, rig.left.dist.size)
+    is_known = truth is not None
+    truth = with_coefficients(truth or StereoRig(rig.left, rig.right, np.eye(3), rig.T), rig.left.dist.size)
     turns = rig_difference(rig, truth)[-6:-3]
     ours = np.concatenate([lens_vector(rig.left), lens_vector(rig.right), turns, rig.T])
     true = np.concatenate([lens_vector(truth.left), lens_vector(truth.right), np.zeros(3), truth.T])
@@ -216,7 +218,8 @@ def interval_table(rig: StereoRig, covariance: Float64, truth: StereoRig) -> pd.
         digits = int(np.clip(1 - np.floor(np.log10(width)), 1, 7))  # two digits of the interval
         inside = "yes" if abs(b - a) <= width else "no"
         rows.append((name, f"{a:.{digits}f}", f"{b:.{digits}f}", f"{width:.{digits}f}", inside))
-    return pd.DataFrame(rows, columns=["parameter", "true", "ours", "± (95 %)", "inside"])
+    table = pd.DataFrame(rows, columns=["parameter", "true", "ours", "± (95 %)", "inside"])
+    return table if is_known else table[["parameter", "ours", "± (95 %)"]]
 
 
 def triangulation_jacobian(rig: StereoRig, points_mm: Float64) -> Float64:

@@ -11,11 +11,10 @@ from stereolib.cli.command import Command
 from stereolib.cli.errors import DONE
 from stereolib.cli.ranges import MM, number
 
-_PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp")
-
 
 def _configure(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("pictures", type=Path, metavar="PICTURES", help="folder: the board, seen by the left camera")
+    about = "the board, seen by the left camera: a folder or a pattern; right pictures in it are left out"
+    parser.add_argument("pictures", metavar="PICTURES", help=about)
     parser.add_argument("scans", type=Path, metavar="SCANS", help="folder: a recording of the laser for each picture")
     parser.add_argument(
         "--calibration", type=Path, required=True, metavar="FILE", help="calibration.json: is completed"
@@ -41,18 +40,8 @@ def _run(arguments: argparse.Namespace) -> int:
     rig = StereoRig.load(arguments.calibration)
     check_target(arguments.calibration)
     board = parse_board(arguments.board, arguments.square_mm)
-    files = []
-    for folder, endings, what in ((arguments.pictures, _PICTURES, "pictures"), (arguments.scans, (".bin",), "scans")):
-        if not folder.is_dir():
-            raise ValueError(f"{folder} is no folder: it should hold the {what}")
-        files.append(sorted(path for path in folder.iterdir() if path.suffix.lower() in endings))
-    if len(files[0]) != len(files[1]) or not files[0]:
-        raise ValueError(
-            f"{counted(len(files[0]), 'picture')} ({' '.join(_PICTURES)}) in {arguments.pictures} and "
-            f"{counted(len(files[1]), 'scan')} (.bin) in {arguments.scans}: there must be one scan for each picture, "
-            f"in the order of their names"
-        )
-    views = find_laser_boards_in_files(files[0], files[1], board, rig.left, margin_mm=arguments.margin_mm)
+    pictures, scans = _paired(arguments.pictures, arguments.scans)
+    views = find_laser_boards_in_files(pictures, scans, board, rig.left, margin_mm=arguments.margin_mm)
     pose = calibrate_lidar_to_camera(views)
     save_laser_pose(arguments.calibration, pose)
     turn, shift = float(np.degrees(pose.std_rad).max()), float(pose.std_mm.max())
@@ -61,6 +50,26 @@ def _run(arguments: argparse.Namespace) -> int:
     print(f"it stands {x:.0f} mm right of, {y:.0f} mm below and {z:.0f} mm before the left lens: check with a ruler")
     print(f"written into {arguments.calibration}")
     return DONE
+
+
+def _paired(pictures: str, scans: Path) -> tuple[list[Path], list[Path]]:
+    """Each picture and the recording that belongs to it: by name or number, else in the order of their names."""
+    from stereolib.mapping import name_scans
+    from stereolib.rig import left_pictures, pair_name
+
+    if not scans.is_dir():
+        raise ValueError(f"{scans} is no folder: it should hold the scans")
+    seen = left_pictures(pictures)
+    files = name_scans(path for path in sorted(scans.iterdir()) if path.suffix.lower() == ".bin")
+    if len(seen) != len(files) or not seen:
+        raise ValueError(
+            f"{counted(len(seen), 'picture')} in {pictures} and {counted(len(files), 'scan')} (.bin) in {scans}: there "
+            f"must be one scan for each picture, of its number, or in the order of their names"
+        )
+    by_name = {pair_name(path): path for path in seen}
+    if set(by_name) == set(files):
+        return list(by_name.values()), [files[name] for name in by_name]
+    return seen, sorted(files.values())
 
 
 CALIBRATE_LASER = Command(

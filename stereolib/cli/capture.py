@@ -102,7 +102,8 @@ def _finished(arguments: argparse.Namespace, session: CaptureSession, page: Live
     if session.watch is None:
         return DONE
     said = io.StringIO()
-    _show_text(page, "calibrating: this takes some seconds")
+    _show_text(page, said_now := "calibrating: this takes some seconds")
+    print(said_now, file=sys.stderr, flush=True)
     with redirect_stdout(said):
         code = _calibrated(arguments, session)
     print(said.getvalue(), end="")

@@ -10,18 +10,32 @@ from stereolib.cli.command import Command
 from stereolib.cli.errors import DONE, REFUSED
 from stereolib.cli.outputs import check_outputs
 
+_FETCH_NOTES = """an installed package fetches the demo rig from the address that STEREOLIB_DATA_URL names, or its own
+if it was built with one (Data, among the addresses of the project). Where neither is known, this renders them:
+stereolib data build --output DIR/virtual, and STEREOLIB_DATA=DIR names them."""
+_BUILD_NOTES = """without the repository these are the demo rig, which README and --help name data/virtual:
+  stereolib data build --output DIR/virtual
+and STEREOLIB_DATA=DIR names them. With the versions of requirements.txt each file is the same, by its sha256."""
+
 
 def _configure_build(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--output", type=Path, metavar="FOLDER", help="default: data/virtual")
+    parser.add_argument("--output", type=Path, metavar="FOLDER", help="default: data/virtual of the repository")
 
 
 def _build(arguments: argparse.Namespace) -> int:
-    from stereolib.base import check_target, datasets
+    from stereolib.base import check_target, datasets, read_text
+    from stereolib.mapping import write_demo_file
     from stereolib.virtual import build_recordings
 
-    output = arguments.output or datasets.repository() / "data" / "virtual"
+    output, known = arguments.output or datasets.repository() / "data" / "virtual", datasets.virtual_recordings()
     check_target(output / "SHA256SUMS")
+    write_demo_file(output)
     build_recordings(output)
+    made = {f"virtual/{line.split(maxsplit=1)[1]}": line.split()[0] for line in
+            read_text(output / "SHA256SUMS").splitlines()}  # fmt: skip
+    same = sum(made.get(name) == digest for name, digest in known.items())
+    print(f"{output}: {same} of {len(known)} files are as their sha256 says", end="")
+    print("" if same == len(known) else "; the others are of the same scenes, by other versions of numpy or OpenCV")
     return DONE
 
 
@@ -85,6 +99,7 @@ DATA = Command(
             "stereolib data build",
             _build,
             _configure_build,
+            notes=_BUILD_NOTES,
         ),
         Command("verify", "compare the committed recordings with their sha256", "stereolib data verify", _verify),
         Command(
@@ -92,6 +107,7 @@ DATA = Command(
             "download the real recordings (an installed package: the demo rig, too), or say where they are",
             "stereolib data fetch",
             _fetch,
+            notes=_FETCH_NOTES,
         ),
         Command(
             "walk",

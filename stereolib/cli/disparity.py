@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from stereolib.cli.boards import add_pair
 from stereolib.cli.command import Command
 from stereolib.cli.errors import DONE, named
-from stereolib.cli.outputs import check_ending, check_outputs
+from stereolib.cli.outputs import check_ending, check_outputs, default_name
 from stereolib.cli.ranges import whole
 
 if TYPE_CHECKING:
@@ -42,8 +42,9 @@ _FILES = (
 )
 _NOTES = """\
 Of the pixels, "matched" were found in both pictures, "filled" got a guess from their neighbours, and of "refused" ones
-nothing is told. Depths are those of matched pixels, unless --filled is given. The points leave out what is known to
-10 % of its depth only, or worse (with best, which tells).
+nothing is told: patches of which a second, rough matching knows nothing are refused, too. Depths are those of matched
+pixels, unless --filled is given. The points leave out what is known to 10 % of its depth only, or worse (with best,
+which tells).
 
 written, for --output d.npy; those of depth with --calibration only:
 """ + "\n".join(f"  d{end:18} {what}" for end, _, what in _FILES)
@@ -57,7 +58,7 @@ def _configure(parser: argparse.ArgumentParser) -> None:
     about = "px, a multiple of 16, of 32 for fast; auto takes what a rough match of the pair tells (auto)"
     parser.add_argument("--max-disparity", type=_count, default=_AUTO, metavar="N", help=about)
     parser.add_argument("--filled", action="store_true", help="depth where it was filled by a guess, too")
-    parser.add_argument("--output", type=Path, default=Path("disparity.npy"), metavar="NPY", help="as below")
+    parser.add_argument("--output", type=Path, metavar="NPY", help="as below (default: disparity.npy, numbered)")
     parser.add_argument("--force", action="store_true", help="replace the files if they are there")
 
 
@@ -83,7 +84,8 @@ def _run(arguments: argparse.Namespace) -> int:
         stereo_pipeline(*how)  # before files are read
     if arguments.filled and not arguments.calibration:
         raise ValueError("--filled is about depth, which needs --calibration FILE")
-    out, files = arguments.output, find_pair(arguments.left, arguments.right)
+    files, all_ends = find_pair(arguments.left, arguments.right), [end for end, *_ in _FILES]
+    out = arguments.output or default_name(Path("disparity.npy"), force=arguments.force, ends=all_ends)
     check_ending(out, ".npy", "the map (--output)")
     ends = [end for end, metric, _ in _FILES if arguments.calibration or not metric]
     paths = {end: out.with_name(out.stem + end) for end in ends if how[0] == _BEST or "std" not in end}

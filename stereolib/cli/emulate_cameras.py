@@ -1,19 +1,39 @@
-"""The command ``stereolib emulate-cameras``: two webcams of the virtual rig, on addresses of this machine."""
+"""The command ``stereolib emulate-cameras``: two webcams of a virtual rig, on addresses of this machine."""
 
 from __future__ import annotations
 
 import argparse
 import sys
 import time
+from typing import TYPE_CHECKING
 
 from stereolib.cli.command import Command
 from stereolib.cli.errors import INTERRUPTED
+from stereolib.cli.ranges import whole
+from stereolib.cli.staging import SCENES_TOLD, add_scene, staged
 
-_NOTES = """somebody holds a board before the virtual rig, the two cameras of the paper, still in one place after the
-other, again and again. The faults are the right camera's. Ctrl-C ends it."""
+if TYPE_CHECKING:
+    from stereolib.rig import StereoRig
+    from stereolib.virtual.camera_emulator import Show
+
+_BOARD = "board"
+_NOTES = f"""somebody holds a board before a virtual rig, still in one place after the other, again and again; or the
+cameras see another scene, in which nothing moves. --rig 0 are the two cameras of the paper, every other number is a rig
+that nobody has described. What is true of rig and scene is printed with --truth only. With
+
+  stereolib emulate-cameras --rig 7 --scale 1            then: stereolib capture ..., to a calibration
+  stereolib emulate-cameras --rig 7 --scale 1 --scene box  then: stereolib capture ... --output my_box
+  stereolib lrf emulate --scene box                      then: stereolib lrf record ... my_box.bin
+
+one rig leads from its boards to the sizes of a box. The faults are the right camera's. Ctrl-C ends it.
+
+{SCENES_TOLD}"""
 
 
 def _configure(parser: argparse.ArgumentParser) -> None:
+    add_scene(parser, _BOARD)
+    parser.add_argument("--rig", type=whole(0, 10**6), default=0, metavar="N", help="which rig (default: 0)")
+    parser.add_argument("--truth", action="store_true", help="print what is true of the rig and the scene")
     parser.add_argument("--places", type=int, default=24, metavar="N", help="where the board is held (default: 24)")
     parser.add_argument("--fps", type=float, default=10.0, metavar="N", help="pictures a second (default: 10)")
     parser.add_argument(
@@ -30,10 +50,7 @@ def _configure(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    import numpy as np
-
     from stereolib.virtual import camera_emulator
-    from stereolib.virtual.recordings import BOARD
 
     never = float("inf")
     times = [never if value is None else value for value in (arguments.freeze_after_s, arguments.unplug_after_s)]
@@ -43,15 +60,13 @@ def _run(arguments: argparse.Namespace) -> int:
         raise ValueError(f"--cable-kb-s must be more than 0, got {arguments.cable_kb_s:g}")
     if arguments.seed < 0:
         raise ValueError(f"--seed must be 0 or more, got {arguments.seed}")
-    show = camera_emulator.show_boards(
-        arguments.places, np.random.default_rng(arguments.seed), fps=arguments.fps, scale=arguments.scale,
-        progress=sys.stderr.isatty(),
-    )  # fmt: skip
-    board = f"--board {BOARD.columns}x{BOARD.rows} --square-mm {BOARD.square_mm:g}"
+    show, about, words = _show(arguments)
     both = camera_emulator.CameraFaults(), faults
     with camera_emulator.serve_cameras(show, both, bus_bytes_per_s=cable, seed=arguments.seed) as (left, right):
-        print(f"left   {left}\nright  {right}", flush=True)
-        print(f"try in another terminal: stereolib capture {left} {right} {board} --output rig", flush=True)
+        print(f"left   {left}\nright  {right}")
+        if arguments.truth:
+            print(about)
+        print(f"try in another terminal: stereolib capture {left} {right} {words}", flush=True)
         try:
             while True:
                 time.sleep(0.5)
@@ -59,9 +74,33 @@ def _run(arguments: argparse.Namespace) -> int:
             return INTERRUPTED
 
 
+def _show(arguments: argparse.Namespace) -> tuple[Show, str, str]:
+    """What is shown, what is true of it, and the words that capture it."""
+    import numpy as np
+
+    from stereolib.virtual import camera_emulator, staged_rig
+    from stereolib.virtual.recordings import BOARD
+
+    rig = camera_emulator.scaled_rig(staged_rig(arguments.rig), arguments.scale)
+    rng, about = np.random.default_rng(arguments.seed), _about(rig)
+    if arguments.scene == _BOARD:
+        progress = sys.stderr.isatty()
+        show = camera_emulator.show_boards(arguments.places, rng, rig, fps=arguments.fps, progress=progress)
+        return show, about, f"--board {BOARD.columns}x{BOARD.rows} --square-mm {BOARD.square_mm:g} --output rig"
+    scene = staged(arguments)
+    sizes = ", ".join(" x ".join(f"{mm:g}" for mm in size) for size in scene.sizes_mm)
+    about += f"\ntrue sizes: {sizes} mm" if sizes else ""
+    return camera_emulator.show_scene(scene, rng, rig, fps=arguments.fps), about, f"--output {arguments.scene}"
+
+
+def _about(rig: StereoRig) -> str:
+    focal = ", ".join(f"{camera.K[0, 0]:.2f}" for camera in (rig.left, rig.right))
+    return f"true focal lengths: {focal} px; true distance of the lenses: {rig.baseline_mm:.2f} mm"
+
+
 EMULATE_CAMERAS = Command(
     "emulate-cameras",
-    "be two webcams before which a board is held, on addresses of this machine",
+    "be two webcams before which a board is held, or a box stands, on addresses of this machine",
     "stereolib emulate-cameras --late-ms 50 --drop-rate 0.05",
     _run,
     _configure,

@@ -12,8 +12,9 @@ from stereolib.base import read_bytes
 from stereolib.cli.command import Command
 from stereolib.cli.errors import DONE, INTERRUPTED
 from stereolib.cli.lrf_live import EXPORT, LIVE
-from stereolib.cli.outputs import check_ending, check_outputs
-from stereolib.cli.ranges import FOR_EVER, MM, number, whole
+from stereolib.cli.outputs import check_ending, check_outputs, default_name
+from stereolib.cli.ranges import FOR_EVER, number, whole
+from stereolib.cli.staging import SCENES_TOLD, add_scene, staged
 
 
 def _configure_info(parser: argparse.ArgumentParser) -> None:
@@ -39,7 +40,7 @@ def _configure_show(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--turns", type=whole(1, 10_000), default=5, metavar="N", help="turns combined by the median (default: 5)"
     )
-    parser.add_argument("--output", type=Path, metavar="PNG", help="default: NAME.png in this folder")
+    parser.add_argument("--output", type=Path, metavar="PNG", help="default: NAME.png in this folder; numbered")
     parser.add_argument("--force", action="store_true", help="replace the picture if it is there")
 
 
@@ -47,7 +48,7 @@ def _show(arguments: argparse.Namespace) -> int:
     from stereolib import laser, plotting
     from stereolib.base import write_atomic
 
-    output = arguments.output or Path(f"{Path(arguments.source).stem}.png")
+    output = arguments.output or default_name(Path(f"{Path(arguments.source).stem}.png"), force=arguments.force)
     check_ending(output, ".png", "the picture")
     check_outputs([output], force=arguments.force, option="--output")
     scans = laser.take_scans(arguments.source, arguments.turns)
@@ -102,12 +103,7 @@ def _replay(arguments: argparse.Namespace) -> int:
 
 
 def _configure_emulate(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--scene", choices=("cube", "room"), default="cube", help="the cube in a room, or the room alone"
-    )
-    parser.add_argument(
-        "--distance-mm", type=number(1, MM), default=700.0, metavar="MM", help="of the cube (default: 700)"
-    )
+    add_scene(parser)
     parser.add_argument(
         "--seconds", type=number(0, FOR_EVER), default=FOR_EVER, metavar="S", help="default: until Ctrl-C"
     )
@@ -132,13 +128,13 @@ def _emulate(arguments: argparse.Namespace) -> int:
 
     import numpy as np
 
-    from stereolib.virtual import Scene, cube_scene, emulator, room
+    from stereolib.virtual import VirtualLidar, emulator
 
     names = [field.name for field in fields(emulator.Faults)]
     given = {name: getattr(arguments, name) for name in names if getattr(arguments, name) is not None}
-    scene = Scene((room(),)) if arguments.scene == "room" else cube_scene(arguments.distance_mm)
-    rng = np.random.default_rng(arguments.seed)
-    schedule = emulator.emulate(scene, rng=rng, seconds=arguments.seconds)
+    shown, rng = staged(arguments), np.random.default_rng(arguments.seed)
+    lidar = VirtualLidar(height_mm=shown.laser_height_mm)
+    schedule = emulator.emulate(shown.scene, shown.laser_pose, lidar=lidar, rng=rng, seconds=arguments.seconds)
     if given:
         schedule = emulator.with_faults(schedule, emulator.Faults(**given), rng)
     return _serve(schedule, arguments.link)
@@ -194,6 +190,7 @@ _COMMANDS = (
         "stereolib lrf emulate --scene cube --lost-byte-rate 0.001",
         _emulate,
         _configure_emulate,
+        notes=SCENES_TOLD,
     ),
 )
 LRF = Command(

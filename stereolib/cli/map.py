@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING, Any
 from stereolib.base import counted, plus_minus
 from stereolib.cli.command import Command
 from stereolib.cli.errors import DONE, REFUSED
-from stereolib.cli.outputs import check_outputs
+from stereolib.cli.outputs import check_outputs, default_name
 from stereolib.cli.told import object_details, object_facts, object_title, plain, wrapped
 
 if TYPE_CHECKING:
-    from stereolib.mapping import Map, RecordedMap, Station
+    from stereolib.mapping import Map, RecordedMap, Station, StationFolder
 
 #: Files of a map, and what they are.
 _FILES = {
@@ -39,9 +39,11 @@ FOLDER holds, for each place where the rig stood (its station):
   1_scan.bin               the laser, as `stereolib lrf record` writes it, or 1_scan.csv: first line angle_deg,range_mm,
                            then a turn in even steps, counter-clockwise, 0 ahead, range empty where nothing was
                            measured; both of an XV-11, whose light starts 25 mm beside its axis
-  2_left.png ...           and so on; names may be words, as door_left.png. A pair or a scan alone is a station, too
+  2_left.png ...           and so on; names may be words, as door_left.png, and pairs as calibrate reads them (left01,
+                           L_1, left/ and right/), scans then in scans/. A pair or a scan alone is a station, too
 and for all of them:
   calibration.json         the rig and its laser (stereolib calibrate, calibrate-laser)
+  rig.toml                 instead of all that, a folder as `stereolib new` makes it
   poses.csv                if poses are known: first line station,x_mm,y_mm,yaw_deg, then a line a station: the place on
                            the floor below its left camera and where that looks, counter-clockwise from x
 Without poses the first station with a scan is the origin, and the others are placed where their scans fit; given poses
@@ -60,21 +62,21 @@ def _configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--calibration", type=Path, metavar="FILE", help="default: FOLDER/calibration.json")
     parser.add_argument("--poses", type=Path, metavar="CSV", help="default: FOLDER/poses.csv, if it is there")
     parser.add_argument(
-        "--output", type=Path, metavar="DIR", help="where to write; default: FOLDER's name with _map, here"
+        "--output", type=Path, metavar="DIR", help="where to write; default: FOLDER's name with _map, here, numbered"
     )
     parser.add_argument("--force", action="store_true", help="replace a map that is there")
     parser.add_argument("--json", action="store_true", help="print one JSON object")
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from stereolib.mapping import NothingToMap, list_stations, map_recordings
+    from stereolib.mapping import NothingToMap, map_recordings
     from stereolib.measurement import Instrument
 
-    out = arguments.output or Path(f"{arguments.folder.resolve().name}_map")
+    out = arguments.output or default_name(Path(f"{arguments.folder.resolve().name}_map"), force=arguments.force)
     if in_the_way := [path for path in (out, *out.parents) if path.is_file()]:
         raise ValueError(f"--output must name a folder, but {in_the_way[0]} is a file")
     check_outputs([out / name for name in _FILES], force=arguments.force, option="--output")
-    found = list_stations(arguments.folder, arguments.poses)
+    found = _stations(arguments.folder, arguments.poses)
     instrument = Instrument.load(arguments.calibration or arguments.folder / "calibration.json")
     try:
         recorded = map_recordings(found.stations, instrument, progress=sys.stderr.isatty())
@@ -91,6 +93,17 @@ def _run(arguments: argparse.Namespace) -> int:
         print(wrapped([f"not used, as they belong to no station: {', '.join(found.unused)}"]))
     print(f"written to {out}: {', '.join(path.name for path in written)}")
     return DONE
+
+
+def _stations(folder: Path, poses: Path | None) -> StationFolder:
+    """The stations of a folder, of a rig's folder too."""
+    from stereolib.mapping import RIG_FILE, StationFolder, list_stations, load_rig_folder
+
+    if poses is not None or not (folder / RIG_FILE).is_file():
+        return list_stations(folder, poses)
+    if not (stations := load_rig_folder(folder, with_boards=False).stations):
+        raise ValueError(f"{folder} holds no station: {RIG_FILE} says where its pairs and scans are looked for")
+    return StationFolder(stations)
 
 
 def map_facts(recorded: RecordedMap) -> dict[str, Any]:

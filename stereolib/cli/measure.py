@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from stereolib.cli.boards import add_pair, said_of
 from stereolib.cli.command import Command
 from stereolib.cli.errors import DONE, REFUSED, named
-from stereolib.cli.outputs import check_ending, check_outputs
+from stereolib.cli.outputs import check_ending, check_outputs, default_name
 from stereolib.cli.ranges import MM, number
 from stereolib.cli.told import object_details, object_facts, object_title, wrapped
 
@@ -59,7 +59,9 @@ def _configure(parser: argparse.ArgumentParser) -> None:
         metavar="X,Y",
         help="only this, without a floor: how far the points at two pixels of LEFT, columns and rows, lie apart",
     )
-    parser.add_argument("--output", type=Path, metavar="PNG", help="default: LEFT's name with _measured.png, here")
+    parser.add_argument(
+        "--output", type=Path, metavar="PNG", help="default: LEFT's name with _measured.png, here; numbered"
+    )
     parser.add_argument("--picture", dest="output", type=Path, help=argparse.SUPPRESS)  # what it was called
     parser.add_argument("--force", action="store_true", help="replace the picture if it is there")
     parser.add_argument("--json", action="store_true", help="print one JSON object")
@@ -74,7 +76,8 @@ def _run(arguments: argparse.Namespace) -> int:
     from stereolib.measurement import Instrument, draw_objects, measure_objects
     from stereolib.rig import find_pair, read_pair
 
-    picture = arguments.output or Path(f"{arguments.left.stem}_measured.png")
+    own = Path(f"{arguments.left.stem}_measured.png")
+    picture = arguments.output or default_name(own, force=arguments.force)
     check_ending(picture, ".png", "the picture")
     check_outputs([picture], force=arguments.force, option="--output")
     instrument, files = Instrument.load(arguments.calibration), find_pair(arguments.left, arguments.right)

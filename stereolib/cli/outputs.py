@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -34,6 +35,30 @@ def check_outputs(paths: Iterable[Path], *, force: bool, option: str) -> None:
         raise FileExistsError(f"{which} would be overwritten: name another place with {option}, or pass --force")
     for path in paths:
         check_target(path)
+
+
+def default_name(path: Path, *, force: bool, ends: Iterable[str] = ("",)) -> Path:
+    """Give the name that a command chooses by itself: where a file is there already, the next number is added.
+
+    Parameters
+    ----------
+    path : Path
+    force : bool
+        Whether files that are there may be replaced: then it is the plain name.
+    ends : iterable of str
+        In place of the name's ending, of all files that are written; "" is its own.
+
+    Returns
+    -------
+    Path
+    """
+    ends = list(ends)
+    for number in itertools.count(2):
+        if force or not any((path.with_name(path.stem + end) if end else path).exists() for end in ends):
+            return path
+        stem = path.stem if number == 2 else path.stem.rpartition("_")[0]
+        path = path.with_name(f"{stem}_{number}{path.suffix}")
+    raise AssertionError
 
 
 def check_ending(path: Path, ending: str, what: str) -> None:

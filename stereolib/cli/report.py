@@ -9,7 +9,8 @@ from stereolib.cli.command import Command
 from stereolib.cli.errors import DONE
 from stereolib.cli.outputs import check_outputs
 
-_FILES = ("report.html", "report.ipynb", "calibration.json")
+_FILES = {"report": ("report.html", "report.ipynb", "calibration.json"),
+          "calibration": ("calibration.html", "calibration.ipynb")}  # fmt: skip
 _NOTES = """\
 FOLDER is made by `stereolib new`, or holds a rig.toml that says where its boards, pairs and scans are. Written, into
 FOLDER/report or what --output names:
@@ -17,13 +18,17 @@ FOLDER/report or what --output names:
                     folder holds no recordings for is left out, and said
   report.ipynb      the notebook that made it, to be changed and run again
   calibration.json  of the boards, if there are any, for `stereolib measure`, `disparity` and `map`
-Where FOLDER itself has a calibration.json, lengths are told by that one: calibrate-laser writes into it where the
-laser stands. Nothing is held against the paper. It needs the extra "notebooks": pip install "stereolib[notebooks]"."""
+With --chapter calibration it is the course's chapter on calibration, with your boards in it, and the files are
+calibration.html and calibration.ipynb. Where FOLDER itself has a calibration.json, lengths are told by that one:
+calibrate-laser writes into it where the laser stands. Nothing is held against the paper. It needs the extra
+"notebooks": pip install "stereolib[notebooks]"."""
 
 
 def _configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("folder", type=Path, metavar="FOLDER", help="of your rig")
-    parser.add_argument("--output", type=Path, metavar="DIR", help="default: FOLDER/report")
+    parser.add_argument("--output", type=Path, metavar="DIR", help="default: FOLDER/report, FOLDER/calibration")
+    about = "which chapter is run: report on the whole rig (default), or calibration, which explains"
+    parser.add_argument("--chapter", choices=tuple(_FILES), default="report", help=about)
     parser.add_argument("--force", action="store_true", help="replace a report that is there")
 
 
@@ -31,15 +36,18 @@ def _run(arguments: argparse.Namespace) -> int:
     from stereolib.mapping import load_rig_folder
     from stereolib.reproduction import NotebookError, report_rig
 
-    own, out = load_rig_folder(arguments.folder), arguments.output or arguments.folder / "report"
+    name = arguments.chapter
+    own, out = load_rig_folder(arguments.folder), arguments.output or arguments.folder / name
     if in_the_way := [path for path in (out, *out.parents) if path.is_file()]:
         raise ValueError(f"--output must name a folder, but {in_the_way[0]} is a file")
     if not (own.boards or own.stations):
         raise ValueError(f"{arguments.folder} holds no recordings yet: its rig.toml says where they are looked for")
-    check_outputs([out / name for name in _FILES], force=arguments.force, option="--output")
+    if name != "report" and not own.boards:
+        raise ValueError(f"{arguments.folder} holds no pairs of a board, so that nothing can be calibrated")
+    check_outputs([out / file for file in _FILES[name]], force=arguments.force, option="--output")
     print(f"{arguments.folder}: {own}", *own.absent, sep="\n  ", flush=True)
     try:
-        written = report_rig(arguments.folder, out)
+        written = report_rig(arguments.folder, out, name)
     except NotebookError as error:
         raise ValueError(f"{arguments.folder}: {_first_line(str(error))}") from error
     print(f"written to {out}: {', '.join(path.name for path in written)}")

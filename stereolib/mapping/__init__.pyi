@@ -3,11 +3,20 @@ from .files import write_cloud, write_grid, write_mesh
 from .occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, occupancy_grid
 from .placing import Placing, place_stations
 from .recorded import RecordedMap, map_recordings, measure_station
-from .rig_folder import RIG_FILE, RIG_FOLDERS, AskedLength, RigFolder, load_rig_folder, tried, write_rig_file
+from .rig_folder import (
+    RIG_FILE,
+    RIG_FOLDERS,
+    AskedLength,
+    RigFolder,
+    load_rig_folder,
+    tried,
+    write_demo_file,
+    write_rig_file,
+)
 from .scan_matching import ScanMatch, disturb_poses, refine_poses
 from .shapes import COLORS, Cloud, Solid, colored_cloud, join_clouds, map_solids
 from .sightings import MapObject
-from .station_folder import RecordedStation, StationFolder, list_stations, read_scan
+from .station_folder import RecordedStation, StationFolder, list_stations, name_scans, read_scan
 from .stations import Station, station_names
 from .view import view_map
 from .walls import MapWall
@@ -43,6 +52,7 @@ __all__ = [
     "map_solids",
     "measure_station",
     "merge_stations",
+    "name_scans",
     "occupancy_grid",
     "place_stations",
     "read_scan",
@@ -52,6 +62,7 @@ __all__ = [
     "tried",
     "view_map",
     "write_cloud",
+    "write_demo_file",
     "write_grid",
     "write_mesh",
     "write_rig_file",

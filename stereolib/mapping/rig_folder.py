@@ -10,7 +10,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeVar
 
-from stereolib.base import counted, listed, read_toml, write_atomic
+from stereolib.base import UInt8, counted, listed, read_toml, write_atomic
 from stereolib.calibration import (
     LENS_MODELS,
     MIN_PAIRS,
@@ -22,15 +22,14 @@ from stereolib.calibration import (
     diagnose,
     find_in_files,
 )
-from stereolib.mapping.station_folder import RecordedStation
+from stereolib.mapping.station_folder import POSES, RecordedStation, known_poses, name_scans, pair_stations
 from stereolib.measurement import Instrument, SystematicUncertainty
-from stereolib.rig import PairFile, find_pairs, pair_name
+from stereolib.rig import PairFile, find_pairs, read_pair
 
 _Result = TypeVar("_Result")
 RIG_FILE, CALIBRATION = "rig.toml", "calibration.json"
 #: What a folder holds, and where unless its file says otherwise.
 RIG_FOLDERS = {"boards": "boards", "pairs": "pairs", "scans": "scans"}
-_SCANS = (".bin", ".csv")
 #: Everything that a rig's file may say, by part.
 _ENTRIES = {
     "board": ("inner_corners", "square_mm", "marker_mm", "dictionary", "legacy"),
@@ -102,6 +101,24 @@ class RigFolder:
         left, right = zip(*self.boards, strict=True)
         return find_in_files(left, right, self.board, progress=False)
 
+    def read_boards(self) -> tuple[list[tuple[UInt8, UInt8]], list[str]]:
+        """Read the pictures of the board.
+
+        Returns
+        -------
+        pairs : list of (left, right)
+            Each (H, W, 3) uint8.
+        names : list of str
+
+        Raises
+        ------
+        ValueError
+            If there are none, or one cannot be read.
+        """
+        if not self.boards:
+            raise ValueError(f"{self.folder} holds no pairs of a board, so that nothing can be calibrated")
+        return [read_pair(*files) for files in self.boards], [files.left.name for files in self.boards]
+
     def calibrate(self) -> Diagnosis | None:
         """Calibrate with the boards.
 
@@ -149,6 +166,25 @@ class RigFolder:
         return f"{boards}, {counted(pairs, 'pair')} to measure, {counted(scans, 'scan')}"
 
 
+def write_demo_file(folder: Path) -> Path:
+    """Write the ``rig.toml`` of the demo rig, the virtual rig's recordings.
+
+    Parameters
+    ----------
+    folder : Path
+        Where they are.
+
+    Returns
+    -------
+    Path
+    """
+    typed = "`stereolib report data/virtual --output demo_report`"
+    values: dict[str, Any] = {"about": f"The virtual rig, taken for one of which nothing is known: {typed}."}
+    values |= {"square_mm": [25.0, 25.0], "ruler_mm": 93.0, "pairs": "room/*.jpg", "scans": "room/*.bin"}
+    asked = AskedLength("3", ((299, 368), (298, 218)), 240.0), AskedLength("2", ((313, 380), (225, 121)), 336.0)
+    return write_rig_file(folder / RIG_FILE, lengths=asked, **values)
+
+
 def write_rig_file(path: Path, **values: Any) -> Path:
     """Write a ``rig.toml`` with a comment at every entry.
 
@@ -170,13 +206,15 @@ def write_rig_file(path: Path, **values: Any) -> Path:
     return write_atomic(path, page.get_template("rig.toml.jinja").render(usual | values))
 
 
-def load_rig_folder(folder: Path) -> RigFolder:
+def load_rig_folder(folder: Path, *, with_boards: bool = True) -> RigFolder:
     """Read what a rig's folder holds.
 
     Parameters
     ----------
     folder : Path
         With ``rig.toml`` in it.
+    with_boards : bool
+        Look for boards, of which the file must then say what they are.
 
     Returns
     -------
@@ -197,21 +235,26 @@ def load_rig_folder(folder: Path) -> RigFolder:
     model = said.text("cameras", "model", "brown3")
     if model not in LENS_MODELS:
         raise said.wrong("cameras", "model", f"unknown lens model {model!r}; choose one of {', '.join(LENS_MODELS)}")
-    boards = _pairs(folder, places["boards"])
+    boards = _pairs(folder, places["boards"]) if with_boards else ()
     if 0 < len(boards) < MIN_PAIRS:
         raise ValueError(
             f"{folder / places['boards']}: {counted(len(boards), 'pair')} of the board; at least {MIN_PAIRS} with "
             f"different tilts are needed, and 15 to 30 give a trustworthy rig"
         )
-    stations, alone = _stations(_pairs(folder, places["pairs"]), _scans(folder, places["scans"]))
+    pairs, scans_at = _pairs(folder, places["pairs"]), folder / places["scans"]
+    scans = scans_at.iterdir() if scans_at.is_dir() else folder.glob(places["scans"])
+    stations, alone = pair_stations(pairs, name_scans(sorted(scans)))
+    stations = known_poses(stations, folder / POSES)
     lengths, names = said.lengths(), [station.name for station in stations if station.left]
     for length in lengths:
         if length.pair not in names:
             raise said.wrong("length", "pair", f"there is no pair {length.pair!r}, only {listed(names) or 'none'}")
     at_mm, ruler = said.length("cameras", "at_mm", _USUALLY_AT_MM), said.length("cameras", "ruler_mm")
     board = said.board() if boards else None
-    absent = _absent(places, bool(boards), (folder / CALIBRATION).is_file(), stations, alone)
-    return RigFolder(folder, board, at_mm or _USUALLY_AT_MM, ruler, model, boards, stations, lengths, tuple(absent))
+    lonely = [station.scan.name for station in alone if station.scan] if pairs else []
+    absent = _absent(places, bool(boards), (folder / CALIBRATION).is_file(), stations, lonely)
+    known = tuple(stations), lengths, tuple(absent)
+    return RigFolder(folder, board, at_mm or _USUALLY_AT_MM, ruler, model, boards, *known)
 
 
 def _absent(
@@ -339,25 +382,3 @@ def _pairs(folder: Path, place: str) -> tuple[PairFile, ...]:
     if not at.exists() and not any(folder.glob(place)):
         return ()
     return tuple(find_pairs(at))
-
-
-def _scans(folder: Path, place: str) -> dict[str, Path]:
-    """Recordings of the laser, by the name of the pair that they belong to."""
-    at = folder / place
-    files = sorted(at.iterdir() if at.is_dir() else folder.glob(place))
-    found: dict[str, Path] = {}
-    for path in (path for path in files if path.suffix.lower() in _SCANS):
-        name = " ".join(word for word in pair_name(path).split() if word != "scan")
-        if name in found:
-            raise ValueError(f"{path} and {found[name].name} are both the scan of pair {name!r}: keep one")
-        found[name] = path
-    return found
-
-
-def _stations(pairs: Sequence[PairFile], scans: Mapping[str, Path]) -> tuple[tuple[RecordedStation, ...], list[str]]:
-    """Pairs with their scans, then the scans without a pair, and what these are called if there are pairs."""
-    stations = [RecordedStation(name := pair_name(pair.left), *pair, scans.get(name)) for pair in pairs]
-    named = {station.name for station in stations}
-    alone = {name: path for name, path in scans.items() if name not in named}
-    stations += [RecordedStation(name, scan=path) for name, path in alone.items()]
-    return tuple(stations), [path.name for path in alone.values()] if pairs else []

@@ -1,7 +1,8 @@
 """A folder of one's own recordings: which files belong to which station, read and refused by name.
 
 ``1_left.png`` and ``1_right.png`` are the pair of station 1, ``1_scan.bin`` or ``1_scan.csv`` its scan; one of both is
-enough. ``calibration.json`` describes the rig, ``poses.csv`` the poses that are known.
+enough, and pairs may be named as `stereolib.rig.find_pairs` reads them. ``calibration.json`` describes the rig,
+``poses.csv`` the poses that are known.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ import csv
 import math
 import re
 import reprlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -18,12 +19,12 @@ import numpy as np
 
 from stereolib.base import Float64, UInt8, check_name, read_text
 from stereolib.laser import LaserScan, average, read_recording, turns
-from stereolib.rig import read_pair
+from stereolib.rig import PICTURES, PairFile, find_pairs, pair_name, pair_sides, read_pair
 
-CALIBRATION, POSES = "calibration.json", "poses.csv"
-_PART = re.compile(r"(?P<name>.+?)[_-](?P<part>left|right|scan)", re.IGNORECASE)
-_PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp")
+CALIBRATION, POSES, SCANS = "calibration.json", "poses.csv", "scans"
+_SIDES = {"left", "right"}
 _SCANS = (".bin", ".csv")
+_SCAN_WORDS = {"scan", "laser", "lidar", "lrf"}
 _POSE_COLUMNS, _SCAN_COLUMNS = ("station", "x_mm", "y_mm", "yaw_deg"), ("angle_deg", "range_mm")
 _MOST = 1e7  # mm, degrees: ten kilometres
 _LEAST_BEAMS = 30  # of a scan
@@ -165,36 +166,136 @@ def list_stations(folder: Path, poses: Path | None = None) -> StationFolder:
         raise ValueError(
             f"{folder} is no folder: expected one with 1_left.png, 1_right.png, 1_scan.bin, 2_left.png, ..."
         )
-    parts: dict[str, dict[str, Path]] = {}
-    unused = []
+    pictures, scans, unused = list[Path](), list[Path](), list[str]()
     for path in sorted(path for path in folder.iterdir() if path.is_file() and not path.name.startswith(".")):
-        found = _PART.fullmatch(path.stem)
-        if found is None or path.suffix.lower() not in (*_PICTURES, *_SCANS):
-            unused += [path.name] if path.name not in (CALIBRATION, POSES) else []
-            continue
+        is_scan = "scan" in pair_name(path).split()
+        is_named = is_scan or path.suffix.lower() == ".bin" or _names_a_side(path)
+        if path.suffix.lower() in _SCANS and is_named:
+            scans.append(path)
+        elif path.suffix.lower() in PICTURES:
+            if is_scan:
+                raise ValueError(f"{path}: the scan of a station is {' or '.join(_SCANS)}; name it so, or move it away")
+            pictures.append(path)
+        elif path.name not in (CALIBRATION, POSES):
+            unused.append(path.name)
+    for path in (*pictures, *scans):
         check_name(path)
-        name, part = _plain(found["name"]), found["part"].lower()
-        if path.suffix.lower() not in (_SCANS if part == "scan" else _PICTURES):
-            kinds = " or ".join(_SCANS) if part == "scan" else "a picture (PNG, JPEG, ...)"
-            raise ValueError(f"{path}: the {part} of a station is {kinds}; name it so, or move it away")
-        other = parts.setdefault(name, {}).setdefault(part, path)
-        if other != path:
-            raise ValueError(f"station {name} has two files for its {part}, {other.name} and {path.name}: keep one")
-    if not parts:
+    pairs, others = pair_sides(pictures, str(folder))
+    if not pairs and {path.name for path in folder.iterdir() if path.is_dir()} >= _SIDES:
+        pairs = find_pairs(folder)
+    stations, _ = pair_stations(pairs, name_scans([*scans, *_files(folder / SCANS)]))
+    if not stations:
         raise ValueError(
             f"{folder} holds no station: expected 1_left.png and 1_right.png (a pair), 1_scan.bin or 1_scan.csv (a "
             f"scan), then 2_left.png, and so on"
         )
-    stations = [_station(name, parts[name]) for name in sorted(parts, key=_by_number)]
-    if poses is not None or (folder / POSES).is_file():
-        known = _read_poses(poses or folder / POSES, [station.name for station in stations])
-        stations = [replace(station, pose=known.get(station.name)) for station in stations]
-    return StationFolder(tuple(stations), tuple(unused))
+    stations = known_poses(stations, poses or folder / POSES, needed=poses is not None)
+    return StationFolder(tuple(stations), tuple(sorted([*unused, *(path.name for path in others)])))
 
 
-def _plain(name: str) -> str:
-    """``"01"`` and ``"1"`` are one station."""
-    return str(int(name)) if name.isdecimal() else name
+def name_scans(files: Iterable[Path]) -> dict[str, Path]:
+    """Tell of each recording of the laser to which pair it belongs by name.
+
+    Parameters
+    ----------
+    files : iterable of Path
+        Others than .bin and .csv are left out.
+
+    Returns
+    -------
+    dict of str to Path
+        By the pair's name, as `pair_name` tells it.
+
+    Raises
+    ------
+    ValueError
+        If two are of one pair, or one is named as a camera's picture.
+
+    Examples
+    --------
+    >>> sorted(name_scans([Path("02_scan.bin"), Path("door.csv"), Path("notes.txt")]))
+    ['2', 'door']
+    """
+    found: dict[str, Path] = {}
+    for path in (path for path in files if path.suffix.lower() in _SCANS):
+        if _names_a_side(path):
+            raise ValueError(f"{path}: a side of a station is a picture (PNG, JPEG, ...); name it so, or move it away")
+        words = pair_name(path).split()
+        name = " ".join(word for word in words if word not in _SCAN_WORDS)
+        if name in found:
+            twice = f"{found[name].name} and {path.name}"
+            raise ValueError(f"station {name} has two files for its scan, {twice}: keep one")
+        found[name] = path
+    return found
+
+
+def pair_stations(
+    pairs: Sequence[PairFile], scans: Mapping[str, Path]
+) -> tuple[list[RecordedStation], list[RecordedStation]]:
+    """Bring pairs and scans of one name together, or of one number where no name agrees.
+
+    Parameters
+    ----------
+    pairs : sequence of PairFile
+    scans : mapping of str to Path
+        As `name_scans` makes it.
+
+    Returns
+    -------
+    stations : list of RecordedStation
+        In the order of their numbers, or names.
+    alone : list of RecordedStation
+        Those of them that are scans without a pair.
+    """
+    by_name = {pair_name(pair.left): pair for pair in pairs}
+    left_over = dict(scans)
+    found = {name: left_over.pop(name, None) for name in by_name}
+    numbers = [_numbers_of(name) for name in by_name]
+    for name in by_name:
+        same = [scan for scan in left_over if _numbers_of(scan) == _numbers_of(name) != ()]
+        if found[name] is None and len(same) == 1 and numbers.count(_numbers_of(name)) == 1:
+            found[name] = left_over.pop(same[0])
+    stations = [RecordedStation(name, *by_name[name], scan) for name, scan in found.items()]
+    alone = [RecordedStation(name, scan=scan) for name, scan in left_over.items()]
+    return sorted([*stations, *alone], key=lambda station: _by_number(station.name)), alone
+
+
+def known_poses(stations: Sequence[RecordedStation], path: Path, *, needed: bool = False) -> list[RecordedStation]:
+    """Give stations the poses of a file.
+
+    Parameters
+    ----------
+    stations : sequence of RecordedStation
+    path : Path
+        As ``poses.csv``.
+    needed : bool
+        Whether it must be there.
+
+    Returns
+    -------
+    list of RecordedStation
+
+    Raises
+    ------
+    ValueError
+        If it cannot be used.
+    """
+    if not (needed or path.is_file()):
+        return list(stations)
+    known = _read_poses(path, [station.name for station in stations])
+    return [replace(station, pose=known.get(station.name)) for station in stations]
+
+
+def _names_a_side(path: Path) -> bool:
+    return bool(set(re.findall("[a-z]+", path.stem.lower())) & _SIDES)
+
+
+def _files(folder: Path) -> list[Path]:
+    return sorted(path for path in folder.iterdir() if path.is_file()) if folder.is_dir() else []
+
+
+def _numbers_of(name: str) -> tuple[int, ...]:
+    return tuple(map(int, re.findall(r"\d+", name)))
 
 
 def _by_number(name: str) -> list[tuple[int, int, str]]:
@@ -202,20 +303,12 @@ def _by_number(name: str) -> list[tuple[int, int, str]]:
     return [(0, int(part), "") if part.isdecimal() else (1, 0, part) for part in parts]
 
 
-def _station(name: str, files: dict[str, Path]) -> RecordedStation:
-    for side, other in (("left", "right"), ("right", "left")):
-        if side in files and other not in files:
-            wanted = files[side].name.replace(side, other)
-            raise ValueError(f"{files[side]} has no {other} picture: add {wanted}, or move it away")
-    return RecordedStation(name, files.get("left"), files.get("right"), files.get("scan"))
-
-
 def _read_poses(path: Path, names: Iterable[str]) -> dict[str, tuple[float, float, float]]:
     """Poses by station; every one of them must be there."""
     found: dict[str, tuple[float, float, float]] = {}
     names = list(names)
     for line, row in _table(path, _POSE_COLUMNS):
-        name = _plain(row[0].strip())
+        name = pair_name(row[0].strip())
         if name not in names:
             raise ValueError(f"{path}, line {line}: there is no station {reprlib.repr(name)}, only {', '.join(names)}")
         if name in found:

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from stereolib.base import UInt8
+from stereolib.base import Float32, UInt8
+from stereolib.matching.islands import unsupported
 from stereolib.matching.pair_checks import Exchanged, check_rectified, moved_between
 from stereolib.matching.pipelines import DisparityEstimate, stereo_pipeline
 from stereolib.matching.rows import find_rows
 
 _BEYOND = 0.005  # share of the roughly matched pixels that may lie beyond the range before it is told
+_NOTHING, _LITTLE = 0.01, 0.2  # share of matched pixels: with less the pair tells nothing, with less it is said
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,7 +24,8 @@ class CheckedMatch:
     ----------
     estimate : DisparityEstimate
     notes : tuple of str
-        Rows that could not be compared or do not agree, parts of another moment, a range that was too small.
+        Rows that could not be compared or do not agree, parts of another moment, a range that was too small, little
+        that was matched.
     """
 
     estimate: DisparityEstimate
@@ -62,19 +65,39 @@ def match_checked(
     Raises
     ------
     ValueError
-        As `check_rectified` and `stereo_pipeline`; or if no pixel was matched.
+        As `check_rectified` and `stereo_pipeline`; or if hardly a pixel was matched.
+
+    Notes
+    -----
+    Patches that a rough matching of the pair does not know are refused (`unsupported`), whatever the pipeline.
     """
     run, notes = stereo_pipeline(pipeline, num_disparities), list[str]()
     if np.isnan(check_rectified(left, right, exchanged=exchanged)):
         told = "whether the pair is rectified, and of one place and moment"
         notes.append(f"too few points of the two pictures could be matched to tell {told}")
-    estimate = run(left, right)
-    if not np.isfinite(estimate.disparity_px).any():
-        raise ValueError("no pixel was matched; check that they are a stereo pair, left one first")
     rows, half_px = find_rows(left, right)
+    estimate = _supported(run(left, right), half_px)
     corrected = [rows.warning] if pipeline == "best" else []
-    rough_px = 2 * half_px[np.isfinite(half_px)]
-    if num_disparities and rough_px.size and (beyond := float((rough_px > num_disparities).mean())) > _BEYOND:
-        lost = f"{100 * beyond:.1f} % of the roughly matched pixels lie beyond num_disparities {num_disparities}"
-        corrected.append(f"{lost}: what stands there is wrong; leave it out or give more")
-    return CheckedMatch(estimate, tuple(filter(None, [*notes, *corrected, moved_between(left, right)])))
+    rough_px, beyond = 2 * half_px[np.isfinite(half_px)], ""
+    if num_disparities and rough_px.size and (share := float((rough_px > num_disparities).mean())) > _BEYOND:
+        lost = f"{100 * share:.1f} % of the roughly matched pixels lie beyond num_disparities {num_disparities}"
+        beyond = f"{lost}: what stands there is wrong; leave it out or give more"
+    matched = float((estimate.matched & np.isfinite(estimate.disparity_px)).mean())
+    only = f"only {100 * matched:.1f} % of the pixels were matched"
+    if matched < _NOTHING:
+        remedy = "check that they are a stereo pair, left one first, and show things with texture"
+        raise ValueError(f"{only}: nothing can be measured; {beyond or remedy}")
+    if matched < _LITTLE and not beyond:
+        notes.append(f"{only}: more light or texture helps, and pictures of one moment of one place")
+    return CheckedMatch(estimate, tuple(filter(None, [*notes, *corrected, beyond, moved_between(left, right)])))
+
+
+def _supported(estimate: DisparityEstimate, rough_px: Float32) -> DisparityEstimate:
+    """The estimate without patches that the rough matching does not know."""
+    refused = unsupported(estimate.disparity_px, estimate.matched, rough_px)
+    disparity, std = (
+        None if a is None else np.where(refused, np.float32(np.nan), a)
+        for a in (estimate.disparity_px, estimate.std_px)
+    )
+    assert disparity is not None
+    return replace(estimate, disparity_px=disparity, matched=estimate.matched & ~refused, std_px=std)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stereolib.base import Float64
-from stereolib.measurement.agreement import Past
+from stereolib.measurement.agreement import Past, Samples
 from stereolib.measurement.box import Box, Edge, Own, Shared, Side, World
 from stereolib.measurement.edges import Peak
 from stereolib.measurement.faces import Face, align_face, find_face
@@ -48,6 +48,7 @@ _END_PRIOR_PX = 1.5  # beyond the stretch in which an end may lie
 _GOES_ON = 6.0  # logarithm of the odds that an upper edge goes on beyond an end, from which on it is none
 _TOP_END_PX = 3.0  # how well its end tells that of the face
 _GAP_MM, _GAP_PX = 6.0, 4.0  # so far above the floor a face may end for want of texture, and for a pixel's size
+_BELOW, _PLAIN_SLOPE = 8, 0.6  # samples between a face's end and the floor; grey levels per px, of a surface's texture
 _LEANING_RAD = np.radians(1.5)
 _LEANING_ASIDE_RAD = np.radians(3.0)
 _LEANING_PX = 1.5  # over the length of an edge
@@ -156,7 +157,7 @@ def see_box(views: Views, priors: Priors, region: ObjectRegion) -> Pictured:
     assert solution is not None
     seen = replace(seen, start=solution.boxes[0], shared=solution.shared)  # near what all boxes together will have
     tilts = [upright_line(world, face, 0.0)[1:] for face in faces]
-    refused = _cut_below(stretch) or _in_the_air(stretch) or _leaning(stretch, tilts, peaks)
+    refused = _cut_below(stretch) or _in_the_air(views, world, stretch) or _leaning(stretch, tilts, peaks)
     refused = refused or _unfollowed(stretch) or _too_narrow(rough, solution) or _without_edges(rough, peaks)
     misfits = zip(seen.observations, solution.misfits[0].tolist(), strict=True)
     doubtful = frozenset(o.edge for o, misfit in misfits if isinstance(o, EdgeSeen) and misfit > _CONTRADICTION)
@@ -357,10 +358,17 @@ def _cut_below(stretch: Stretch) -> Why | None:
     return Why(Reason.FOOT_CUT) if stretch.is_cut_below and stretch.foot_mm >= _gap_mm(stretch) else None
 
 
-def _in_the_air(stretch: Stretch) -> Why | None:
+def _in_the_air(views: Views, world: World, stretch: Stretch) -> Why | None:
     """A face that ends above the floor, and nothing nearer hides its foot."""
     if stretch.foot_mm < _gap_mm(stretch) or _unfollowed(stretch):
         return None
+    along = np.linspace(stretch.left.at, stretch.right.at, 2 * _BELOW + 1)[1:-1]
+    below = np.array([
+        [[*stretch.line.at(t), height] for t in along] for height in np.linspace(0.2, 0.8, _BELOW) * stretch.foot_mm
+    ])  # fmt: skip
+    shown = Samples.of(views, world, below)
+    if shown.inside.any() and float(np.median(np.abs(shown.slope[shown.inside]))) < _PLAIN_SLOPE:
+        return Why(Reason.IN_THE_AIR, f"it shows no texture between {stretch.foot_mm:.0f} mm of height and the floor")
     return Why(Reason.IN_THE_AIR, f"its face ends {stretch.foot_mm:.0f} mm above the floor")
 
 

@@ -1,4 +1,4 @@
-"""The chapter on one's own rig, executed on a folder and made one page."""
+"""A chapter executed on the folder of one's own rig, and made one page."""
 
 from __future__ import annotations
 
@@ -11,20 +11,25 @@ from stereolib.base import datasets, read_text, work_folder, write_atomic
 from stereolib.reproduction.execution import execute_notebooks
 
 CHAPTER = "11_your_own_rig"
+#: Chapters that take a folder, by the name of what is written.
+CHAPTERS = {"report": CHAPTER, "calibration": "01_calibration"}
 _LIMIT_BYTES = 64 * 2**20  # of an executed notebook: pictures of a dozen pairs are some MB
+_REST = "left out: the rest"
 _NOTEBOOK = "only-notebook"  # tag of cells that a page has no use for
 _LINK = re.compile(r"\[([^\]]+)\]\((?![a-z]+:)[^)]*\)")  # to what is not beside a report
 
 
-def report_rig(folder: Path, output: Path) -> list[Path]:
-    """Execute the chapter on a folder; write it as a notebook and as a page that needs nothing else.
+def report_rig(folder: Path, output: Path, name: str = "report") -> list[Path]:
+    """Execute a chapter on a folder; write it as a notebook and as a page that needs nothing else.
 
     Parameters
     ----------
     folder : Path
         As `stereolib.mapping.load_rig_folder` reads it.
     output : Path
-        Folder for what is written; the notebook writes its calibration there, too.
+        Folder for what is written; the notebook writes its calibration, or its figures, there, too.
+    name : {"report", "calibration"}
+        Of what is written: the chapter on one's own rig, or that on calibration.
 
     Returns
     -------
@@ -40,7 +45,8 @@ def report_rig(folder: Path, output: Path) -> list[Path]:
     from nbconvert import HTMLExporter
     from traitlets.config import Config
 
-    notebook: Any = nbformat.reads(read_text(datasets.chapter_path(CHAPTER)), as_version=4)  # type: ignore[no-untyped-call]
+    chapter = CHAPTERS[name]
+    notebook: Any = nbformat.reads(read_text(datasets.chapter_path(chapter)), as_version=4)  # type: ignore[no-untyped-call]
     at = next(k for k, cell in enumerate(notebook.cells) if "parameters" in cell.metadata.get("tags", []))
     given = f"folder = {str(folder.resolve())!r}\noutput = {str(output.resolve())!r}"
     about = {"id": "injected", "metadata": {"tags": ["injected-parameters"]}}  # an id of its own would differ each time
@@ -50,7 +56,7 @@ def report_rig(folder: Path, output: Path) -> list[Path]:
         if cell.cell_type == "markdown":
             cell.source = _LINK.sub(r"\1", cell.source)
     with work_folder() as work:
-        source = write_atomic(work / f"{CHAPTER}.ipynb", nbformat.writes(notebook))  # type: ignore[no-untyped-call]
+        source = write_atomic(work / f"{chapter}.ipynb", nbformat.writes(notebook))  # type: ignore[no-untyped-call]
         execute_notebooks([source], work / "executed", work / "figures", jobs=1)
         text = read_text(work / "executed" / source.name, limit_bytes=_LIMIT_BYTES)
     executed = nbformat.reads(text, as_version=4)  # type: ignore[no-untyped-call]
@@ -66,19 +72,22 @@ def report_rig(folder: Path, output: Path) -> list[Path]:
     left_out = {"enabled": True, "remove_cell_tags": [_NOTEBOOK]}
     make_page: Any = HTMLExporter
     page = make_page(config=Config(TagRemovePreprocessor=left_out), **plain, **nothing_from_elsewhere)
-    html, _ = page.from_notebook_node(executed, {"metadata": {"name": f"{folder.resolve().name}: report"}})
-    written = [write_atomic(output / "report.html", html), write_atomic(output / "report.ipynb", text)]
+    html, _ = page.from_notebook_node(executed, {"metadata": {"name": f"{folder.resolve().name}: {name}"}})
+    written = [write_atomic(output / f"{name}.html", html), write_atomic(output / f"{name}.ipynb", text)]
     calibration = output / "calibration.json"
-    return [*written, *([calibration] if calibration.is_file() else [])]
+    return [*written, *([calibration] if chapter == CHAPTER and calibration.is_file() else [])]
 
 
 def _explains_nothing(cells: Sequence[Any]) -> Iterator[Any]:
-    """Cells that tell what to see where their part was left out."""
-    is_absent = False
+    """Cells that tell what to see where their part was left out, and all after the rest was."""
+    is_absent, is_end = False, False
     for cell in cells:
-        if cell.cell_type == "code":
+        if is_end:
+            yield cell
+        elif cell.cell_type == "code":
             text = "".join(output.get("text", "") for output in cell.outputs)
             is_absent |= text.startswith("left out: ")
+            is_end |= _REST in text
         elif cell.source.startswith("## "):
             is_absent = False
         elif is_absent and cell.source.startswith("**What to see:**"):

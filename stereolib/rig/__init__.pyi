@@ -4,11 +4,12 @@ from .images import check_image, check_pair, image_size, read_image, read_pair, 
 from .live_camera import CameraError, CameraWish, LiveCamera
 from .live_pair import LivePair, LiveRig
 from .matlab_format import from_matlab_struct, to_matlab_struct
-from .pair_files import PairFile, find_pair, find_pairs, one_size, pair_name
+from .pair_files import PICTURES, PairFile, find_pair, find_pairs, left_pictures, one_size, pair_name, pair_sides
 from .stereo_rig import RectifiedRig, StereoRig, calibration_notes
 from .transforms import pose_left_world, rigid, skew
 
 __all__ = [
+    "PICTURES",
     "Camera",
     "CameraError",
     "CameraWish",
@@ -26,12 +27,14 @@ __all__ = [
     "find_pairs",
     "from_matlab_struct",
     "image_size",
+    "left_pictures",
     "load_kalibr",
     "load_opencv",
     "load_rig",
     "load_ros",
     "one_size",
     "pair_name",
+    "pair_sides",
     "pose_left_world",
     "read_image",
     "read_pair",

@@ -124,6 +124,7 @@ class LiveCamera:
             self.refused = () if self.recorded else tuple(_asked(self._capture, wish, is_stream="://" in source))
         ends = (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT)
         self.size = int(self._capture.get(ends[0])), int(self._capture.get(ends[1]))
+        self._first = self._first_of_file() if self.recorded else None
         self.grabbed, self._intervals = 0, deque[float](maxlen=30)
         self._last_s, self._opened_s = math.nan, time.monotonic()
         self._changed, self._is_wanted, self._is_stopped = threading.Condition(), False, False
@@ -176,10 +177,9 @@ class LiveCamera:
         Frame or None
             None at its end.
         """
-        with _quiet():  # a pattern ends where a picture is missing
-            is_there, image = self._capture.read()
-        self.grabbed += is_there
-        return Frame(np.asarray(image, np.uint8), math.nan) if is_there else None
+        frame, self._first = self._first or self._next_of_file(), None
+        self.grabbed += frame is not None
+        return frame
 
     def close(self) -> None:
         """Let the camera go."""
@@ -188,6 +188,19 @@ class LiveCamera:
             self._capture.release()
         else:
             self._thread.join(_CLOSE_S)
+
+    def _first_of_file(self) -> Frame:
+        if (frame := self._next_of_file()) is None:
+            self._capture.release()
+            remedy = "name a video, pictures that can be opened, or a pattern of them, as left_%02d.png"
+            raise CameraError(f"the {self.name} camera {self.source} shows no picture: {remedy}")
+        self.size = frame.image.shape[1], frame.image.shape[0]
+        return frame
+
+    def _next_of_file(self) -> Frame | None:
+        with _quiet():  # a pattern ends where a picture is missing
+            is_there, image = self._capture.read()
+        return Frame(np.asarray(image, np.uint8), math.nan) if is_there else None
 
     def _run(self) -> None:
         failed = 0

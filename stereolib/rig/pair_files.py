@@ -16,6 +16,8 @@ from stereolib.rig.unpacked import VIDEOS, WIDE, unpack_halves, unpack_videos
 
 _SIDES = {"left": 0, "l": 0, "cam0": 0, "right": 1, "r": 1, "cam1": 1}
 _FOLDERS = (("left", "right"), ("l", "r"), ("cam0", "cam1"))
+#: Ends of the names of pictures.
+PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp")
 _LISTED, _GUESSES = 8, 2
 _Key = tuple[tuple[bool, int, str], ...]
 _WORDS = re.compile(r"[Cc]am[01](?!\d)|\d+|[A-Z]?[a-z]+|[A-Z]+|[^\W\d_]+")
@@ -117,6 +119,63 @@ def find_pair(left: str | PathLike[str], right: str | PathLike[str] | None = Non
     return pairs[0]
 
 
+def pair_sides(files: Sequence[Path], source: str) -> tuple[list[PairFile], list[Path]]:
+    """Pair those of some pictures whose names tell a side.
+
+    Parameters
+    ----------
+    files : sequence of Path
+        Pictures.
+    source : str
+        Where they are from, for the message.
+
+    Returns
+    -------
+    pairs : list of PairFile
+        In the order of the numbers in their names. Where no name tells a side, pictures that are both sides beside each
+        other make pairs, too.
+    others : list of Path
+        Those that are of no pair.
+
+    Raises
+    ------
+    ValueError
+        As `find_pairs`, of pictures without a partner, or of one name.
+    """
+    sides: list[list[Path]] = [[], []]
+    others = list[Path]()
+    for path in files:
+        (others if (side := _side(path)) is None else sides[side]).append(path)
+    if any(sides):
+        left, right = (_by_key(side, source) for side in sides)
+        return _matched(left, right, sides=(f"of the left camera in {source}", f"of the right one in {source}")), others
+    wide = [path for path in others if (size := image_size(path))[0] >= WIDE * size[1]]
+    return [PairFile(*halves) for halves in unpack_halves(wide)], [path for path in others if path not in wide]
+
+
+def left_pictures(source: str | PathLike[str]) -> list[Path]:
+    """Find the pictures of the left camera, or of the only one.
+
+    Parameters
+    ----------
+    source : path
+        A folder or a pattern of one camera's pictures, or of both, of which the right ones are left out.
+
+    Returns
+    -------
+    list of Path
+        In the order of the numbers in their names.
+
+    Raises
+    ------
+    ValueError
+        If there is nothing of that name, or an empty folder.
+    """
+    folders = _side_folders(Path(source))
+    files = _files(folders[0] if folders else str(source))
+    return sorted((path for path in files if path.suffix.lower() in PICTURES and _side(path) != 1), key=_key)
+
+
 def pair_name(file: str | PathLike[str]) -> str:
     """Tell what a pair is called: the words of one of its names without those of a side.
 
@@ -176,10 +235,10 @@ def _both_sides(source: str, every: int | None) -> list[PairFile]:
             f"{source} holds {len(files)} pictures whose names tell no side ({_names(files)}), and they are not both "
             f"sides beside each other: name them left01.png, right01.png, or give two folders"
         )
-    if unclear := [path for path in files if _side(path) is None]:
+    pairs, unclear = pair_sides(files, source)
+    if unclear:
         raise ValueError(f"{_names(unclear)} in {source}: neither of the left nor of the right camera by name")
-    left, right = ([path for path in files if _side(path) == side] for side in (0, 1))
-    return _matched(_by_key(left, source), _by_key(right, source), sides=("of the left camera", "of the right one"))
+    return pairs
 
 
 def _is_video(path: str | PathLike[str]) -> bool:

@@ -18,17 +18,20 @@ from .scene import (
     cube_scene,
     room,
 )
+from .staged import SCENES, Staged, draw_rig, stage, staged_rig
 from .texture import Tile
 from .webcam import Webcam
 
 __all__ = [
     "CUBE_SURFACE",
     "FLOOR_SURFACE",
+    "SCENES",
     "Box",
     "Hits",
     "Light",
     "Material",
     "Scene",
+    "Staged",
     "Tile",
     "Truth",
     "VirtualLidar",
@@ -40,6 +43,7 @@ __all__ = [
     "cast_rays",
     "clutter_scene",
     "cube_scene",
+    "draw_rig",
     "emulator",
     "laser_boards",
     "measure_walk",
@@ -49,6 +53,8 @@ __all__ = [
     "render_quickly",
     "render_truth",
     "room",
+    "stage",
+    "staged_rig",
     "walk",
     "walk_folder",
     "walk_laser",

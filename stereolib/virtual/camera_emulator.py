@@ -1,4 +1,4 @@
-"""Two webcams for those without: a board held before the virtual rig, served as two streams, faults included.
+"""Two webcams for those without: a board or a scene before a virtual rig, served as two streams, faults included.
 
 The pictures of a show are rendered once; a camera sends the one that belongs to the present moment, again and again
 from the beginning.
@@ -26,14 +26,17 @@ from stereolib.paper import paper_rig
 from stereolib.rig import Camera, StereoRig, rigid
 from stereolib.virtual.quick import render_quickly
 from stereolib.virtual.recordings import BOARD, board_scene, setup
+from stereolib.virtual.rendering import render_pair
+from stereolib.virtual.staged import Staged
 from stereolib.virtual.stereo_boards import draw_board_poses
 from stereolib.virtual.webcam import Webcam
 
 _BOUNDARY = "picture"
 _SIDES = ("left", "right")
 _POLL_S = 0.02
-_MOST_PLACES = 1000  # more are rendered for hours
+_MOST_PLACES, _MOST_FPS = 1000, 120.0  # more are rendered for hours
 _MOVED = 1 / 3  # of the time that the board is held still: how long it then moves
+_STILL_PICTURES = 10  # of a scene in which nothing moves: each has noise of its own
 
 
 @dataclass(frozen=True)
@@ -88,13 +91,13 @@ class CameraFaults:
 def show_boards(
     count: int,
     rng: np.random.Generator,
+    rig: StereoRig | None = None,
     *,
     fps: float = 10.0,
     held_s: float = 1.0,
-    scale: float = 1.0,
     progress: bool = False,
 ) -> Show:
-    """Render somebody who holds a board before the rig of Table I, still in one place after the other.
+    """Render somebody who holds a board before a rig, still in one place after the other.
 
     Parameters
     ----------
@@ -102,12 +105,12 @@ def show_boards(
         Places, as `stereo_boards.draw_board_poses` draws them.
     rng : numpy.random.Generator
         Draws the places and the webcams' noise.
+    rig : StereoRig, optional
+        Default: that of Table I. `scaled_rig` gives one of smaller pictures.
     fps : float
         Pictures a second.
     held_s : float
         How long the board is held still in a place, s; a third of it later it is in the next one.
-    scale : float
-        Of the pictures: 0.5 makes 320 x 240 px.
     progress : bool
         Show a bar.
 
@@ -122,10 +125,11 @@ def show_boards(
     """
     from tqdm.auto import tqdm
 
-    if not 1 <= count <= _MOST_PLACES or not 0 < fps <= 120 or not 0.1 <= scale <= 4:
-        limits = f"1 to {_MOST_PLACES} places, up to 120 pictures a second, a scale of 0.1 to 4"
-        raise ValueError(f"a show has {limits}; got {count}, {fps:g} and {scale:g}")
-    poses, rig, webcam = draw_board_poses(count, rng, BOARD), scaled_rig(paper_rig(), scale), Webcam()
+    if not 1 <= count <= _MOST_PLACES or not 0 < fps <= _MOST_FPS:
+        limits = f"1 to {_MOST_PLACES} places and up to {_MOST_FPS:g} pictures a second"
+        raise ValueError(f"a show has {limits}; got {count} and {fps:g}")
+    rig, webcam = rig or paper_rig(), Webcam()
+    poses = draw_board_poses(count, rng, BOARD, rig)
     held, moved = max(1, round(held_s * fps)), max(1, round(held_s * fps * _MOVED))
     ways = list(zip(poses, [*poses[1:], poses[0]], strict=True))
     pairs = []
@@ -135,6 +139,36 @@ def show_boards(
             for _ in range(1 if step else held):
                 pairs.append([webcam.encode(webcam.expose(side, rng)) for side in seen])
     left, right = zip(*pairs, strict=True)
+    return Show(left, right, rig, fps)
+
+
+def show_scene(staged: Staged, rng: np.random.Generator, rig: StereoRig | None = None, *, fps: float = 10.0) -> Show:
+    """Render a scene in which nothing moves.
+
+    Parameters
+    ----------
+    staged : Staged
+    rng : numpy.random.Generator
+        Draws the webcams' noise.
+    rig : StereoRig, optional
+        Default: that of Table I.
+    fps : float
+        Pictures a second.
+
+    Returns
+    -------
+    Show
+
+    Raises
+    ------
+    ValueError
+        If there are too many pictures a second, or none.
+    """
+    if not 0 < fps <= _MOST_FPS:
+        raise ValueError(f"a show has up to {_MOST_FPS:g} pictures a second, got {fps:g}")
+    rig, webcam = rig or paper_rig(), Webcam()
+    seen = render_pair(staged.scene, rig, staged.T_left_world)
+    left, right = (tuple(webcam.encode(webcam.expose(side, rng)) for _ in range(_STILL_PICTURES)) for side in seen)
     return Show(left, right, rig, fps)
 
 
@@ -209,11 +243,24 @@ def scaled_rig(rig: StereoRig, scale: float) -> StereoRig:
     ----------
     rig : StereoRig
     scale : float
+        0.1 to 4: 0.5 makes 320 x 240 px of 640 x 480.
 
     Returns
     -------
     StereoRig
+
+    Raises
+    ------
+    ValueError
+        If the scale is out of range.
+
+    Examples
+    --------
+    >>> scaled_rig(paper_rig(), 0.5).left.size
+    (320, 240)
     """
+    if not 0.1 <= scale <= 4:
+        raise ValueError(f"pictures have a scale of 0.1 to 4, got {scale:g}")
     left, right = (_scaled(camera, scale) for camera in (rig.left, rig.right))
     return StereoRig(left, right, rig.R, rig.T)
 

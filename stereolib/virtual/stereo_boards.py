@@ -7,17 +7,19 @@ import numpy as np
 from stereolib.base import Float64
 from stereolib.calibration import Checkerboard
 from stereolib.paper import paper_rig
-from stereolib.rig import Camera, rigid
+from stereolib.rig import Camera, StereoRig, rigid
 
 DISTANCES_MM = (480.0, 600.0, 740.0, 900.0)  # in turn, each varied by 8 %
 _VARIED = (0.92, 1.08)
 _MOST_TILT_RAD = np.array([0.7, 0.7, 0.35])  # about x, y and z: 40 degrees, and 20 in the image
-_RIM_PX = 6.0  # kept clear of the image's border
+_RIM = 6.0 / 640  # kept clear of the image's border, share of its width
 _TRIES = 2000  # per pose
 _OTHER_REGION_EVERY = 40  # tries, where two cameras cannot share a region at that distance
 
 
-def draw_board_poses(count: int, rng: np.random.Generator, target: Checkerboard) -> list[Float64]:
+def draw_board_poses(
+    count: int, rng: np.random.Generator, target: Checkerboard, rig: StereoRig | None = None
+) -> list[Float64]:
     """Draw poses of a hand-held board with good coverage: all image regions, 0.45 to 0.95 m, tilts up to 40 degrees.
 
     Parameters
@@ -25,6 +27,8 @@ def draw_board_poses(count: int, rng: np.random.Generator, target: Checkerboard)
     count : int
     rng : numpy.random.Generator
     target : Checkerboard
+    rig : StereoRig, optional
+        Default: that of Table I.
 
     Returns
     -------
@@ -43,7 +47,7 @@ def draw_board_poses(count: int, rng: np.random.Generator, target: Checkerboard)
     >>> T.shape
     (4, 4)
     """
-    rig = paper_rig()
+    rig = rig or paper_rig()
     half = np.array([(n + 1) * target.square_mm / 2 + 0.5 * target.square_mm for n in (target.columns, target.rows)])
     rim = np.array([[a * half[0], b * half[1], 0.0, 1.0] for a in (-1, 0, 1) for b in (-1, 0, 1)]).T
     poses: list[Float64] = []
@@ -73,4 +77,5 @@ def _euler(x: float, y: float, z: float) -> Float64:
 
 
 def _inside(pixels: Float64, camera: Camera) -> bool:
-    return bool(((pixels > _RIM_PX) & (pixels < np.array(camera.size) - 1 - _RIM_PX)).all())
+    rim_px = _RIM * camera.size[0]
+    return bool(((pixels > rim_px) & (pixels < np.array(camera.size) - 1 - rim_px)).all())

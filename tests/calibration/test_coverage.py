@@ -26,7 +26,7 @@ def test_coverage_names_a_third_that_one_camera_never_saw():
     fitted = bundle_adjustment.fit_rig(some, paper_rig())
     found = judge_coverage(some, fitted.turns, fitted.shifts)
     assert found.missing == ("no views in the right third of the right image",)
-    assert str(found).endswith(found.missing[0])
+    assert str(found) == f"{found.missing[0]}: hold the board there in some pictures" == found.advice[0]
 
 
 def test_coverage_of_a_wide_set_is_high():

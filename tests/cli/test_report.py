@@ -10,6 +10,7 @@ from support.notebooks import execute_without_kernels
 
 from stereolib.base import data_path, datasets
 from stereolib.cli import commands
+from stereolib.paper import ledger
 from stereolib.reproduction import own_rig
 from stereolib.virtual import recordings
 
@@ -91,6 +92,53 @@ def test_report_of_real_webcams_goes_as_far_as_their_boards(folder, quick, capsy
     calibration = json.loads((folder / "report" / "calibration.json").read_text())
     assert calibration["calibration"]["board"]["columns"] == 8
     assert not (folder / "calibration.json").exists()
+
+
+@pytest.fixture
+def minoru(folder):
+    """The thirty pairs of a Minoru 3D webcam, every third."""
+    for side in ("left", "right"):
+        (folder / "boards" / side).mkdir()
+        for file in datasets.available(f"minoru3d/{side}")[1::3] or pytest.skip("no real recordings here"):
+            (folder / "boards" / side / file.name).write_bytes(file.read_bytes())
+    told = (folder / "rig.toml").read_text().replace("[9, 6]", "[8, 6]")
+    (folder / "rig.toml").write_text(told.replace("# square_mm = [25.0, 25.0]", "square_mm = [29.79, 30.21]"))
+    return folder
+
+
+@pytest.mark.slow
+def test_chapter_on_calibration_takes_real_webcams(minoru, quick, capsys, monkeypatch):
+    """What needs the true cameras is left out; nothing is held against the paper, nothing of it is recorded."""
+    monkeypatch.setattr(ledger, "record_rows", refuse)
+    monkeypatch.setattr(ledger, "compare_with_paper", refuse)
+    assert run("report", minoru, "--chapter", "calibration") == 0
+    text = told(minoru / "calibration" / "calibration.ipynb")
+    assert "10 of 10 pairs show the whole board in both views\na board has 48 corners, 30 mm apart" in text
+    assert re.search(r"baseline 6\d\.\d\d mm\n", text) and "in truth" not in text
+    assert text.count("left out: it needs the true cameras") >= 3 and "left out: the rest of the appendix" in text
+    assert re.search(r"left fx +8\d\d\.\d+ +\d", text) and re.search(r"^(good|usable|bad):$", text, re.MULTILINE)
+    assert "729.9" not in text and "built in" not in text
+    page = (minoru / "calibration" / "calibration.html").read_text(encoding="utf-8")
+    assert "The library's verdict" in page and "The rows of the ledger" not in page
+    assert sorted(path.name for path in (minoru / "calibration").iterdir()) == ["calibration.html", "calibration.ipynb"]
+
+
+def refuse(*_, **__):
+    raise AssertionError("a stranger's rig is held against the paper")
+
+
+@pytest.mark.slow
+def test_chapter_on_calibration_takes_the_demo_rig_as_a_strangers(tmp_path, quick, capsys):
+    assert run("report", data_path("virtual/rig.toml").parent, "--chapter", "calibration", "--output", tmp_path) == 0
+    text = told(tmp_path / "calibration.ipynb")
+    assert "30 of 30 pairs" in text and "baseline 93.10 mm\n" in text and "in truth" not in text
+    assert "left out by diagnose: " in text and "good:" in text
+
+
+def test_chapter_on_calibration_needs_boards(folder, capsys):
+    (folder / "scans" / "1.bin").write_bytes(recordings.load_laser("lrf/room"))
+    assert run("report", folder, "--chapter", "calibration") == 2
+    assert "holds no pairs of a board" in capsys.readouterr().err and not (folder / "calibration").exists()
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ import pytest
 
 from stereolib.base import data_path
 from stereolib.calibration import Charuco, Checkerboard
-from stereolib.mapping import RIG_FILE, RIG_FOLDERS, load_rig_folder, tried, write_rig_file
+from stereolib.mapping import RIG_FILE, RIG_FOLDERS, load_rig_folder, tried, write_demo_file, write_rig_file
 from stereolib.measurement import Instrument
 from stereolib.paper import paper_rig
 from stereolib.virtual import recordings, walk
@@ -104,7 +104,7 @@ def test_no_folder_no_file_and_too_few_boards(folder):
         load_rig_folder(folder)
     for path in (folder / "boards").iterdir():
         path.unlink()
-    with pytest.raises(ValueError, match=r"both the scan of pair '1': keep one"):
+    with pytest.raises(ValueError, match=r"station 1 has two files for its scan, 01\.csv and 1\.bin: keep one"):
         load_rig_folder(folder)
     (folder / RIG_FILE).unlink()
     with pytest.raises(ValueError, match=r"has no rig.toml, which says what lies there"):
@@ -142,3 +142,18 @@ def test_what_recordings_do_not_allow_is_a_reason_and_a_fault_of_ours_is_none():
     assert tried(int, "five")[0] is None and "five" in tried(int, "five")[1]
     with pytest.raises(TypeError):
         tried(int, [])
+
+
+def test_poses_of_the_folder_are_read(folder):
+    fill(folder, "scans/1.bin", "scans/2.bin")
+    (folder / "poses.csv").write_text("station,x_mm,y_mm,yaw_deg\n2,100,-50,90\n")
+    first, second = load_rig_folder(folder).stations
+    assert first.pose is None and second.pose == pytest.approx((100, -50, 1.5707963))
+    (folder / "poses.csv").write_text("station,x_mm,y_mm,yaw_deg\n7,0,0,0\n")
+    with pytest.raises(ValueError, match=r"poses\.csv, line 2: there is no station '7', only 1, 2"):
+        load_rig_folder(folder)
+
+
+def test_the_demo_rig_is_written_as_it_is_committed(tmp_path):
+    committed = data_path("virtual/rig.toml").read_text()
+    assert write_demo_file(tmp_path).read_text() == committed

@@ -78,7 +78,7 @@ def _poses(folder, *rows, head="station,x_mm,y_mm,yaw_deg"):
 @pytest.mark.parametrize(
     ("spoil", "message"),
     [
-        (lambda f: (f / "1_right.png").unlink(), r"1_left\.png has no right picture: add 1_right\.png"),
+        (lambda f: (f / "1_right.png").unlink(), r"without a partner of the right one in .*: 1_left\.png"),
         (lambda f: (f / "1_scan.csv").touch(), "station 1 has two files for its scan, 1_scan.bin and 1_scan.csv"),
         (lambda f: (f / "2_scan.bin").touch(), "station 2 has two files for its scan, 02_scan.bin and 2_scan.bin"),
         (lambda f: (f / "1_scan.bin").rename(f / "1_scan.png"), r"1_scan\.png: the scan of a station is .bin or .csv"),
@@ -122,3 +122,23 @@ def test_tables_that_are_no_scan_are_refused(folder, rows, message):
     (folder / "5_scan.csv").write_text("\n".join(["angle_deg,range_mm", *rows]))
     with pytest.raises(ValueError, match=message):
         list_stations(folder).stations[2].read_scan()
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        ("left01.png", "right01.png", "left02.png", "right02.png", "scan_1.bin"),
+        ("Im_L_1.png", "Im_R_1.png", "Im_L_2.png", "Im_R_2.png", "1_scan.bin"),
+        ("left/01.png", "right/01.png", "left/02.png", "right/02.png", "scans/1.bin"),
+        ("chessboard-L1.png", "chessboard-R1.png", "chessboard-L2.png", "chessboard-R2.png", "01.bin"),
+    ],
+)
+def test_pairs_are_named_as_everywhere_and_scans_follow_their_number(tmp_path, names):
+    for name in names:
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        if name.endswith(".png"):
+            cv2.imwrite(str(tmp_path / name), GREY)
+    (tmp_path / names[-1]).write_bytes(walk.scan_bytes("room/1"))
+    found = list_stations(tmp_path)
+    assert [(bool(s.left), bool(s.scan)) for s in found.stations] == [(True, True), (True, False)]
+    assert found.stations[0].scan.name == names[-1].rsplit("/", maxsplit=1)[-1] and not found.unused

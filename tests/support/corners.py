@@ -10,36 +10,12 @@ import numpy as np
 from stereolib.base import Float64
 from stereolib.calibration import BoardViews, Checkerboard
 from stereolib.paper import paper_rig
-from stereolib.rig import Camera, StereoRig, rigid
+from stereolib.rig import StereoRig, rigid
+from stereolib.virtual import draw_rig as draw_rig
 from stereolib.virtual.recordings import BOARD
 
 #: What the detector leaves on rendered boards, per coordinate; measured by `benchmarks/bench_calibration.py`.
 NOISE_PX = 0.034
-
-
-def draw_rig(rng: np.random.Generator) -> StereoRig:
-    """Draw a rig like the paper's, every parameter anew: cameras of 640 x 480, 60 to 100 mm apart.
-
-    Focal lengths vary by 5 %, centres by 12 px, the coefficients stay within what webcams have and do not fold
-    inside the image, the cameras are turned against each other by about a degree.
-
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-
-    Returns
-    -------
-    StereoRig
-    """
-    cameras = []
-    for _ in range(2):
-        fx = 730 * rng.uniform(0.95, 1.05)
-        cx, cy = rng.uniform([308, 228], [332, 252])
-        K = np.array([[fx, 0, cx], [0, fx * rng.uniform(0.997, 1.003), cy], [0, 0, 1]])
-        dist = rng.uniform([-0.15, -0.2, -0.003, -0.003, -0.3], [0.1, 0.3, 0.003, 0.003, 0.3])
-        cameras.append(Camera(K, dist, (640, 480)))
-    R = cv2.Rodrigues(rng.normal(0, np.radians(0.7), 3))[0]
-    return StereoRig(cameras[0], cameras[1], R, rng.uniform([-100, -2, -2], [-60, 2, 2]))
 
 
 def draw_poses(rig: StereoRig, pairs: int, rng: np.random.Generator, board: Checkerboard = BOARD) -> list[Float64]:

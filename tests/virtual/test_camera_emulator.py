@@ -106,7 +106,12 @@ def test_faults_out_of_range_are_refused(wrong: dict[str, float]) -> None:
         CameraFaults(**wrong)
 
 
-@pytest.mark.parametrize(("count", "fps", "scale"), [(0, 10.0, 1.0), (2, 0.0, 1.0), (2, 10.0, 0.0)])
-def test_a_show_out_of_range_is_refused(count: int, fps: float, scale: float) -> None:
+@pytest.mark.parametrize(("count", "fps"), [(0, 10.0), (2, 0.0)])
+def test_a_show_out_of_range_is_refused(count: int, fps: float) -> None:
     with pytest.raises(ValueError, match="1 to 1000 places"):
-        show_boards(count, np.random.default_rng(0), fps=fps, scale=scale)
+        show_boards(count, np.random.default_rng(0), fps=fps)
+
+
+def test_a_rig_of_no_size_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"a scale of 0\.1 to 4"):
+        scaled_rig(paper_rig(), 0.0)

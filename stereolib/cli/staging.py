@@ -1,0 +1,36 @@
+"""What both emulators are told of the scene before them: the same words make one rig of cameras and laser."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING
+
+from stereolib.cli.ranges import MM, number, whole
+
+if TYPE_CHECKING:
+    from stereolib.virtual import Staged
+
+SCENES_TOLD = """scenes, the same for cameras and laser:
+  cube          the paper's cube, --distance-mm away
+  box           a box of sizes that nobody told you; --at 2 is another one, up to 1000
+  room          their room, empty
+  walk          a room with five boxes; --at 1 to 5 are five places in it, which make a map
+  laser-board   a board (6x9 inner corners of 30 mm, 24 mm beyond its squares) that camera and laser see;
+                --at 1 to 10 are poses of it, for calibrate-laser"""
+
+
+def add_scene(parser: argparse.ArgumentParser, *first: str) -> None:
+    """Add the options of the scene; `first` are scenes of this command alone, the first of all is the default."""
+    names = (*first, "cube", "box", "room", "walk", "laser-board")
+    parser.add_argument("--scene", choices=names, default=names[0], help=f"as below (default: {names[0]})")
+    parser.add_argument("--at", type=whole(1, 1000), default=1, metavar="N", help="which of them (default: 1)")
+    parser.add_argument(
+        "--distance-mm", type=number(1, MM), default=700.0, metavar="MM", help="of the cube (default: 700)"
+    )
+
+
+def staged(arguments: argparse.Namespace) -> Staged:
+    """The scene that was asked for."""
+    from stereolib.virtual import stage
+
+    return stage(arguments.scene, arguments.at, distance_mm=arguments.distance_mm)

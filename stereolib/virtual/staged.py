@@ -1,0 +1,153 @@
+"""What the emulated cameras and the emulated laser look at: one scene for both, chosen by name and number."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from stereolib.base import Float64
+from stereolib.paper import paper_rig
+from stereolib.rig import Camera, StereoRig
+from stereolib.virtual import laser_boards, recordings, walk
+from stereolib.virtual.scene import Material, Scene, cube_scene, room
+
+#: Scenes by name: how many places there are of each, and what they are.
+SCENES = {
+    "cube": (1, "a cube on the floor of a room"),
+    "box": (1000, "a box on that floor; each number is one of other sizes"),
+    "room": (1, "that room, empty"),
+    "walk": (5, "a room with five boxes, from five places"),
+    "laser-board": (len(laser_boards.POSES), "a board that camera and laser see, held in ten poses"),
+}
+_RIGS = 60  # of the seeds with which rigs are drawn, and boxes
+_LASER_MM = 60.0  # height of the laser's plane: below the lowest box's top
+_BOARD_MM = 180.0  # of the laser's board: its centre above the floor
+
+
+@dataclass(frozen=True, eq=False)
+class Staged:
+    """A scene, and where the rig stands in it.
+
+    Attributes
+    ----------
+    scene : Scene
+    T_left_world : (4, 4) float64
+        Of the left camera.
+    laser_pose : (x_mm, y_mm, yaw_rad)
+    laser_height_mm : float
+        Of the laser's plane above the floor.
+    sizes_mm : tuple of (length, width, height)
+        The true ones of the boxes.
+    """
+
+    scene: Scene
+    T_left_world: Float64
+    laser_pose: tuple[float, float, float]
+    laser_height_mm: float = _LASER_MM
+    sizes_mm: tuple[tuple[float, float, float], ...] = ()
+
+
+def stage(name: str, number: int = 1, *, distance_mm: float = 700.0) -> Staged:
+    """Set a scene.
+
+    Parameters
+    ----------
+    name : str
+        One of `SCENES`.
+    number : int
+        Which place, box or pose of it, from 1 on.
+    distance_mm : float
+        Of the cube.
+
+    Returns
+    -------
+    Staged
+
+    Raises
+    ------
+    ValueError
+        For another name or number.
+
+    Examples
+    --------
+    >>> stage("box", 3).sizes_mm == stage("box", 3).sizes_mm != stage("box", 4).sizes_mm
+    True
+    """
+    if name not in SCENES:
+        raise ValueError(f"unknown scene {name!r}; choose one of {', '.join(SCENES)}")
+    most, _ = SCENES[name]
+    if not 1 <= number <= most:
+        raise ValueError(f"{name} has the numbers 1 to {most}, got {number}" if most > 1 else f"there is one {name}")
+    here, pose = recordings.setup(), recordings.LASER_POSE
+    if name == "walk":
+        station = f"room/{number}"
+        sizes = tuple(_long_first(box.size_mm) for box in walk.objects())
+        return Staged(walk.walk_scene(), recordings.setup(station), walk.POSES[station], sizes_mm=sizes)
+    if name == "laser-board":
+        return Staged(laser_boards.board_scene(laser_boards.POSES[number - 1], _BOARD_MM), here, pose)
+    if name == "room":
+        return Staged(Scene((room(),)), here, pose)
+    scene = cube_scene(distance_mm) if name == "cube" else _box(np.random.default_rng([number, _RIGS]))
+    return Staged(scene, here, pose, sizes_mm=(_long_first(scene.boxes[1].size_mm),))
+
+
+def staged_rig(number: int = 0) -> StereoRig:
+    """Give the rig of a number: 0 is the paper's, every other is drawn.
+
+    Parameters
+    ----------
+    number : int
+        0 or more.
+
+    Returns
+    -------
+    StereoRig
+
+    Examples
+    --------
+    >>> staged_rig(7).baseline_mm == staged_rig(7).baseline_mm != staged_rig(8).baseline_mm
+    True
+    """
+    return paper_rig() if number == 0 else draw_rig(np.random.default_rng([number, _RIGS]))
+
+
+def draw_rig(rng: np.random.Generator) -> StereoRig:
+    """Draw a rig like the paper's, every parameter anew: cameras of 640 x 480, 60 to 100 mm apart.
+
+    Focal lengths vary by 5 %, centres by 12 px, the coefficients stay within what webcams have and do not fold
+    inside the image, the cameras are turned against each other by about a degree.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+
+    Returns
+    -------
+    StereoRig
+    """
+    cameras = []
+    for _ in range(2):
+        fx = 730 * rng.uniform(0.95, 1.05)
+        cx, cy = rng.uniform([308, 228], [332, 252])
+        K = np.array([[fx, 0, cx], [0, fx * rng.uniform(0.997, 1.003), cy], [0, 0, 1]])
+        dist = rng.uniform([-0.15, -0.2, -0.003, -0.003, -0.3], [0.1, 0.3, 0.003, 0.003, 0.3])
+        cameras.append(Camera(K, dist, (640, 480)))
+    R = cv2.Rodrigues(rng.normal(0, np.radians(0.7), 3))[0]
+    return StereoRig(cameras[0], cameras[1], R, rng.uniform([-100, -2, -2], [-60, 2, 2]))
+
+
+def _box(rng: np.random.Generator) -> Scene:
+    """A carton whole in both pictures, two of its sides in sight."""
+    distance, yaw, lateral = rng.uniform([750, np.radians(25), -60], [950, np.radians(65), 60])
+    length, width, height = np.round(rng.uniform([200, 140, 110], [380, 260, 0.33 * distance]))
+    color = rng.uniform(0.3, 0.7, 3)
+    carton = Material((color[0], color[1], color[2]), 0.4, float(rng.uniform(4, 9)), int(rng.integers(1000)))
+    size = float(length), float(width), float(height)
+    return cube_scene(float(distance), size_mm=size, yaw_rad=float(yaw), lateral_mm=float(lateral), cube=carton)
+
+
+def _long_first(size_mm: tuple[float, float, float]) -> tuple[float, float, float]:
+    one, other, height = size_mm
+    return max(one, other), min(one, other), height

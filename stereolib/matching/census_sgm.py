@@ -1,32 +1,36 @@
 """Semi-global matching written out in numpy: the same idea as `cv2.StereoSGBM`, with a cost and a penalty of our own.
 
 Four things differ, and each was measured on virtual scenes: the cost is census plus colour difference instead of
-Birchfield-Tomasi on gradients; half of it is seen in half size, where there is less noise, so that fine things count
-and noisy pictures need no blur; the penalty for a step falls where the image has an edge; and the whole cost volume is
-at hand afterwards, so that the right view's disparity and a confidence cost no new match.
+Birchfield-Tomasi on gradients; part of it is seen in half size, where there is less noise, the more the less distinct
+the match of the whole size is, so that fine things count and noisy pictures need no blur; the penalty for a step falls
+where the image has an edge; and the whole cost volume is at hand afterwards, so that the right view's disparity and a
+confidence cost no new match.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereolib.base import Float32, Ints, UInt8
+from stereolib.base import Float32, UInt8
 from stereolib.matching.levels import halved
+from stereolib.matching.paths import aggregate, read_off
 from stereolib.rig import check_pair, to_grey
 
-Int16: TypeAlias = npt.NDArray[np.int16]
-_BAND_ROWS = 128  # rows that are turned at once for the paths along rows
 _COARSE_CENSUS_PX = (7, 7)  # of the half size
-_CELL_BYTES = 5  # a pixel and disparity: the cost, a quarter of it once more, the sum, and bands that are turned
+_COARSE_BITS = 48
+_DISTINCT = 0.2, 0.45  # its least in units of its mean: the one and the other
+_DISTINCT_PX, _SPARSE = 9, 4  # window over which both are averaged; every so many disparities make the mean
+_SHARES = np.uint16(64)
+_CELL_BYTES = 5  # a pixel and disparity: the cost, the sum of 16 bits, and both of a band that is turned
 _STRIP_BYTES = 2**30  # more than so much is matched in strips
 _BESIDE_ROWS = 64  # of a strip, that tell its own rows what lies above and below
-_NEVER = np.int16(32000)  # dearer than any sum of eight paths
+_FINER = 3  # steps a unit of cost, before it is averaged over the block
 
 
 @dataclass(frozen=True)
@@ -47,6 +51,10 @@ class CensusSGM:
         Penalties for a step of one and of more pixels.
     edge : float
         Step of the image, in grey levels, at which ``p2`` has fallen to a half.
+    coarse_share : (least, most)
+        Of the half size's cost: where the pictures' own is distinct, and where it is not.
+    outside_cost : int
+        Of a match outside the right picture, which has no other: more than a true one's, less than a false one's.
 
     Raises
     ------
@@ -69,6 +77,8 @@ class CensusSGM:
     p1: int = 20
     p2: int = 120
     edge: float = 16.0
+    coarse_share: tuple[float, float] = (0.2, 0.5)
+    outside_cost: int = 16
 
     def __post_init__(self) -> None:
         if self.num_disparities < 2:
@@ -78,9 +88,12 @@ class CensusSGM:
             raise ValueError(f"windows need odd edges, the census at most 64 pixels; got {self.census_px}, {odd[2]}")
         if not 0 < self.p1 < self.p2 or self.edge <= 0:
             raise ValueError(f"need 0 < p1 < p2 and edge > 0, got p1={self.p1}, p2={self.p2}, edge={self.edge}")
-        longest = 8 * (self.census_px[0] * self.census_px[1] + self.color_weight * self.color_cap + self.p2)
-        if longest >= _NEVER:
-            raise ValueError(f"the costs add up to {longest:.0f}, more than 16 bits hold: reduce p2 or the weights")
+        dearest = self.census_px[0] * self.census_px[1] - 1 + self.color_weight * self.color_cap
+        if not 0 <= self.coarse_share[0] <= self.coarse_share[1] <= 1 or self.outside_cost < 0:
+            raise ValueError(f"need 0 <= coarse_share <= 1, rising, and outside_cost >= 0; got {self.coarse_share}")
+        longest = max(_FINER * dearest, max(dearest, _COARSE_BITS, self.outside_cost) + self.p2 + self.p1)
+        if longest > 255:
+            raise ValueError(f"the costs add up to {longest:.0f}, more than 8 bits hold: reduce p2 or the weights")
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,12 +131,12 @@ def match_census_sgm(left: UInt8, right: UInt8, params: CensusSGM | None = None)
 
     Notes
     -----
-    ``L_r(p, d) = C(p, d) + min(L_r(q, d), L_r(q, d +- 1) + P1, min_k L_r(q, k) + P2(p, q)) - min_k L_r(q, k)`` with q
-    the pixel before p on path r, and ``P2(p, q) = max(P2 / (1 + |I(p) - I(q)| / edge), P1 + 1)``. The disparity is the
-    least sum over the paths, refined by two straight lines of equal slope through it and its neighbours. The right
-    view's comes from the same sums, ``S_right(x, d) = S(x + d, d)``. C is the mean of the cost of the pictures and of
-    that of the pictures in half size, whose right one is moved by d before it is made smaller. Memory: 5 bytes a pixel
-    and disparity; from 1 GiB on, the pictures are matched in strips of rows that reach into each other.
+    Each pixel takes the disparity of the least sum along eight paths (`paths.aggregate`), refined by two straight lines
+    of equal slope through it and its neighbours; the right view's comes from the same sums. The cost is
+    ``C = (1 - w) C_1 + w C_2``: that of the pictures, census plus colour, and the census distance in half size, whose
+    right picture is moved by d before it is made smaller. The share w rises smoothly from the least to the most of
+    `coarse_share` with ``min_d C_1 / mean_d C_1`` around the pixel. Memory: 5 bytes a pixel and disparity; from 1 GiB
+    on, the pictures are matched in strips of rows that reach into each other.
 
     References
     ----------
@@ -150,9 +163,8 @@ def match_census_sgm(left: UInt8, right: UInt8, params: CensusSGM | None = None)
     for top in range(0, height, own):
         first = max(top - _BESIDE_ROWS, 0)
         seen, kept = slice(first, top + own + _BESIDE_ROWS), slice(top - first, top - first + own)
-        total = _aggregate(_cost(left[seen], right[seen], params), to_grey(left[seen]), params)[kept]
-        disparity = total.argmin(axis=1)
-        found.append((_refined(total, disparity), _right(total), _margin(total, disparity)))
+        cost = _cost(left[seen], right[seen], params)
+        found.append(read_off(aggregate(cost, to_grey(left[seen]), params.p1, params.p2, params.edge)[kept]))
     return SGMResult(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
 
 
@@ -176,10 +188,11 @@ def census_transform(grey: UInt8 | Float32, size_px: tuple[int, int]) -> npt.NDA
     """
     half, (height, width) = (size_px[0] // 2, size_px[1] // 2), grey.shape
     roomy: Any = np.pad(grey, ((half[0], half[0]), (half[1], half[1])), mode="edge")
-    bits = np.zeros(grey.shape, np.uint64)
+    bits = np.zeros(grey.shape, np.uint32 if size_px[0] * size_px[1] <= 32 else np.uint64)
     for v, u in np.ndindex(size_px):
         if (v, u) != half:
-            bits = bits << np.uint64(1) | (roomy[v : v + height, u : u + width] < grey)
+            bits <<= bits.dtype.type(1)
+            bits |= roomy[v : v + height, u : u + width] < grey
     return bits
 
 
@@ -202,124 +215,65 @@ def _free_bytes() -> float:
     return next((1024 * float(line.split()[1]) for line in lines if line.startswith("MemAvailable")), float("inf"))
 
 
-def _cost(left: UInt8, right: UInt8, params: CensusSGM) -> Int16:
-    """Cost volume (H, D, W) int16: the mean of those of the pictures and of the half size."""
+def _cost(left: UInt8, right: UInt8, params: CensusSGM) -> UInt8:
+    """Cost volume (H, D, W) uint8: the whole pictures' and, the more the less distinct it is, that of the half size."""
     cost, coarse = _fine_cost(left, right, params), _coarse_cost(left, right, params.num_disparities)
-    for y, row in enumerate(cost):
-        row += np.repeat(coarse[y // 2], 2, axis=1)[:, : left.shape[1]]
-    return np.right_shift(cost, 1, out=cost)
+    share = np.rint(_SHARES * _coarse_share(cost, params.coarse_share)).astype(np.uint16)
+    for row, half, part in zip(cost, np.repeat(coarse, 2, axis=0), share, strict=False):
+        whole = np.repeat(half, 2, axis=1)[:, : len(part)]
+        row[:] = (np.multiply(row, _SHARES - part) + np.multiply(whole, part)) >> 6
+    for d in range(params.num_disparities):
+        cost[:, d, :d] = params.outside_cost
+    return cost
 
 
-def _coarse_cost(left: UInt8, right: UInt8, num_disparities: int) -> Int16:
-    """Census distance in half size, (H / 2, D, W / 2) int16: d is that of the whole pictures."""
+def _coarse_share(fine: UInt8, limits: tuple[float, float]) -> Float32:
+    """Weight of the half size, (H, W): by what the best disparity costs, in units of the mean one, around a pixel."""
+    least, mean = (np.empty((len(fine), fine.shape[2]), np.float32) for _ in range(2))
+    for y, row in enumerate(fine):
+        least[y], mean[y] = row.min(axis=0), row[::_SPARSE].mean(axis=0, dtype=np.float32)
+    window = (_DISTINCT_PX, _DISTINCT_PX)
+    ratio = cv2.blur(least, window) / np.maximum(cv2.blur(mean, window), 1)
+    (low, high), (least_share, most) = _DISTINCT, limits
+    t = ((ratio - low) / (high - low)).clip(0, 1)
+    return np.asarray(least_share + (most - least_share) * t * t * (3 - 2 * t), np.float32)
+
+
+def _coarse_cost(left: UInt8, right: UInt8, num_disparities: int) -> UInt8:
+    """Census distance in half size, (H / 2, D, W / 2) uint8: d is that of the whole pictures."""
     bits, *moved = (
         census_transform(image.mean(axis=2), _COARSE_CENSUS_PX)
         for image in (halved(left), halved(right), halved(right, 1))
     )
     height, width = bits.shape
-    cost = np.empty((height, num_disparities, width), np.int16)
+    cost = np.empty((height, num_disparities, width), np.uint8)
     for d in range(num_disparities):
         by, k = (d + 1) // 2, d % 2
-        cost[:, d, by:] = np.bitwise_count(bits[:, by:] ^ moved[k][:, : width - by])
-        cost[:, d, :by] = cost[:, d, by : by + 1]  # as in `_fine_cost`
+        np.bitwise_count(bits[:, by:] ^ moved[k][:, : width - by], out=cost[:, d, by:])
+        cost[:, d, :by] = cost[:, d, by : by + 1]  # an odd disparity sees half of such a column
     return cost
 
 
-def _fine_cost(left: UInt8, right: UInt8, params: CensusSGM) -> Int16:
-    """Census distance plus capped colour difference, averaged over the block, (H, D, W) int16."""
+def _fine_cost(left: UInt8, right: UInt8, params: CensusSGM) -> UInt8:
+    """Census distance plus capped colour difference, averaged over the block, (H, D, W) uint8."""
     bits = [census_transform(to_grey(image), params.census_px) for image in (left, right)]
     height, width = left.shape[:2]
     planes = (np.ascontiguousarray(np.atleast_3d(image).transpose(2, 0, 1)) for image in (left, right))
     channels = list(zip(*planes, strict=True))
-    cost = np.empty((height, params.num_disparities, width), np.int16)
+    cap, weight = params.color_cap * len(channels), _FINER * params.color_weight / len(channels)
+    cost = np.empty((height, params.num_disparities, width), np.uint8)
+    differing, work = np.empty_like(bits[0]), np.empty((3, height, width), np.uint8)
     for d in range(params.num_disparities):
-        unlike = sum(cv2.absdiff(a[:, d:], b[:, : width - d]).astype(np.float32) for a, b in channels) / len(channels)
-        distance = np.bitwise_count(bits[0][:, d:] ^ bits[1][:, : width - d]).astype(np.float32)
-        distance += params.color_weight * np.minimum(unlike, params.color_cap)
-        cost[:, d, d:] = np.rint(cv2.blur(distance, (params.block_size,) * 2))
-        cost[:, d, :d] = cost[:, d, d : d + 1]  # the match would lie outside the right image: as its first column
+        distance, unlike, other = work[..., d:]
+        xor = np.bitwise_xor(bits[0][:, d:], bits[1][:, : width - d], out=differing[:, d:])
+        np.bitwise_count(xor, out=distance)
+        for k, (a, b) in enumerate(channels):
+            cv2.absdiff(a[:, d:], b[:, : width - d], other if k else unlike)
+            if k:
+                cv2.add(unlike, other, unlike)
+        cv2.threshold(unlike, cap, 0, cv2.THRESH_TRUNC, unlike)
+        cv2.addWeighted(distance, _FINER, unlike, weight, 0, other)
+        cv2.blur(other, (params.block_size,) * 2, distance)
+        cv2.convertScaleAbs(distance, cost[:, d, d:], alpha=1 / _FINER)
+        cost[:, d, :d] = cost[:, d, d : d + 1]  # of no meaning
     return cost
-
-
-def _aggregate(cost: Int16, grey: UInt8, params: CensusSGM) -> Int16:
-    """Sum of the eight paths, (H, D, W) int16."""
-    fall = np.maximum(params.p2 / (1 + np.arange(256) / params.edge), params.p1 + 1).astype(np.int16)
-    shades, total = grey.astype(np.int16), np.zeros(cost.shape, np.int16)
-    for shift in (0, 1, -1):
-        _walk(cost, total, shades, (np.int16(params.p1), fall), shift)
-    for top in range(0, len(cost), _BAND_ROWS):
-        band = slice(top, top + _BAND_ROWS)
-        turned = _turned(cost[band])
-        along = np.zeros(turned.shape, np.int16)
-        _walk(turned, along, np.ascontiguousarray(shades[band].T), (np.int16(params.p1), fall), 0)
-        total[band] += _turned(along)
-    return total
-
-
-def _turned(volume: Int16) -> Int16:
-    """Rows and columns of a volume exchanged, (A, D, B) to (B, D, A), by OpenCV: several times faster than a copy."""
-    out = np.empty(volume.shape[::-1], np.int16)
-    for d in range(volume.shape[1]):
-        out[:, d] = cv2.transpose(volume[:, d])
-    return out
-
-
-def _walk(cost: Int16, total: Int16, grey: Int16, penalties: tuple[np.int16, Int16], shift: int) -> None:
-    """Add the two paths that run along the first axis, there and back, moving by `shift` on the last one a step.
-
-    The penalties are ``P1``, and ``P2`` by the step of the picture in grey levels.
-    """
-    (p1, fall), count = penalties, len(cost)
-    for order in (range(count), range(count - 1, -1, -1)):
-        before: Int16 | None = None
-        shade: Int16 | None = None
-        for k in order:
-            path = cost[k]
-            if before is not None and shade is not None:
-                before, shade = _moved(before, shift), _moved(shade, shift)
-                least = before.min(axis=0)
-                path = np.minimum(before, least + fall[np.abs(grey[k] - shade)])
-                before = before + p1
-                np.minimum(path[1:], before[:-1], out=path[1:])
-                np.minimum(path[:-1], before[1:], out=path[:-1])
-                path -= least
-                path += cost[k]
-            total[k] += path
-            before, shade = path, grey[k]
-
-
-def _moved(values: Int16, shift: int) -> Int16:
-    parts = {0: [values], 1: [values[..., :1], values[..., :-1]], -1: [values[..., 1:], values[..., -1:]]}[shift]
-    return np.concatenate(parts, axis=-1) if shift else values
-
-
-def _at(total: Int16, disparity: Ints) -> Float32:
-    inside = np.clip(disparity, 0, total.shape[1] - 1)
-    return np.take_along_axis(total, inside[:, None], axis=1)[:, 0].astype(np.float32)
-
-
-def _refined(total: Int16, disparity: Ints) -> Float32:
-    low, here, high = (_at(total, disparity + k) for k in (-1, 0, 1))
-    slope = np.maximum(np.maximum(low - here, high - here), 1)
-    inner = (disparity > 0) & (disparity < total.shape[1] - 1)
-    offset = np.where(inner, 0.5 * (low - high) / slope, 0).clip(-0.5, 0.5)
-    return np.asarray(disparity + offset, np.float32)
-
-
-def _right(total: Int16) -> Float32:
-    (height, count, width), found = total.shape, []
-    for top in range(0, height, _BAND_ROWS):
-        band = total[top : top + _BAND_ROWS]
-        turned = np.full_like(band, _NEVER)
-        for d in range(count):
-            turned[:, d, : width - d] = band[:, d, d:]
-        found.append(_refined(turned, turned.argmin(axis=1)))
-    return np.concatenate(found)
-
-
-def _margin(total: Int16, disparity: Ints) -> Float32:
-    here = _at(total, disparity)
-    far: Any = np.full(disparity.shape, _NEVER)
-    for d in range(total.shape[1]):
-        np.copyto(far, np.minimum(far, total[:, d]), where=np.abs(disparity - d) > 1)
-    return np.asarray(far - here)

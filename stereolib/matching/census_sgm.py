@@ -1,10 +1,9 @@
 """Semi-global matching written out in numpy: the same idea as `cv2.StereoSGBM`, with a cost and a penalty of our own.
 
 Four things differ, and each was measured on virtual scenes: the cost is census plus colour difference instead of
-Birchfield-Tomasi on gradients; part of it is seen in half size, where there is less noise, the more the less distinct
-the match of the whole size is, so that fine things count and noisy pictures need no blur; the penalty for a step falls
-where the image has an edge; and the whole cost volume is at hand afterwards, so that the right view's disparity and a
-confidence cost no new match.
+Birchfield-Tomasi on gradients; half of it is seen in half size, where there is less noise, so that fine things count
+and noisy pictures need no blur; the penalty for a step falls where the image has an edge; and the whole cost volume is
+at hand afterwards, so that the right view's disparity and a confidence cost no new match.
 """
 
 from __future__ import annotations
@@ -24,9 +23,7 @@ from stereolib.rig import check_pair, to_grey
 
 _COARSE_CENSUS_PX = (7, 7)  # of the half size
 _COARSE_BITS = 48
-_DISTINCT = 0.2, 0.45  # its least in units of its mean: the one and the other
-_DISTINCT_PX, _SPARSE = 9, 4  # window over which both are averaged; every so many disparities make the mean
-_SHARES = np.uint16(64)
+_SHARES = np.uint16(64)  # the two costs are mixed in whole steps
 _CELL_BYTES = 5  # a pixel and disparity: the cost, the sum of 16 bits, and both of a band that is turned
 _STRIP_BYTES = 2**30  # more than so much is matched in strips
 _BESIDE_ROWS = 64  # of a strip, that tell its own rows what lies above and below
@@ -51,8 +48,8 @@ class CensusSGM:
         Penalties for a step of one and of more pixels.
     edge : float
         Step of the image, in grey levels, at which ``p2`` has fallen to a half.
-    coarse_share : (least, most)
-        Of the half size's cost: where the pictures' own is distinct, and where it is not.
+    coarse_share : float
+        Of the half size's cost.
     outside_cost : int
         Of a match outside the right picture, which has no other: more than a true one's, less than a false one's.
 
@@ -77,7 +74,7 @@ class CensusSGM:
     p1: int = 20
     p2: int = 120
     edge: float = 16.0
-    coarse_share: tuple[float, float] = (0.2, 0.5)
+    coarse_share: float = 0.5
     outside_cost: int = 16
 
     def __post_init__(self) -> None:
@@ -89,8 +86,10 @@ class CensusSGM:
         if not 0 < self.p1 < self.p2 or self.edge <= 0:
             raise ValueError(f"need 0 < p1 < p2 and edge > 0, got p1={self.p1}, p2={self.p2}, edge={self.edge}")
         dearest = self.census_px[0] * self.census_px[1] - 1 + self.color_weight * self.color_cap
-        if not 0 <= self.coarse_share[0] <= self.coarse_share[1] <= 1 or self.outside_cost < 0:
-            raise ValueError(f"need 0 <= coarse_share <= 1, rising, and outside_cost >= 0; got {self.coarse_share}")
+        if not 0 <= self.coarse_share <= 1 or self.outside_cost < 1:
+            raise ValueError(
+                f"need 0 <= coarse_share <= 1 <= outside_cost, got {self.coarse_share}, {self.outside_cost}"
+            )
         longest = max(_FINER * dearest, max(dearest, _COARSE_BITS, self.outside_cost) + self.p2 + self.p1)
         if longest > 255:
             raise ValueError(f"the costs add up to {longest:.0f}, more than 8 bits hold: reduce p2 or the weights")
@@ -133,10 +132,9 @@ def match_census_sgm(left: UInt8, right: UInt8, params: CensusSGM | None = None)
     -----
     Each pixel takes the disparity of the least sum along eight paths (`paths.aggregate`), refined by two straight lines
     of equal slope through it and its neighbours; the right view's comes from the same sums. The cost is
-    ``C = (1 - w) C_1 + w C_2``: that of the pictures, census plus colour, and the census distance in half size, whose
-    right picture is moved by d before it is made smaller. The share w rises smoothly from the least to the most of
-    `coarse_share` with ``min_d C_1 / mean_d C_1`` around the pixel. Memory: 5 bytes a pixel and disparity; from 1 GiB
-    on, the pictures are matched in strips of rows that reach into each other.
+    ``C = (1 - w) C_1 + w C_2``, w the `coarse_share`: that of the pictures, census plus colour, and the census distance
+    in half size, whose right picture is moved by d before it is made smaller. Memory: 5 bytes a pixel and disparity;
+    from 1 GiB on, the pictures are matched in strips of rows that reach into each other.
 
     References
     ----------
@@ -216,27 +214,15 @@ def _free_bytes() -> float:
 
 
 def _cost(left: UInt8, right: UInt8, params: CensusSGM) -> UInt8:
-    """Cost volume (H, D, W) uint8: the whole pictures' and, the more the less distinct it is, that of the half size."""
+    """Cost volume (H, D, W) uint8: those of the pictures and of the half size, mixed."""
     cost, coarse = _fine_cost(left, right, params), _coarse_cost(left, right, params.num_disparities)
-    share = np.rint(_SHARES * _coarse_share(cost, params.coarse_share)).astype(np.uint16)
-    for row, half, part in zip(cost, np.repeat(coarse, 2, axis=0), share, strict=False):
-        whole = np.repeat(half, 2, axis=1)[:, : len(part)]
-        row[:] = (np.multiply(row, _SHARES - part) + np.multiply(whole, part)) >> 6
+    share = np.uint16(round(params.coarse_share * _SHARES))
+    for row, half in zip(cost, np.repeat(coarse, 2, axis=0), strict=False):
+        whole = np.repeat(half, 2, axis=1)[:, : row.shape[1]]
+        row[:] = (row * (_SHARES - share) + whole * share) // _SHARES  # of 16 bits, as the share is
     for d in range(params.num_disparities):
         cost[:, d, :d] = params.outside_cost
     return cost
-
-
-def _coarse_share(fine: UInt8, limits: tuple[float, float]) -> Float32:
-    """Weight of the half size, (H, W): by what the best disparity costs, in units of the mean one, around a pixel."""
-    least, mean = (np.empty((len(fine), fine.shape[2]), np.float32) for _ in range(2))
-    for y, row in enumerate(fine):
-        least[y], mean[y] = row.min(axis=0), row[::_SPARSE].mean(axis=0, dtype=np.float32)
-    window = (_DISTINCT_PX, _DISTINCT_PX)
-    ratio = cv2.blur(least, window) / np.maximum(cv2.blur(mean, window), 1)
-    (low, high), (least_share, most) = _DISTINCT, limits
-    t = ((ratio - low) / (high - low)).clip(0, 1)
-    return np.asarray(least_share + (most - least_share) * t * t * (3 - 2 * t), np.float32)
 
 
 def _coarse_cost(left: UInt8, right: UInt8, num_disparities: int) -> UInt8:

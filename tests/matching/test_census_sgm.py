@@ -114,18 +114,3 @@ def test_what_is_read_off_by_loops(depth):
                 assert found == pytest.approx(expected, abs=1e-4)
         far = [int(value) for d, value in enumerate(here) if abs(d - here.argmin()) > 1]
         assert margin[y, x] == min(far) - here.min()
-
-
-def test_the_half_size_counts_more_where_the_whole_size_is_not_distinct():
-    """Smoothly: the share never jumps while noise grows by little."""
-    rng = np.random.default_rng(8)
-    wide = cv2.GaussianBlur(rng.integers(0, 256, (60, 260), dtype=np.uint8), (0, 0), 1.5)
-    strewn = [rng.standard_normal((60, 240)) for _ in range(2)]
-    shares = []
-    for sigma in np.arange(0, 12, 1.0):
-        sides = (side + sigma * noise for side, noise in zip((wide[:, :240], wide[:, 9:249]), strewn, strict=True))
-        pair = [side.clip(0, 255).astype(np.uint8) for side in sides]
-        fine = census_sgm._fine_cost(*pair, census_sgm.CensusSGM(32))
-        shares.append(census_sgm._coarse_share(fine, (0.2, 0.5))[:, 40:].mean())
-    assert shares[0] == pytest.approx(0.2, abs=0.01) and shares[-1] == pytest.approx(0.5, abs=0.01)
-    assert 0 < np.abs(np.diff(shares)).max() < 0.15

@@ -189,6 +189,6 @@ def test_refuses():
         with pytest.raises(ValueError, match="must be uint8"):
             pipelines.stereo_pipeline(name)(left.astype(float), right)
     sizes = {"num_disparities": 1}, {"census_px": (4, 7)}, {"census_px": (9, 9)}
-    for wrong in (*sizes, {"p1": 90, "p2": 80}, {"p2": 5000}):
-        with pytest.raises(ValueError, match=r"must be at least 2|odd edges|0 < p1 < p2|8 bits"):
+    for wrong in (*sizes, {"p1": 90, "p2": 80}, {"p2": 5000}, {"p2": 190}, {"coarse_share": 1.5}, {"outside_cost": 0}):
+        with pytest.raises(ValueError, match=r"must be at least 2|odd edges|0 < p1 < p2|8 bits|coarse_share <= 1"):
             census_sgm.CensusSGM(**wrong)

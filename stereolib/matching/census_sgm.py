@@ -56,7 +56,7 @@ class CensusSGM:
     Raises
     ------
     ValueError
-        If a window is even or too large, a penalty is none, or the costs add up to more than 16 bits hold.
+        If a window is even or too large, a penalty is none, or the costs add up to more than 8 bits hold.
 
     Examples
     --------
@@ -216,10 +216,10 @@ def _free_bytes() -> float:
 def _cost(left: UInt8, right: UInt8, params: CensusSGM) -> UInt8:
     """Cost volume (H, D, W) uint8: those of the pictures and of the half size, mixed."""
     cost, coarse = _fine_cost(left, right, params), _coarse_cost(left, right, params.num_disparities)
-    share = np.uint16(round(params.coarse_share * _SHARES))
+    share = np.uint16(round(params.coarse_share * _SHARES))  # whose 16 bits the products have
     for row, half in zip(cost, np.repeat(coarse, 2, axis=0), strict=False):
         whole = np.repeat(half, 2, axis=1)[:, : row.shape[1]]
-        row[:] = (row * (_SHARES - share) + whole * share) // _SHARES  # of 16 bits, as the share is
+        row[:] = (row * (_SHARES - share) + whole * share) // _SHARES
     for d in range(params.num_disparities):
         cost[:, d, :d] = params.outside_cost
     return cost

@@ -130,6 +130,8 @@ def signs(disparity_px: Float32, matched_px: Float32, margin: Float32, kept: Boo
         31 px; logarithm of the spread of the dense map over 15 px.
     """
     bent = np.abs(cv2.Laplacian(matched_px, cv2.CV_32F)).clip(0, _MOST_BENT_PX)
+    if not kept.any():
+        bent[:] = _MOST_BENT_PX  # a smooth map of which nothing was kept is no better than a rough one
     parts = (
         np.log(np.maximum(margin, 1)),
         np.log(cv2.blur(bent, (_AROUND_PX, _AROUND_PX)) + _BENT_FLOOR_PX),

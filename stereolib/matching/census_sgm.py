@@ -217,8 +217,8 @@ def _cost(left: UInt8, right: UInt8, params: CensusSGM) -> UInt8:
     """Cost volume (H, D, W) uint8: those of the pictures and of the half size, mixed."""
     cost, coarse = _fine_cost(left, right, params), _coarse_cost(left, right, params.num_disparities)
     share = np.uint16(round(params.coarse_share * _SHARES))  # whose 16 bits the products have
-    for row, half in zip(cost, np.repeat(coarse, 2, axis=0), strict=False):
-        whole = np.repeat(half, 2, axis=1)[:, : row.shape[1]]
+    for y, row in enumerate(cost):
+        whole = np.repeat(coarse[y // 2], 2, axis=1)[:, : row.shape[1]]
         row[:] = (row * (_SHARES - share) + whole * share) // _SHARES
     for d in range(params.num_disparities):
         cost[:, d, :d] = params.outside_cost
@@ -241,7 +241,7 @@ def _coarse_cost(left: UInt8, right: UInt8, num_disparities: int) -> UInt8:
 
 
 def _fine_cost(left: UInt8, right: UInt8, params: CensusSGM) -> UInt8:
-    """Census distance plus capped colour difference, averaged over the block, (H, D, W) uint8."""
+    """Census distance plus capped colour difference, averaged over the block, (H, D, W) uint8; unset left of column d."""
     bits = [census_transform(to_grey(image), params.census_px) for image in (left, right)]
     height, width = left.shape[:2]
     planes = (np.ascontiguousarray(np.atleast_3d(image).transpose(2, 0, 1)) for image in (left, right))
@@ -261,5 +261,4 @@ def _fine_cost(left: UInt8, right: UInt8, params: CensusSGM) -> UInt8:
         cv2.addWeighted(distance, _FINER, unlike, weight, 0, other)
         cv2.blur(other, (params.block_size,) * 2, distance)
         cv2.convertScaleAbs(distance, cost[:, d, d:], alpha=1 / _FINER)
-        cost[:, d, :d] = cost[:, d, d : d + 1]  # of no meaning
     return cost

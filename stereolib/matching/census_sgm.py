@@ -241,7 +241,7 @@ def _coarse_cost(left: UInt8, right: UInt8, num_disparities: int) -> UInt8:
 
 
 def _fine_cost(left: UInt8, right: UInt8, params: CensusSGM) -> UInt8:
-    """Census distance plus capped colour difference, averaged over the block, (H, D, W) uint8; unset left of column d."""
+    """Census distance plus capped colour difference, mean of the block, (H, D, W) uint8; unset before column d."""
     bits = [census_transform(to_grey(image), params.census_px) for image in (left, right)]
     height, width = left.shape[:2]
     planes = (np.ascontiguousarray(np.atleast_3d(image).transpose(2, 0, 1)) for image in (left, right))

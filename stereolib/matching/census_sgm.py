@@ -166,7 +166,7 @@ def match_census_sgm(left: UInt8, right: UInt8, params: CensusSGM | None = None)
     return SGMResult(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
 
 
-def census_transform(grey: UInt8 | Float32, size_px: tuple[int, int]) -> npt.NDArray[np.uint64]:
+def census_transform(grey: UInt8 | Float32, size_px: tuple[int, int]) -> npt.NDArray[np.uint32 | np.uint64]:
     """Tell which neighbours are darker than each pixel, one bit each; invariant to gain and offset.
 
     Parameters
@@ -177,12 +177,12 @@ def census_transform(grey: UInt8 | Float32, size_px: tuple[int, int]) -> npt.NDA
 
     Returns
     -------
-    (H, W) uint64
+    (H, W) uint32, or uint64 where the window has more than 32 pixels
 
     Examples
     --------
     >>> census_transform(np.array([[1, 2, 3]], np.uint8), (1, 3))
-    array([[0, 2, 2]], dtype=uint64)
+    array([[0, 2, 2]], dtype=uint32)
     """
     half, (height, width) = (size_px[0] // 2, size_px[1] // 2), grey.shape
     roomy: Any = np.pad(grey, ((half[0], half[0]), (half[1], half[1])), mode="edge")

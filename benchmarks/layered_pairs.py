@@ -3,7 +3,8 @@
 A layer is a surface ``d(x, y)`` of the left picture with an outline and a texture; the nearest one is seen, and each
 side is sampled twice as finely as its pixels. `TRAINING` and `TEST` share no setting: the first has textures made of
 noise on planes and domes behind polygons, the second photographs on waves and planes behind discs and rings, other
-noise, other exposures, other rows.
+noise, other exposures, other rows. Each has three kinds: webcams in rooms, small crowded pictures, sharp ones with
+hardly any noise.
 """
 
 from __future__ import annotations
@@ -28,7 +29,9 @@ class Look:
     """What the scenes of one set are drawn from; pairs are lowest and highest.
 
     `noise`: deviation in grey levels; `gain` of the right picture; `rows_px`: offset and roll at the rim; `shade`: how
-    much a surface's brightness differs between the cameras; `blur_px`: of the lens.
+    much a surface's brightness differs between the cameras; `blur_px`: of the lens; `relief_px`: the most that a
+    surface rises and falls on a small scale; `gloss`: the most that a soft light lies on one picture alone, share of
+    its grey.
     """
 
     size: tuple[int, int]
@@ -45,6 +48,8 @@ class Look:
     blur_px: tuple[float, ...]
     textures: str
     shapes: str
+    relief_px: float = 0.0
+    gloss: float = 0.0
 
 
 TRAINING = Look((640, 440), (4, 16), (24, 80), (5, 11), (0, 5), (1.5, 5.0), 0.10, (0.7, 1.5, 3.0, 6.0),
@@ -56,8 +61,20 @@ TRAINING_CROWDED = replace(TRAINING, size=(450, 376), near_px=(18, 60), objects=
                            noise=(0.4, 0.8, 1.2), gain=(1.0,), rows_px=(0.0, 0.1), blur_px=(0.4, 0.6))  # fmt: skip
 TEST_CROWDED = replace(TEST, size=(500, 400), near_px=(20, 70), objects=(12, 20), rods=(2, 7), noise=(0.3, 0.6, 1.0),
                        gain=(1.0,), rows_px=(0.0, 0.08), blur_px=(0.45, 0.55))  # fmt: skip
-SETS = {"training": ((TRAINING, range(100, 116)), (TRAINING_CROWDED, range(120, 128))),
-        "test": ((TEST, range(200, 212)), (TEST_CROWDED, range(220, 228)))}  # fmt: skip
+#: What a good camera sees in a full room, pictures of twelve million pixels made small: hardly any noise, sharp, detail
+#: down to the pixel nearly everywhere, materials that change where the surface does not, relief, wires, soft gloss.
+TRAINING_SHARP = replace(TRAINING, size=(500, 220), far_px=(8, 20), near_px=(25, 56), objects=(6, 12), rods=(2, 7),
+                         rod_px=(1.0, 4.0), slant=0.2, noise=(0.3, 0.6, 1.0), gain=(1.0, 1.0, 0.97),
+                         rows_px=(0.0, 0.1), shade=0.02, blur_px=(0.35, 0.5), textures="materials", relief_px=0.8,
+                         gloss=0.1)  # fmt: skip
+TEST_SHARP = replace(TEST, size=(540, 240), far_px=(10, 24), near_px=(28, 64), objects=(5, 10), rods=(2, 6),
+                     rod_px=(1.2, 5.0), slant=0.25, noise=(0.4, 0.8), gain=(1.0, 0.98), rows_px=(0.0, 0.08),
+                     shade=0.025, blur_px=(0.4, 0.45), textures="fine photographs", relief_px=1.0,
+                     gloss=0.08)  # fmt: skip
+SETS = {"training": ((TRAINING, range(100, 116)), (TRAINING_CROWDED, range(120, 128)),
+                     (TRAINING_SHARP, range(140, 150))),
+        "test": ((TEST, range(200, 212)), (TEST_CROWDED, range(220, 228)),
+                 (TEST_SHARP, range(240, 248)))}  # fmt: skip
 
 
 def layered_set(name: str) -> list[Pair]:
@@ -123,6 +140,9 @@ def _picture(layers: list[Layer], look: Look, rng: np.random.Generator, right: b
         if here.any():
             own = 1 + look.shade * rng.standard_normal()
             out[here] = own * layer.color(column, y)[here]
+    if look.gloss:
+        soft = rng.uniform(-1, 1, (3, 4)).astype(np.float32)
+        out *= 1 + look.gloss * cv2.resize(soft, x.shape[::-1], interpolation=cv2.INTER_CUBIC)[..., None]
     return cv2.resize(out, look.size, interpolation=cv2.INTER_AREA)
 
 
@@ -142,9 +162,17 @@ def _layers(look: Look, rng: np.random.Generator) -> list[Layer]:
     def surface(level: float, slant: float, bulge: float, x0: float, y0: float, radius: float) -> Callable[..., Array]:
         bx, by = rng.uniform(-slant, slant), rng.uniform(-slant, slant)
         wave = rng.uniform(0.5, 1.5, 2)
+        rise, fast, turn = 0.0, np.zeros((2, 0)), np.zeros(0)
+        if look.relief_px:
+            length = np.exp(rng.uniform(np.log(12), np.log(80), 2))
+            rise, turn = float(rng.uniform(0, look.relief_px) * length.min() / 80), rng.uniform(0, 2 * np.pi, 2)
+            fast = 2 * np.pi / length * np.array([np.cos(angles := rng.uniform(0, np.pi, 2)), np.sin(angles)])
 
         def at(x: Array, y: Array) -> Array:
             plane = level + bx * (x - x0) + by * (y - y0)
+            if rise:
+                for fx, fy, t in zip(*fast.tolist(), turn.tolist(), strict=True):
+                    plane = plane + rise * np.sin(fx * x + fy * y + t)
             if look.shapes == "polygons":  # a dome
                 return plane + bulge * np.sqrt(np.maximum(1 - ((x - x0) ** 2 + (y - y0) ** 2) / radius**2, 0))
             return plane + bulge * np.cos(wave[0] * 3 * (x - x0) / radius) * np.cos(wave[1] * 3 * (y - y0) / radius)
@@ -200,13 +228,12 @@ def _texture(look: Look, rng: np.random.Generator) -> tuple[Array, Array]:
     angle, scale = rng.uniform(0, 2 * np.pi), np.exp(rng.uniform(np.log(0.5), np.log(2.0)))
     turn = scale * np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
     to = np.column_stack([turn, rng.uniform(100, 900, 2)]).astype(np.float32)
-    made = _noise(rng) if look.textures == "noise" else _photograph(rng)
-    return made, to
+    kinds = {"noise": _noise, "materials": _materials, "photographs": _photograph, "fine photographs": _fine_photograph}
+    return kinds[look.textures](rng), to
 
 
-def _noise(rng: np.random.Generator) -> Array:
+def _noise(rng: np.random.Generator, n: int = 1024) -> Array:
     kind = rng.choice(["natural", "fine", "coarse", "weak", "bricks", "stripes"], p=(0.4, 0.1, 0.1, 0.2, 0.1, 0.1))
-    n = 1024
     frequency = np.hypot(np.fft.fftfreq(n)[:, None], np.fft.rfftfreq(n)) + 1 / n
     fall = {"fine": 0.3, "coarse": 2.2}.get(kind, rng.uniform(1.0, 1.6))
     grey, tint = (
@@ -222,6 +249,29 @@ def _noise(rng: np.random.Generator) -> Array:
         grey = 0.4 * grey + np.sin(2 * np.pi * u / step)
     base, lean = rng.uniform(60, 190, 3), rng.uniform(-0.4, 0.4, 3)
     return (base + contrast * (grey[..., None] + lean * tint[..., None])).clip(3, 252).astype(np.float32)
+
+
+def _materials(rng: np.random.Generator) -> Array:
+    """Patches of materials, each with its own colour and detail, whose seams are no steps of the surface."""
+    made, n = [_noise(rng, 512) for _ in range(3)], 512
+    seams = [np.fft.irfft2(np.fft.rfft2(rng.standard_normal((n, n))) * _falling(n, 1.8), s=(n, n)) for _ in range(2)]
+    detail = np.fft.irfft2(np.fft.rfft2(rng.standard_normal((n, n))) * _falling(n, rng.uniform(0.4, 1.0)), s=(n, n))
+    which = (seams[0] > 0).astype(int) + (seams[1] > seams[1].std())
+    grain = rng.uniform(1, 10) * detail / detail.std()
+    return (np.choose(which[..., None], made) + grain[..., None]).clip(3, 252).astype(np.float32)
+
+
+def _falling(n: int, power: float) -> Array:
+    return (np.hypot(np.fft.fftfreq(n)[:, None], np.fft.rfftfreq(n)) + 1 / n) ** -power
+
+
+def _fine_photograph(rng: np.random.Generator) -> Array:
+    """A photograph at its own size beside its mirror images, with the grain of another one."""
+    made, other = _photograph(rng), _photograph(rng)
+    made = np.vstack([np.hstack([made, made[:, ::-1]]), np.hstack([made, made[:, ::-1]])[::-1]])
+    made = cv2.resize(made, (1024, 1024), interpolation=cv2.INTER_AREA)
+    grain = other - cv2.GaussianBlur(other, (0, 0), 3.0)
+    return (made + rng.uniform(0.3, 1.0) * grain).clip(3, 252)
 
 
 def _photograph(rng: np.random.Generator) -> Array:

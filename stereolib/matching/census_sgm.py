@@ -10,23 +10,24 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereolib.base import Float32, Ints, UInt8
+from stereolib.base import Float32, UInt8
 from stereolib.matching.levels import halved
+from stereolib.matching.paths import aggregate, read_off
 from stereolib.rig import check_pair, to_grey
 
-Int16: TypeAlias = npt.NDArray[np.int16]
-_BAND_ROWS = 128  # rows that are turned at once for the paths along rows
 _COARSE_CENSUS_PX = (7, 7)  # of the half size
-_CELL_BYTES = 5  # a pixel and disparity: the cost, a quarter of it once more, the sum, and bands that are turned
+_COARSE_BITS = 48
+_SHARES = np.uint16(64)  # the two costs are mixed in whole steps
+_CELL_BYTES = 5  # a pixel and disparity: the cost, the sum of 16 bits, and both of a band that is turned
 _STRIP_BYTES = 2**30  # more than so much is matched in strips
 _BESIDE_ROWS = 64  # of a strip, that tell its own rows what lies above and below
-_NEVER = np.int16(32000)  # dearer than any sum of eight paths
+_FINER = 3  # steps a unit of cost, before it is averaged over the block
 
 
 @dataclass(frozen=True)
@@ -47,11 +48,15 @@ class CensusSGM:
         Penalties for a step of one and of more pixels.
     edge : float
         Step of the image, in grey levels, at which ``p2`` has fallen to a half.
+    coarse_share : float
+        Of the half size's cost.
+    outside_cost : int
+        Of a match outside the right picture, which has no other: more than a true one's, less than a false one's.
 
     Raises
     ------
     ValueError
-        If a window is even or too large, a penalty is none, or the costs add up to more than 16 bits hold.
+        If a window is even or too large, a penalty is none, or the costs add up to more than 8 bits hold.
 
     Examples
     --------
@@ -69,6 +74,8 @@ class CensusSGM:
     p1: int = 20
     p2: int = 120
     edge: float = 16.0
+    coarse_share: float = 0.5
+    outside_cost: int = 16
 
     def __post_init__(self) -> None:
         if self.num_disparities < 2:
@@ -78,9 +85,14 @@ class CensusSGM:
             raise ValueError(f"windows need odd edges, the census at most 64 pixels; got {self.census_px}, {odd[2]}")
         if not 0 < self.p1 < self.p2 or self.edge <= 0:
             raise ValueError(f"need 0 < p1 < p2 and edge > 0, got p1={self.p1}, p2={self.p2}, edge={self.edge}")
-        longest = 8 * (self.census_px[0] * self.census_px[1] + self.color_weight * self.color_cap + self.p2)
-        if longest >= _NEVER:
-            raise ValueError(f"the costs add up to {longest:.0f}, more than 16 bits hold: reduce p2 or the weights")
+        dearest = self.census_px[0] * self.census_px[1] - 1 + self.color_weight * self.color_cap
+        if not 0 <= self.coarse_share <= 1 or self.outside_cost < 1:
+            raise ValueError(
+                f"need 0 <= coarse_share <= 1 <= outside_cost, got {self.coarse_share}, {self.outside_cost}"
+            )
+        longest = max(_FINER * dearest, max(dearest, _COARSE_BITS, self.outside_cost) + self.p2 + self.p1)
+        if longest > 255:
+            raise ValueError(f"the costs add up to {longest:.0f}, more than 8 bits hold: reduce p2 or the weights")
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,12 +130,11 @@ def match_census_sgm(left: UInt8, right: UInt8, params: CensusSGM | None = None)
 
     Notes
     -----
-    ``L_r(p, d) = C(p, d) + min(L_r(q, d), L_r(q, d +- 1) + P1, min_k L_r(q, k) + P2(p, q)) - min_k L_r(q, k)`` with q
-    the pixel before p on path r, and ``P2(p, q) = max(P2 / (1 + |I(p) - I(q)| / edge), P1 + 1)``. The disparity is the
-    least sum over the paths, refined by two straight lines of equal slope through it and its neighbours. The right
-    view's comes from the same sums, ``S_right(x, d) = S(x + d, d)``. C is the mean of the cost of the pictures and of
-    that of the pictures in half size, whose right one is moved by d before it is made smaller. Memory: 5 bytes a pixel
-    and disparity; from 1 GiB on, the pictures are matched in strips of rows that reach into each other.
+    Each pixel takes the disparity of the least sum along eight paths (`paths.aggregate`), refined by two straight lines
+    of equal slope through it and its neighbours; the right view's comes from the same sums. The cost is
+    ``C = (1 - w) C_1 + w C_2``, w the `coarse_share`: that of the pictures, census plus colour, and the census distance
+    in half size, whose right picture is moved by d before it is made smaller. Memory: 5 bytes a pixel and disparity;
+    from 1 GiB on, the pictures are matched in strips of rows that reach into each other.
 
     References
     ----------
@@ -150,13 +161,12 @@ def match_census_sgm(left: UInt8, right: UInt8, params: CensusSGM | None = None)
     for top in range(0, height, own):
         first = max(top - _BESIDE_ROWS, 0)
         seen, kept = slice(first, top + own + _BESIDE_ROWS), slice(top - first, top - first + own)
-        total = _aggregate(_cost(left[seen], right[seen], params), to_grey(left[seen]), params)[kept]
-        disparity = total.argmin(axis=1)
-        found.append((_refined(total, disparity), _right(total), _margin(total, disparity)))
+        cost = _cost(left[seen], right[seen], params)
+        found.append(read_off(aggregate(cost, to_grey(left[seen]), params.p1, params.p2, params.edge)[kept]))
     return SGMResult(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
 
 
-def census_transform(grey: UInt8 | Float32, size_px: tuple[int, int]) -> npt.NDArray[np.uint64]:
+def census_transform(grey: UInt8 | Float32, size_px: tuple[int, int]) -> npt.NDArray[np.uint32 | np.uint64]:
     """Tell which neighbours are darker than each pixel, one bit each; invariant to gain and offset.
 
     Parameters
@@ -167,19 +177,20 @@ def census_transform(grey: UInt8 | Float32, size_px: tuple[int, int]) -> npt.NDA
 
     Returns
     -------
-    (H, W) uint64
+    (H, W) uint32, or uint64 where the window has more than 32 pixels
 
     Examples
     --------
     >>> census_transform(np.array([[1, 2, 3]], np.uint8), (1, 3))
-    array([[0, 2, 2]], dtype=uint64)
+    array([[0, 2, 2]], dtype=uint32)
     """
     half, (height, width) = (size_px[0] // 2, size_px[1] // 2), grey.shape
     roomy: Any = np.pad(grey, ((half[0], half[0]), (half[1], half[1])), mode="edge")
-    bits = np.zeros(grey.shape, np.uint64)
+    bits = np.zeros(grey.shape, np.uint32 if size_px[0] * size_px[1] <= 32 else np.uint64)
     for v, u in np.ndindex(size_px):
         if (v, u) != half:
-            bits = bits << np.uint64(1) | (roomy[v : v + height, u : u + width] < grey)
+            bits <<= bits.dtype.type(1)
+            bits |= roomy[v : v + height, u : u + width] < grey
     return bits
 
 
@@ -202,124 +213,52 @@ def _free_bytes() -> float:
     return next((1024 * float(line.split()[1]) for line in lines if line.startswith("MemAvailable")), float("inf"))
 
 
-def _cost(left: UInt8, right: UInt8, params: CensusSGM) -> Int16:
-    """Cost volume (H, D, W) int16: the mean of those of the pictures and of the half size."""
+def _cost(left: UInt8, right: UInt8, params: CensusSGM) -> UInt8:
+    """Cost volume (H, D, W) uint8: those of the pictures and of the half size, mixed."""
     cost, coarse = _fine_cost(left, right, params), _coarse_cost(left, right, params.num_disparities)
+    share = np.uint16(round(params.coarse_share * _SHARES))  # whose 16 bits the products have
     for y, row in enumerate(cost):
-        row += np.repeat(coarse[y // 2], 2, axis=1)[:, : left.shape[1]]
-    return np.right_shift(cost, 1, out=cost)
+        whole = np.repeat(coarse[y // 2], 2, axis=1)[:, : row.shape[1]]
+        row[:] = (row * (_SHARES - share) + whole * share) // _SHARES
+    for d in range(params.num_disparities):
+        cost[:, d, :d] = params.outside_cost
+    return cost
 
 
-def _coarse_cost(left: UInt8, right: UInt8, num_disparities: int) -> Int16:
-    """Census distance in half size, (H / 2, D, W / 2) int16: d is that of the whole pictures."""
+def _coarse_cost(left: UInt8, right: UInt8, num_disparities: int) -> UInt8:
+    """Census distance in half size, (H / 2, D, W / 2) uint8: d is that of the whole pictures."""
     bits, *moved = (
         census_transform(image.mean(axis=2), _COARSE_CENSUS_PX)
         for image in (halved(left), halved(right), halved(right, 1))
     )
     height, width = bits.shape
-    cost = np.empty((height, num_disparities, width), np.int16)
+    cost = np.empty((height, num_disparities, width), np.uint8)
     for d in range(num_disparities):
         by, k = (d + 1) // 2, d % 2
-        cost[:, d, by:] = np.bitwise_count(bits[:, by:] ^ moved[k][:, : width - by])
-        cost[:, d, :by] = cost[:, d, by : by + 1]  # as in `_fine_cost`
+        np.bitwise_count(bits[:, by:] ^ moved[k][:, : width - by], out=cost[:, d, by:])
+        cost[:, d, :by] = cost[:, d, by : by + 1]  # an odd disparity sees half of such a column
     return cost
 
 
-def _fine_cost(left: UInt8, right: UInt8, params: CensusSGM) -> Int16:
-    """Census distance plus capped colour difference, averaged over the block, (H, D, W) int16."""
+def _fine_cost(left: UInt8, right: UInt8, params: CensusSGM) -> UInt8:
+    """Census distance plus capped colour difference, mean of the block, (H, D, W) uint8; unset before column d."""
     bits = [census_transform(to_grey(image), params.census_px) for image in (left, right)]
     height, width = left.shape[:2]
     planes = (np.ascontiguousarray(np.atleast_3d(image).transpose(2, 0, 1)) for image in (left, right))
     channels = list(zip(*planes, strict=True))
-    cost = np.empty((height, params.num_disparities, width), np.int16)
+    cap, weight = params.color_cap * len(channels), _FINER * params.color_weight / len(channels)
+    cost = np.empty((height, params.num_disparities, width), np.uint8)
+    differing, work = np.empty_like(bits[0]), np.empty((3, height, width), np.uint8)
     for d in range(params.num_disparities):
-        unlike = sum(cv2.absdiff(a[:, d:], b[:, : width - d]).astype(np.float32) for a, b in channels) / len(channels)
-        distance = np.bitwise_count(bits[0][:, d:] ^ bits[1][:, : width - d]).astype(np.float32)
-        distance += params.color_weight * np.minimum(unlike, params.color_cap)
-        cost[:, d, d:] = np.rint(cv2.blur(distance, (params.block_size,) * 2))
-        cost[:, d, :d] = cost[:, d, d : d + 1]  # the match would lie outside the right image: as its first column
+        distance, unlike, other = work[..., d:]
+        xor = np.bitwise_xor(bits[0][:, d:], bits[1][:, : width - d], out=differing[:, d:])
+        np.bitwise_count(xor, out=distance)
+        for k, (a, b) in enumerate(channels):
+            cv2.absdiff(a[:, d:], b[:, : width - d], other if k else unlike)
+            if k:
+                cv2.add(unlike, other, unlike)
+        cv2.threshold(unlike, cap, 0, cv2.THRESH_TRUNC, unlike)
+        cv2.addWeighted(distance, _FINER, unlike, weight, 0, other)
+        cv2.blur(other, (params.block_size,) * 2, distance)
+        cv2.convertScaleAbs(distance, cost[:, d, d:], alpha=1 / _FINER)
     return cost
-
-
-def _aggregate(cost: Int16, grey: UInt8, params: CensusSGM) -> Int16:
-    """Sum of the eight paths, (H, D, W) int16."""
-    fall = np.maximum(params.p2 / (1 + np.arange(256) / params.edge), params.p1 + 1).astype(np.int16)
-    shades, total = grey.astype(np.int16), np.zeros(cost.shape, np.int16)
-    for shift in (0, 1, -1):
-        _walk(cost, total, shades, (np.int16(params.p1), fall), shift)
-    for top in range(0, len(cost), _BAND_ROWS):
-        band = slice(top, top + _BAND_ROWS)
-        turned = _turned(cost[band])
-        along = np.zeros(turned.shape, np.int16)
-        _walk(turned, along, np.ascontiguousarray(shades[band].T), (np.int16(params.p1), fall), 0)
-        total[band] += _turned(along)
-    return total
-
-
-def _turned(volume: Int16) -> Int16:
-    """Rows and columns of a volume exchanged, (A, D, B) to (B, D, A), by OpenCV: several times faster than a copy."""
-    out = np.empty(volume.shape[::-1], np.int16)
-    for d in range(volume.shape[1]):
-        out[:, d] = cv2.transpose(volume[:, d])
-    return out
-
-
-def _walk(cost: Int16, total: Int16, grey: Int16, penalties: tuple[np.int16, Int16], shift: int) -> None:
-    """Add the two paths that run along the first axis, there and back, moving by `shift` on the last one a step.
-
-    The penalties are ``P1``, and ``P2`` by the step of the picture in grey levels.
-    """
-    (p1, fall), count = penalties, len(cost)
-    for order in (range(count), range(count - 1, -1, -1)):
-        before: Int16 | None = None
-        shade: Int16 | None = None
-        for k in order:
-            path = cost[k]
-            if before is not None and shade is not None:
-                before, shade = _moved(before, shift), _moved(shade, shift)
-                least = before.min(axis=0)
-                path = np.minimum(before, least + fall[np.abs(grey[k] - shade)])
-                before = before + p1
-                np.minimum(path[1:], before[:-1], out=path[1:])
-                np.minimum(path[:-1], before[1:], out=path[:-1])
-                path -= least
-                path += cost[k]
-            total[k] += path
-            before, shade = path, grey[k]
-
-
-def _moved(values: Int16, shift: int) -> Int16:
-    parts = {0: [values], 1: [values[..., :1], values[..., :-1]], -1: [values[..., 1:], values[..., -1:]]}[shift]
-    return np.concatenate(parts, axis=-1) if shift else values
-
-
-def _at(total: Int16, disparity: Ints) -> Float32:
-    inside = np.clip(disparity, 0, total.shape[1] - 1)
-    return np.take_along_axis(total, inside[:, None], axis=1)[:, 0].astype(np.float32)
-
-
-def _refined(total: Int16, disparity: Ints) -> Float32:
-    low, here, high = (_at(total, disparity + k) for k in (-1, 0, 1))
-    slope = np.maximum(np.maximum(low - here, high - here), 1)
-    inner = (disparity > 0) & (disparity < total.shape[1] - 1)
-    offset = np.where(inner, 0.5 * (low - high) / slope, 0).clip(-0.5, 0.5)
-    return np.asarray(disparity + offset, np.float32)
-
-
-def _right(total: Int16) -> Float32:
-    (height, count, width), found = total.shape, []
-    for top in range(0, height, _BAND_ROWS):
-        band = total[top : top + _BAND_ROWS]
-        turned = np.full_like(band, _NEVER)
-        for d in range(count):
-            turned[:, d, : width - d] = band[:, d, d:]
-        found.append(_refined(turned, turned.argmin(axis=1)))
-    return np.concatenate(found)
-
-
-def _margin(total: Int16, disparity: Ints) -> Float32:
-    here = _at(total, disparity)
-    far: Any = np.full(disparity.shape, _NEVER)
-    for d in range(total.shape[1]):
-        np.copyto(far, np.minimum(far, total[:, d]), where=np.abs(disparity - d) > 1)
-    return np.asarray(far - here)

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from stereolib.matching import census_sgm
+from stereolib.matching import census_sgm, paths
 
 
 def small_pair(shape=(7, 12), seed=0):
@@ -17,8 +17,7 @@ def small_pair(shape=(7, 12), seed=0):
 def test_aggregation_is_hirschmuellers():
     """Eight paths by recursion, pixel by pixel, straight from the equation."""
     rng = np.random.default_rng(1)
-    params = census_sgm.CensusSGM(5, p1=7, p2=40, edge=30.0)
-    cost = rng.integers(0, 60, (6, 5, 9)).astype(np.int16)
+    cost = rng.integers(0, 60, (6, 5, 9)).astype(np.uint8)
     grey = rng.integers(0, 256, (6, 9), dtype=np.uint8)
     height, count, width = cost.shape
     expected = np.zeros(cost.shape, int)
@@ -26,8 +25,7 @@ def test_aggregation_is_hirschmuellers():
         path = {}
         for y in range(height) if dy >= 0 else range(height - 1, -1, -1):
             for x in range(width) if dx >= 0 else range(width - 1, -1, -1):
-                # a path that came in over a side begins at the rim, in the row before
-                q = (y - dy, min(max(x - dx, 0), width - 1) if dy else x - dx)
+                q = (y - dy, x - dx)
                 if q not in path:
                     path[y, x] = cost[y, :, x].astype(int)
                     continue
@@ -40,7 +38,7 @@ def test_aggregation_is_hirschmuellers():
                 ])  # fmt: skip
         for (y, x), values in path.items():
             expected[y, :, x] += values
-    np.testing.assert_array_equal(census_sgm._aggregate(cost, grey, params), expected)
+    np.testing.assert_array_equal(paths.aggregate(cost, grey, 7, 40, 30.0), expected)
 
 
 def test_census_tells_darker_neighbours():
@@ -105,11 +103,22 @@ def test_too_little_memory_is_told_with_what_would_fit(monkeypatch):
         census_sgm.match_census_sgm(*pair)
 
 
-def test_margin_by_loops():
+@pytest.mark.parametrize("depth", [7, 300])
+def test_what_is_read_off_by_loops(depth):
+    """Both views' least sums, refined, and the margin; among equals the smallest disparity."""
     rng = np.random.default_rng(3)
-    total = rng.integers(0, 500, (4, 7, 5)).astype(np.int16)
-    best = total.argmin(1)
-    found = census_sgm._margin(total, best)
-    for y, x in np.ndindex(4, 5):
-        far = [int(total[y, d, x]) for d in range(7) if abs(d - best[y, x]) > 1]
-        assert found[y, x] == min(far) - total[y, best[y, x], x]
+    total = rng.integers(0, 500, (4, depth, depth + 5)).astype(np.int16)
+    total[0, 2:4, -1] = -1
+    left, right, margin = paths.read_off(total)
+    for y, x in np.ndindex(left.shape):
+        here = total[y, :, x]
+        seen = [total[y, d, x + d] for d in range(depth) if x + d < total.shape[2]]
+        for sums, found in ((here, left[y, x]), (np.array(seen), right[y, x])):
+            best = int(sums.argmin())
+            assert abs(found - best) <= 0.5
+            if 0 < best < len(sums) - 1:
+                low, least, high = (int(value) for value in sums[best - 1 : best + 2])
+                expected = best + (low - high) / (2 * max(low - least, high - least, 1))
+                assert found == pytest.approx(expected, abs=1e-4)
+        far = [int(value) for d, value in enumerate(here) if abs(d - here.argmin()) > 1]
+        assert margin[y, x] == min(far) - here.min()

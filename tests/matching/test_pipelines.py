@@ -131,6 +131,10 @@ def test_the_settings_are_those_that_the_script_chose(monkeypatch):
     chosen = script.choose(lambda setting: means[script.key_of(setting)])
     assert chosen.pop("blur_from_grey") == 1.0  # which reads texture as noise: what replaced it has no such limit
     assert (chosen.pop("speckle_px"), chosen.pop("median_px")) == (pipelines._SPECKLE_PX, pipelines._MEDIAN_PX)
+    with script.COARSE_FILE.open(encoding="utf-8", newline="") as stream:
+        coarse = {script.key_of(row, script.COARSE): float(row["mean"]) for row in csv.DictReader(stream)}
+    mean = lambda setting: coarse[script.key_of(setting, script.COARSE)]  # noqa: E731
+    chosen |= script.choose(mean, script.COARSE, script.COARSE_KNOBS)
     assert census_sgm.CensusSGM(**chosen) == census_sgm.CensusSGM()
     scenes = [name for name in rows[0] if "@" in name or "/" in name]
     assert len(scenes) == 20  # all of them virtual
@@ -185,6 +189,6 @@ def test_refuses():
         with pytest.raises(ValueError, match="must be uint8"):
             pipelines.stereo_pipeline(name)(left.astype(float), right)
     sizes = {"num_disparities": 1}, {"census_px": (4, 7)}, {"census_px": (9, 9)}
-    for wrong in (*sizes, {"p1": 90, "p2": 80}, {"p2": 5000}):
-        with pytest.raises(ValueError, match=r"must be at least 2|odd edges|0 < p1 < p2|16 bits"):
+    for wrong in (*sizes, {"p1": 90, "p2": 80}, {"p2": 5000}, {"p2": 190}, {"coarse_share": 1.5}, {"outside_cost": 0}):
+        with pytest.raises(ValueError, match=r"must be at least 2|odd edges|0 < p1 < p2|8 bits|coarse_share <= 1"):
             census_sgm.CensusSGM(**wrong)

@@ -41,8 +41,10 @@ def _record(path: Path) -> None:
 
 
 def _stations(path: Path) -> None:
-    (path.parent / "1_scan.csv").touch()
-    list_stations(path.parent, path)
+    folder = path.parent / "stations"
+    folder.mkdir(exist_ok=True)
+    (folder / "1_scan.csv").touch()
+    list_stations(folder, path)
 
 
 #: What is spoilt -> its loader; the good file is made by `seeds`.

@@ -224,7 +224,8 @@ def name_scans(files: Iterable[Path]) -> dict[str, Path]:
         name = " ".join(word for word in words if word not in _SCAN_WORDS)
         if name in found:
             twice = f"{found[name].name} and {path.name}"
-            raise ValueError(f"station {name} has two files for its scan, {twice}: keep one")
+            station = f"station {name}" if name else "a station"
+            raise ValueError(f"{station} has two files for its scan, {twice}: keep one")
         found[name] = path
     return found
 

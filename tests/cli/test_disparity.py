@@ -131,7 +131,8 @@ def test_best_writes_its_standard_deviation(pair, tmp_path):
     assert run(*small, "--max-disparity", 48, "--output", tmp_path / "d.npy") == 0
     std = np.load(tmp_path / "d_std.npy", allow_pickle=False)
     known = np.isfinite(np.load(tmp_path / "d.npy", allow_pickle=False))
-    assert std.shape == (120, 160) and (std[known] > 0).all() and np.isnan(std[~known]).all() and known.mean() > 0.98
+    assert std.shape == (120, 160) and (std[known] > 0).all() and np.isnan(std[~known]).all()
+    assert known.mean() > 0.9  # the floor's nearest strip is refused: half of it is wrong by more than a pixel
 
 
 @pytest.mark.parametrize(

@@ -38,7 +38,7 @@ for words in [(), *leaves(cli.COMMANDS)]:
 def run(folder: Path, *words: str, code: int = 0) -> str:
     """Run Python with some words in the folder; return what it printed."""
     command = [sys.executable, "-I", *words]
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False, timeout=60)
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False, timeout=180)
     assert done.returncode == code, f"{words}: exit code {done.returncode}\n{done.stdout}{done.stderr}"
     return done.stdout + done.stderr
 

@@ -89,6 +89,9 @@ def _run(arguments: argparse.Namespace) -> int:
             waits = {"patience_s": arguments.patience_s, "every_s": by_hand}
             waits |= {} if arguments.every_s is None else {"every_s": arguments.every_s}
             session = CaptureSession(arguments.output, rig, board, pairs=pairs, **waits)
+            if board is None and session.taken >= pairs:  # another thing may stand there now
+                held = f"{arguments.output} holds {session.taken} of the {pairs} pairs asked for already"
+                raise FileExistsError(f"{held}: choose another --output, or ask for more with --pairs")
             _take(session, page)
             return _finished(arguments, session, page)
     finally:

@@ -52,6 +52,8 @@ def test_a_scene_without_a_board_is_one_pair(tmp_path: Path, capfd: pytest.Captu
     sources = write_show(tmp_path / "show", small_show())
     assert run(*sources, "--output", tmp_path / "scene") == 0
     assert "1 pair in" in capfd.readouterr().out
+    assert run(*sources, "--output", tmp_path / "scene") == 2, "what stands there now may be another thing"
+    assert "holds 1 of the 1 pairs asked for already: choose another --output" in capfd.readouterr().err
     assert run(*sources, "--output", tmp_path / "scene", "--pairs", 500) == 0, "a recording that ends before"
     told = capfd.readouterr()
     assert "going on after 1 pair that is there" in told.err and f"{len(small_show().left) + 1} pairs in" in told.out

@@ -56,14 +56,14 @@ class CensusSGM:
     Raises
     ------
     ValueError
-        If a window is even or too large, a penalty is none, or the costs add up to more than 8 bits hold.
+        If a window is even or too large, a value is out of its range, or the costs add up to more than 8 bits hold.
 
     Examples
     --------
-    >>> CensusSGM(p1=30, p2=20)
+    >>> CensusSGM(p1=30, p2=20)  # doctest: +ELLIPSIS
     Traceback (most recent call last):
     ...
-    ValueError: need 0 < p1 < p2 and edge > 0, got p1=30, p2=20, edge=16.0
+    ValueError: need 0 < p1 < p2; got CensusSGM(num_disparities=128, ...)
     """
 
     num_disparities: int = 128
@@ -78,18 +78,21 @@ class CensusSGM:
     outside_cost: int = 16
 
     def __post_init__(self) -> None:
-        if self.num_disparities < 2:
-            raise ValueError(f"num_disparities must be at least 2, got {self.num_disparities}")
         odd = (*self.census_px, self.block_size)
         if any(n < 1 or n % 2 == 0 for n in odd) or self.census_px[0] * self.census_px[1] > 64:
             raise ValueError(f"windows need odd edges, the census at most 64 pixels; got {self.census_px}, {odd[2]}")
-        if not 0 < self.p1 < self.p2 or self.edge <= 0:
-            raise ValueError(f"need 0 < p1 < p2 and edge > 0, got p1={self.p1}, p2={self.p2}, edge={self.edge}")
+        ranges = {
+            "num_disparities >= 2": self.num_disparities >= 2,
+            "color_weight >= 0": self.color_weight >= 0,
+            "color_cap >= 0": self.color_cap >= 0,
+            "0 < p1 < p2": 0 < self.p1 < self.p2,
+            "edge > 0": self.edge > 0,
+            "0 <= coarse_share <= 1": 0 <= self.coarse_share <= 1,
+            "outside_cost >= 1": self.outside_cost >= 1,
+        }
+        if broken := [text for text, holds in ranges.items() if not holds]:
+            raise ValueError(f"need {', '.join(broken)}; got {self}")
         dearest = self.census_px[0] * self.census_px[1] - 1 + self.color_weight * self.color_cap
-        if not 0 <= self.coarse_share <= 1 or self.outside_cost < 1:
-            raise ValueError(
-                f"need 0 <= coarse_share <= 1 <= outside_cost, got {self.coarse_share}, {self.outside_cost}"
-            )
         longest = max(_FINER * dearest, max(dearest, _COARSE_BITS, self.outside_cost) + self.p2 + self.p1)
         if longest > 255:
             raise ValueError(f"the costs add up to {longest:.0f}, more than 8 bits hold: reduce p2 or the weights")

@@ -162,7 +162,7 @@ def find_rows(left: UInt8, right: UInt8) -> tuple[RowOffset, Float32]:
     Returns
     -------
     rows : RowOffset
-        Of the whole pictures. Zero within 3 px where too little was matched, or a side is shorter than 96 px.
+        Of the whole pictures. Zero, to several px, where too little was matched, or a side is shorter than 96 px.
     disparity_px : (H / 2, W / 2) float32
         Of the left picture in half size, in pixels of it; NaN where nothing was matched.
 
@@ -201,7 +201,7 @@ def measure_rows(left: UInt8, right: UInt8, disparity_px: Float32) -> RowOffset:
     Returns
     -------
     RowOffset
-        Zero within 3 px where too little was matched.
+        Zero, to several px, where too little was matched.
 
     Notes
     -----

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from dataclasses import replace
 from functools import cache
 
 import cv2
@@ -10,6 +12,7 @@ import pytest
 
 from stereolib import laser, paper
 from stereolib.calibration import LaserBoardView, calibrate_lidar_to_camera, find_board_in_scan
+from stereolib.calibration.laser_pose import _check_observable
 from stereolib.rig import pose_left_world, rigid
 from stereolib.virtual import Scene, VirtualLidar, board_box, room
 
@@ -163,3 +166,17 @@ def test_last_bits_of_the_input_stay_last_bits():
     first, second = (calibrate_lidar_to_camera(some).T_left_lidar for some in (good, other))
     np.testing.assert_allclose(second[:3, 3], first[:3, 3], rtol=0, atol=1e-9)
     np.testing.assert_allclose(second[:3, :3], first[:3, :3], rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize(("turn", "direction", "worst_mm"), [(0, "up", 432), (1, "up", 1200), (2, "sideways", 1274)])
+def test_what_a_turn_leaves_open_counts_where_objects_stand(turn, direction, worst_mm):
+    """A roll moves only what stands beside the middle, up to 0.36 of 1.2 m; a yaw most what stands farthest."""
+    tilted = views(GOOD[:4], 0)
+    std = np.array([1e-5] * 3 + [0.01] * 3)
+    std[turn] = 0.05
+    facing = [replace(view, points_mm=view.points_mm - [0.0, view.points_mm.mean(axis=0)[1]]) for view in tilted]
+    with pytest.raises(ValueError, match=rf"scan lies: {direction}, .* uncertain by (\d+) mm") as said:
+        _check_observable(facing, TRUTH, np.diag(1 / std), 10.0)
+    told = int(re.search(r"uncertain by (\d+) mm", str(said.value))[1])
+    assert told == pytest.approx(0.05 * worst_mm, abs=1)
+    _check_observable(facing, TRUTH, np.diag(1 / std), 0.05 * worst_mm + 1)

@@ -13,6 +13,8 @@ def test_error_curve():
     np.testing.assert_allclose(curve.percent, [1, 1])
     np.testing.assert_allclose(curve.dropout, [0.25, 0])
     assert curve.n.tolist() == [3, 2]
+    single = laser.error_curve([500], [[504]])
+    assert single.bias_mm == 4 and np.isnan(single.spread_mm) and single.n == 1
     empty = laser.error_curve([500], [[np.nan]])
     assert np.isnan(empty.bias_mm[0]) and empty.dropout[0] == 1
     with pytest.raises(ValueError, match="2 distances and 1 arrays"):

@@ -188,7 +188,27 @@ def test_refuses():
             pipelines.stereo_pipeline(name)(left, right[1:])
         with pytest.raises(ValueError, match="must be uint8"):
             pipelines.stereo_pipeline(name)(left.astype(float), right)
-    sizes = {"num_disparities": 1}, {"census_px": (4, 7)}, {"census_px": (9, 9)}
-    for wrong in (*sizes, {"p1": 90, "p2": 80}, {"p2": 5000}, {"p2": 190}, {"coarse_share": 1.5}, {"outside_cost": 0}):
-        with pytest.raises(ValueError, match=r"must be at least 2|odd edges|0 < p1 < p2|8 bits|coarse_share <= 1"):
-            census_sgm.CensusSGM(**wrong)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ({"num_disparities": 1}, "need num_disparities >= 2; got"),
+        ({"census_px": (4, 7)}, "odd edges"),
+        ({"census_px": (9, 9)}, "at most 64 pixels"),
+        ({"block_size": 0}, "odd edges"),
+        ({"p1": 90, "p2": 80, "edge": 0.0}, "need 0 < p1 < p2, edge > 0; got"),
+        ({"edge": np.nan}, "need edge > 0; got"),
+        ({"color_weight": -1.0}, "need color_weight >= 0; got"),
+        ({"color_cap": np.nan}, "need color_cap >= 0; got"),
+        ({"coarse_share": 1.5}, "need 0 <= coarse_share <= 1; got"),
+        ({"coarse_share": np.nan}, "need 0 <= coarse_share <= 1; got"),
+        ({"outside_cost": 0}, "need outside_cost >= 1; got"),
+        ({"p2": 5000}, "8 bits"),
+        ({"p2": 190}, "8 bits"),
+        ({"color_weight": np.inf}, "8 bits"),
+    ],
+)
+def test_settings_out_of_range_are_refused_in_one_place(wrong, said):
+    with pytest.raises(ValueError, match=said):
+        census_sgm.CensusSGM(**wrong)

@@ -56,6 +56,12 @@ def test_a_plain_part_is_bridged():
     assert ends_plain.last == 17 and ends_plain.stop == 39  # somewhere in between
 
 
+def test_one_line_of_strong_contrast_makes_the_others_not_plain():
+    """What is typical of a surface is told by all lines that are known to lie on it."""
+    contrast = np.where(np.arange(N) == 0, 5.0, 1.0)
+    assert lines(until(30, 0.1), contrast).reach(16) == lines(until(30, 0.1)).reach(16)
+
+
 def test_a_surface_goes_on_beyond_a_faint_gap():
     at = np.arange(N)
     gap = (at >= 20) & (at < 25)

@@ -10,7 +10,9 @@ from support.pictured import HIGH, recorded, rendered, true_box
 from stereolib.measurement import Face
 from stereolib.measurement.agreement import Past, Reach
 from stereolib.measurement.box import Box, Own, Side
-from stereolib.measurement.follow import End, follow_top, look_round
+from stereolib.measurement.faces import find_face
+from stereolib.measurement.follow import End, follow_face, follow_top, look_round
+from stereolib.measurement.pictured import see_box
 from stereolib.measurement.upright_line import UprightLine, upright_line
 
 SLIVER = (700.0, (260.0, 260.0, 220.0), -13.0)
@@ -118,3 +120,20 @@ def test_what_the_picture_cuts():
     stretch = shown.stretch()
     assert stretch.left.past is Past.CUT and stretch.right.past is Past.OPEN
     assert look_round(shown.views, shown.world, stretch, 1) is None
+
+
+@pytest.mark.parametrize("before_mm", [60.0, 90.0])
+def test_a_foot_that_a_board_hides_is_taken_to_reach_the_floor(before_mm):
+    """What is seen of the face ends above the floor, but something nearer shows below: that is no box held up."""
+    shown = rendered(800.0, (260.0, 260.0, 300.0), 25.0, before_mm=before_mm)
+    region = max(shown.regions, key=lambda region: region.top_mm)
+    stretch = follow_face(
+        shown.views, shown.world, find_face(shown.priors.floor, region, shown.views.pair), region.top_mm
+    )
+    assert stretch.low_mm > 0.4 * before_mm and stretch.foot_mm == 0 and not stretch.is_cut_below
+    assert see_box(shown.views, shown.priors, region).refused is None
+
+
+def test_a_face_held_above_the_floor_ends_there():
+    stretch = rendered(700.0, (260.0, 260.0, 220.0), 30.0, up_mm=60.0).stretch()
+    assert stretch.foot_mm == pytest.approx(60, abs=3) and stretch.low_mm == pytest.approx(60, abs=5)

@@ -11,6 +11,7 @@ import pytest
 from support.disturbed import exposed
 from support.instruments import INSTRUMENT, LIDAR, RECT, SENSOR
 from support.measured import measured, the_cube
+from support.pictured import rendered
 
 from stereolib import laser
 from stereolib.measurement import (
@@ -22,7 +23,8 @@ from stereolib.measurement import (
     floor_from_pose,
     measure_objects,
 )
-from stereolib.measurement.measure import _scanned
+from stereolib.measurement.measure import _scanned, measure_standing
+from stereolib.measurement.standing import see_standing
 from stereolib.rig import rigid
 from stereolib.virtual import cube_scene, recordings
 
@@ -214,6 +216,18 @@ def test_what_lies_beside_the_picture_is_told_from_the_scan():
     assert aside.reasons["height"].reason is Reason.NOT_IN_PICTURE
     cube = min(found.objects, key=lambda thing: thing.position_mm[1])
     assert cube.reasons["object"].reason is Reason.NOT_IN_SCAN and np.abs(cube.size_mm - 300).max() < 2
+
+
+@pytest.mark.parametrize("scan", [True, False])
+def test_of_a_box_held_in_the_air_no_size_is_told(scan):
+    """Nor those that the scan would give: it is cut somewhere, and moves."""
+    shown = rendered(700.0, (260.0, 260.0, 220.0), 30.0, up_mm=60.0)
+    scene = cube_scene(700.0, size_mm=(260.0, 260.0, 220.0), yaw_rad=np.radians(30))  # cut by the laser's plane alike
+    data = SENSOR.scan(scene, recordings.LASER_POSE, np.random.default_rng(3), turns=5)
+    readings = laser.average(laser.turns(laser.decode(data))) if scan else None
+    (thing,) = measure_standing(see_standing(shown.views, INSTRUMENT), readings).objects
+    assert np.isnan(thing.size_mm).all() and thing.reasons["object"].reason is Reason.IN_THE_AIR
+    assert "59 mm above the floor" in str(thing.reasons["object"])
 
 
 def test_pictures_of_another_size_are_refused():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from unittest.mock import Mock
 
 import cv2
 import numpy as np
@@ -13,9 +14,11 @@ from support.pictured import HIGH, of_pair, recorded, rendered, true_box
 from stereolib.measurement import CannotMeasure, ObjectRegion, Reason
 from stereolib.measurement.agreement import Past
 from stereolib.measurement.box import Box, Edge, Own, Shared, Side
+from stereolib.measurement.edges import Peak
 from stereolib.measurement.follow import look_round
-from stereolib.measurement.outline import Expected, find_edge
-from stereolib.measurement.pictured import see_box
+from stereolib.measurement.observations import EdgeSeen
+from stereolib.measurement.outline import Expected, Found, find_edge
+from stereolib.measurement.pictured import _move, see_box
 from stereolib.virtual import recordings
 
 SERIES = [f"series/{kind}_{mm}" for kind in recordings.TEXTURES_MM for mm in recordings.DISTANCES_MM[1::2]]
@@ -144,6 +147,16 @@ def test_what_does_not_stand_is_refused(how, reasons):
     assert refused.reason in reasons and refused.seen
     if "up_mm" in how:
         assert re.search(r"\b(59|60|61) mm above the floor", refused.seen)
+
+
+def test_of_edges_that_tell_the_same_size_the_mean_is_taken():
+    """Two upper edges 4 and 6 mm too low make a box 5 mm higher; an edge that says nothing of it does not count."""
+    moves = np.zeros((3, len(Own)))
+    moves[0, Own.HEIGHT], moves[1, Own.HEIGHT], moves[2, Own.RIGHT] = 4.0, 6.0, -3.0
+    seen, peak = (Mock(spec=kind) for kind in (EdgeSeen, Peak))
+    edges = (Edge.TOP_RIGHT, Edge.TOP_LEFT, Edge.RIGHT_END)
+    total = _move({edge: Found(seen, peak, move) for edge, move in zip(edges, moves, strict=True)})
+    assert total[Own.HEIGHT] == 5 and total[Own.RIGHT] == -3 and np.count_nonzero(total) == 2
 
 
 def test_without_pixels_there_is_no_face():

@@ -17,7 +17,7 @@ from stereolib.measurement.scene_solver import Priors
 from stereolib.measurement.standing import scene_priors
 from stereolib.paper import rig_pose
 from stereolib.rig import rigid
-from stereolib.virtual import Webcam, cube_scene, recordings, render_pair
+from stereolib.virtual import CUBE_SURFACE, Webcam, box_on_floor, cube_scene, recordings, render_pair
 from support.boxes import RECT
 
 HIGH = (np.radians(-20), 450.0)  # pitch and height of the camera
@@ -53,8 +53,11 @@ def recorded(name):
 
 
 @cache
-def rendered(distance, size_mm, yaw_deg, *, lateral=0.0, camera=None, up_mm=0.0, lean_deg=0.0):
-    """A box on the floor; or held above it; or leaning forwards, on its lower edge."""
+def rendered(distance, size_mm, yaw_deg, *, lateral=0.0, camera=None, up_mm=0.0, lean_deg=0.0, before_mm=None):
+    """A box on the floor; or held above it; or leaning forwards, on its lower edge.
+
+    `before_mm` is the height of a board that lies before it, 60 mm deep and half a metre wide.
+    """
     scene = cube_scene(distance, size_mm=size_mm, yaw_rad=np.radians(yaw_deg), lateral_mm=lateral)
     around, box = scene.boxes
     c, s = np.cos(np.radians(lean_deg)), np.sin(np.radians(lean_deg))
@@ -63,7 +66,11 @@ def rendered(distance, size_mm, yaw_deg, *, lateral=0.0, camera=None, up_mm=0.0,
     lowest = (T @ (signs * [*size_mm, 1]).T)[2].min()
     box = replace(box, T_world_box=rigid(np.eye(3), [0.0, 0.0, up_mm - lowest]) @ T)
     pose = recordings.setup("level") if camera is None else rig_pose(RECT, *camera)
-    pictures = render_pair(replace(scene, boxes=(around, box)), RECT.rig, pose, samples=1, light_samples=1)
+    boxes, names = (around, box), scene.names
+    if before_mm is not None:
+        other = replace(CUBE_SURFACE, seed=77)
+        boxes, names = (*boxes, box_on_floor((60, 500, before_mm), distance - 150, 0.0, 0.0, other)), (*names, "board")
+    pictures = render_pair(replace(scene, boxes=boxes, names=names), RECT.rig, pose, samples=1, light_samples=1)
     shots = [Webcam().shoot(p, np.random.default_rng([9, k])) for k, p in enumerate(pictures)]
     return of_pair(*RECT.rectify(*shots))
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import os
 import sys
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
@@ -50,6 +51,7 @@ def guarded(run: Callable[[], int], interrupted: str = "") -> int:
         return DONE
     except (KeyboardInterrupt, Exception) as error:
         if _was_interrupted(error):
+            warnings.simplefilter("ignore")  # joblib tells of the work that is dropped with this error
             _say("; ".join(filter(None, ("interrupted", interrupted))))
             return INTERRUPTED
         if isinstance(error, ModuleNotFoundError) and error.name and error.name.partition(".")[0] != "stereolib":

@@ -7,6 +7,7 @@ import hashlib
 import os
 import subprocess
 import sys
+import warnings
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -128,6 +129,30 @@ def test_an_interruption_that_a_library_turned_into_an_error_is_one(
     monkeypatch.setattr(commands, "COMMANDS", (commands.Command("fail", "fails", "stereolib fail", fail),))
     assert commands.main(["fail"]) == 130
     assert capsys.readouterr().err == "stereolib: interrupted\n"
+
+
+def test_work_that_ctrl_c_drops_says_nothing_of_itself(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As joblib warns of results that nobody took, when its generator goes with the error that held it."""
+
+    def results() -> Iterator[int]:
+        try:
+            yield from range(9)
+        finally:
+            warnings.warn("results have not been used", stacklevel=1)
+
+    def fail(_: argparse.Namespace) -> int:
+        for _ in (running := results()):
+            raise KeyboardInterrupt
+        return len(list(running))
+
+    command = commands.Command("fail", "fails", "stereolib fail", fail)
+    monkeypatch.setattr(commands, "COMMANDS", (command,))
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        assert commands.main(["fail"]) == 130
+    assert said == [] and capsys.readouterr().err == "stereolib: interrupted\n"
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="limits of memory are not held elsewhere")

@@ -227,6 +227,7 @@ def test_of_a_box_held_in_the_air_no_size_is_told(scan):
     readings = laser.average(laser.turns(laser.decode(data))) if scan else None
     (thing,) = measure_standing(see_standing(shown.views, INSTRUMENT), readings).objects
     assert np.isnan(thing.size_mm).all() and thing.reasons["object"].reason is Reason.IN_THE_AIR
+    assert thing.sources == {} and thing.reasons["length"].reason is Reason.NO_FACE  # whatever outline the scan has
     assert "59 mm above the floor" in str(thing.reasons["object"])
 
 

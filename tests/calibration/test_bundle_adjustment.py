@@ -145,3 +145,12 @@ def test_a_pose_stays_where_opencv_found_it_if_steps_lead_away(views, rig, monke
 
     ended = bundle_adjustment.board_pose(board, corners, rig.left)
     assert rms(*ended) <= rms(*start) * (1 + 1e-6)
+
+
+def test_the_misfit_of_each_pair_adds_up_to_that_of_all(views, fitted):
+    each = fitted.pair_rms_px
+    assert each.shape == (len(views), 2) and (each > 0).all()
+    found = np.stack([views.left_px, views.right_px], axis=1)
+    second = np.sqrt((fitted.residuals_px[1, 0] ** 2).sum() / found.shape[2])  # rms over distances, as `rms_px`
+    assert each[1, 0] == pytest.approx(second)
+    assert np.sqrt(np.mean(each**2)) == pytest.approx(fitted.rms_px)

@@ -7,7 +7,7 @@ import pytest
 from support.corners import corner_set, draw_rig
 
 from stereolib.calibration import boards_per_cell, bundle_adjustment
-from stereolib.calibration.coverage import judge_coverage
+from stereolib.calibration.coverage import _regions, judge_coverage
 from stereolib.paper import paper_rig
 
 
@@ -37,3 +37,22 @@ def test_coverage_of_a_wide_set_is_high():
     assert found.missing == ()
     assert found.distance == found.tilt == 1.0
     assert 0.7 < found.score <= 1
+
+
+@pytest.mark.parametrize(
+    ("seen", "missing"),
+    [
+        ([(1, 1)], ["no views outside the centre"]),
+        ([(1, 0), (1, 1)], ["no views outside the centre"]),
+        ([(1, 1), (1, 2)], ["no views outside the centre"]),
+        ([(1, 0), (1, 1), (1, 2)], ["no views in the upper third", "no views in the lower third"]),
+        ([(0, 1), (1, 1), (2, 1)], ["no views in the left third", "no views in the right third"]),
+        ([(i, j) for i in range(3) for j in range(3) if (i, j) != (2, 0)], ["no views in the lower left"]),
+    ],
+)
+def test_what_no_board_reaches_is_named_as_a_whole(seen, missing):
+    mask = np.zeros((24, 30), bool)
+    for i, j in seen:
+        mask[8 * i : 8 * i + 8, 10 * j : 10 * j + 10] = True
+    assert _regions([mask, mask]) == missing
+    assert _regions([mask, np.zeros_like(mask)]) == missing  # one camera is enough

@@ -11,7 +11,7 @@ from stereolib.measurement import Face
 from stereolib.measurement.agreement import Past, Reach
 from stereolib.measurement.box import Box, Own, Side
 from stereolib.measurement.faces import find_face
-from stereolib.measurement.follow import End, follow_face, follow_top, look_round
+from stereolib.measurement.follow import End, follow_again, follow_face, follow_top, look_round
 from stereolib.measurement.pictured import see_box
 from stereolib.measurement.upright_line import UprightLine, upright_line
 
@@ -137,3 +137,15 @@ def test_a_foot_that_a_board_hides_is_taken_to_reach_the_floor(before_mm):
 def test_a_face_held_above_the_floor_ends_there():
     stretch = rendered(700.0, (260.0, 260.0, 220.0), 30.0, up_mm=60.0).stretch()
     assert stretch.foot_mm == pytest.approx(60, abs=3) and stretch.low_mm == pytest.approx(60, abs=5)
+
+
+@pytest.mark.parametrize("side", Side)
+def test_a_face_whose_place_is_known_is_followed_to_its_end(side):
+    """Outwards from the corner, however wide it was taken to be."""
+    case = (700.0, (260.0, 240.0, 220.0), 30.0)
+    shown, own = rendered(*case), true_box(*case)
+    taken = own.copy()
+    taken[side.extent] = 100.0
+    end = follow_again(shown.views, shown.world, taken, side)
+    true = tangent(Box(own).edge(side.end)[0])
+    assert end.past is Past.OPEN and holds(end, true, float(shown.world.focal)) and end.inside_px < 12

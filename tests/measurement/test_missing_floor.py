@@ -7,7 +7,9 @@ import pytest
 from support.disturbed import exposed, noisy, rows_moved
 from support.ground import RECT
 
-from stereolib.measurement import CannotMeasure, NoFloor, Views, find_floor, floor_from_pose, why_no_floor
+from stereolib.measurement import CannotMeasure, Instrument, NoFloor, Views, find_floor, floor_from_pose, why_no_floor
+from stereolib.measurement.standing import _floor_below
+from stereolib.paper import rig_pose
 from stereolib.virtual import recordings
 
 PAIR = RECT.rectify(*recordings.load_pair("conditions/texture"))
@@ -63,3 +65,11 @@ def test_the_floor_that_is_seen_is_found():
         floor = find_floor(Views.of_rectified(*(exposed(picture, level) for picture in PAIR)), RECT)
         off = floor.plane - true.plane
         assert off @ np.linalg.solve(floor.covariance, off) < 16.3
+
+
+def test_without_a_floor_and_a_laser_the_camera_is_taken_to_look_level():
+    """So that what the scan shows lies in a plane through the camera, with a floor 100 mm below it."""
+    floor = _floor_below(Instrument(RECT))
+    assert floor.camera_height_mm == pytest.approx(100) and floor.down == pytest.approx([0, 1, 0], abs=0.05)
+    level = floor_from_pose(RECT, rig_pose(RECT, 0.0, 100.0))
+    np.testing.assert_allclose(floor.plane, level.plane, rtol=0.05, atol=1e-2)

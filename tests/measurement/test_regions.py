@@ -8,6 +8,7 @@ import pytest
 from support.ground import GRID, RECT
 
 from stereolib.measurement import find_objects, floor_from_pose
+from stereolib.paper import rig_pose
 from stereolib.virtual import Scene, box_on_floor, cube_scene, recordings, render_truth, room
 
 
@@ -44,3 +45,18 @@ def test_specks_are_no_object():
 def test_integer_disparities_are_refused():
     with pytest.raises(ValueError, match="float pixels"):
         find_objects(np.ones((480, 640), np.int16), floor_from_pose(RECT, recordings.setup("level")))
+
+
+@pytest.mark.parametrize("pitch_deg", [-25.0, 0.0])
+def test_how_far_is_counted_along_the_floor(pitch_deg):
+    """Of a camera that looks down: an upright wall is equally far at its foot and at its top."""
+    floor = floor_from_pose(RECT, rig_pose(RECT, np.radians(pitch_deg), 400.0))
+    u, v = np.meshgrid(np.arange(640.0), np.arange(480.0))
+    ahead = floor.along[0] @ np.stack([u.ravel(), v.ravel(), np.ones(u.size)])
+    wall = (RECT.f_px * RECT.baseline_mm * ahead / 900).reshape(480, 640)  # everywhere 900 mm away
+    disparity = np.where((np.abs(u - 320) < 80) & (wall > floor.disparity(u, v)), wall, floor.disparity(u, v))
+    disparity[:100] = floor.disparity(u, v)[:100]
+    disparity = np.where(disparity > 0, disparity, np.nan)
+    (near,) = find_objects(disparity, floor, max_distance_mm=920)
+    assert near.position_mm[0] == pytest.approx(900, abs=5) and len(near.u) > 1000
+    assert find_objects(disparity, floor, max_distance_mm=880) == []

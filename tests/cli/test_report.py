@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
 
 import pytest
 from support.notebooks import execute_without_kernels
@@ -128,11 +129,17 @@ def refuse(*_, **__):
 
 
 @pytest.mark.slow
-def test_chapter_on_calibration_takes_the_demo_rig_as_a_strangers(tmp_path, quick, capsys):
-    assert run("report", data_path("virtual/rig.toml").parent, "--chapter", "calibration", "--output", tmp_path) == 0
-    text = told(tmp_path / "calibration.ipynb")
-    assert "30 of 30 pairs" in text and "baseline 93.10 mm\n" in text and "in truth" not in text
-    assert "left out by diagnose: " in text and "good:" in text
+def test_chapter_on_calibration_takes_the_demo_rig_as_a_strangers(folder, quick, capsys):
+    """Twelve of its thirty pairs; the notebooks' own run takes all."""
+    for board in range(3, 15):
+        for side in ("left", "right"):
+            shutil.copy(data_path(f"virtual/boards/{board:02d}_{side}.jpg"), folder / "boards")
+    toml = folder / "rig.toml"
+    toml.write_text(toml.read_text().replace("# square_mm", "square_mm"))
+    assert run("report", folder, "--chapter", "calibration") == 0
+    text = told(folder / "calibration" / "calibration.ipynb")
+    assert "12 of 12 pairs" in text and re.search(r"baseline 93\.\d\d mm\n", text) and "in truth" not in text
+    assert "left out by diagnose: " in text and re.search("^(good|usable):", text, re.MULTILINE)
 
 
 def test_chapter_on_calibration_needs_boards(folder, capsys):

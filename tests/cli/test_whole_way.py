@@ -17,7 +17,7 @@ from stereolib.rig import StereoRig
 from stereolib.virtual import VirtualLidar, camera_emulator, emulator, stage, staged_rig
 
 RIG, BOX, STATION = 7, 4, 3
-SCALE = 0.75  # of 640 x 480: quicker
+SCALE = 0.5  # of 640 x 480: quicker
 
 
 def run(*words: object) -> int:

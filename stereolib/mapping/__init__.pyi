@@ -1,3 +1,4 @@
+from .asked_length import AskedLength
 from .assemble import Map, NothingToMap, merge_stations, size_table
 from .files import write_cloud, write_grid, write_mesh
 from .occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, occupancy_grid
@@ -6,7 +7,6 @@ from .recorded import RecordedMap, map_recordings, measure_station
 from .rig_folder import (
     RIG_FILE,
     RIG_FOLDERS,
-    AskedLength,
     RigFolder,
     load_rig_folder,
     tried,

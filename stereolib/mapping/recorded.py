@@ -35,12 +35,15 @@ class RecordedMap:
         Why a station is not in the map, by its name.
     warnings : tuple of str
         Of poses.
+    apart : dict of Measurement
+        By name, of stations that are not in the map and yet measured something.
     """
 
     room: Map
     measured: dict[str, Measurement]
     left_out: dict[str, str]
     warnings: tuple[str, ...]
+    apart: dict[str, Measurement]
 
     def cloud(self) -> Cloud | None:
         """Make coloured points of all pairs that show the floor.
@@ -105,7 +108,9 @@ def map_recordings(
     except NothingToMap as error:
         said = {name: "; ".join(it.warnings) for name, it in measured.items() if it.warnings}
         raise NothingToMap(f"{error}. {_listed(said | left_out)}") from None
-    return RecordedMap(room, {s.name: measured[s.name] for s in room.stations}, left_out, placing.warnings)
+    placed = {s.name: measured[s.name] for s in room.stations}
+    apart = {name: it for name, it in measured.items() if name not in placed and it.objects}
+    return RecordedMap(room, placed, left_out, placing.warnings, apart)
 
 
 def measure_station(pair: tuple[UInt8, UInt8] | None, scan: LaserScan | None, instrument: Instrument) -> Measurement:

@@ -9,7 +9,7 @@ from .laser_on_floor import LaserOnFloor
 from .measure import Measurement, measure_objects, measure_standing
 from .measured_object import SIZE_NAMES, MeasuredObject
 from .missing_floor import FLOOR_BY_HAND, NoFloor, find_floor, why_no_floor
-from .overlay import OBJECT_RGB, draw_length, draw_objects
+from .overlay import OBJECT_RGB, add_caption, draw_length, draw_objects
 from .plane_alignment import AlignedPair, CannotMeasure
 from .reasons import Reason, Source, Why
 from .regions import ObjectRegion, find_objects
@@ -44,6 +44,7 @@ __all__ = [
     "SystematicUncertainty",
     "Views",
     "Why",
+    "add_caption",
     "add_outliers",
     "attempt_height",
     "attempt_standing",

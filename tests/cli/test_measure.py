@@ -46,7 +46,8 @@ def test_command_prints_json_and_draws(files, capsys):
     for name in ("length", "width", "height"):
         assert cube[f"{name}_mm"] == pytest.approx(300, abs=3) and 0 < cube[f"{name}_std_mm"] < 3
     assert cube["volume_l"] == pytest.approx(27, abs=0.6) and cube["shape"] == "box"
-    assert cv2.imread(str(files / "out.png")).shape == (480, 640, 3)
+    height, width, _ = cv2.imread(str(files / "out.png")).shape
+    assert width == 640 and 490 < height < 520  # a line below it says that its pixels are rectified
     assert run(files) == 2 and "would be overwritten" in capsys.readouterr().err
     assert run(files, "--force") == 0 and "± one standard deviation" in capsys.readouterr().out
 
@@ -84,7 +85,14 @@ def test_between_two_pixels_without_a_floor(files, capsys):
     facts = json.loads(capsys.readouterr().out)
     assert facts["length_mm"] == pytest.approx(260, abs=2 * facts["std_mm"]) and 0 < facts["std_mm"] < 3
     assert np.linalg.norm(np.subtract(*facts["points_mm"])) == pytest.approx(facts["length_mm"])
-    assert run(files, "--between", *words, "--force") == 0 and "at depths of" in capsys.readouterr().out
+    assert run(files, "--between", *words, "--force") == 0 and "at depths of" in (said := capsys.readouterr().out)
+    assert "the pixels were taken for those of this picture: left, as the camera gave it" in said
+    flat = [f"{u:.1f},{v:.1f}" for u, v in RECT.rectify_points([[float(x) for x in w.split(",")] for w in words], "left")]
+    assert flat != words and run(files, "--between", *flat, "--rectified", "--json", "--force") == 0
+    again = json.loads(capsys.readouterr().out)
+    assert again["length_mm"] == pytest.approx(facts["length_mm"], abs=0.3)
+    assert (facts["pixels_of"], again["pixels_of"]) == ("left, as the camera gave it", "left, rectified")
+    assert run(files, "--rectified", "--force") == 2 and "give both, or neither" in capsys.readouterr().err
     assert (
         run(files, "--between", "5,5", "9999,5", "--force") == 2
         and "outside the left picture" in capsys.readouterr().err

@@ -273,15 +273,17 @@ class _Scene:
         facts = self._facts(solution, thing, number)
         if number is not None and not thing.is_round:
             return from_box(solution, number, facts)
-        height = (np.nan, np.nan)
+        height, common = (np.nan, np.nan), np.zeros((3, COMMON_ERRORS))
         if number is not None:
             box = from_box(solution, number, facts)
-            height = (float(box.size_mm[2]), float(box.std_mm[2]))
+            height, common[2] = (float(box.size_mm[2]), float(box.std_mm[2])), box.common_mm[2]
         if thing.footprint is not None and (thing.why is None or thing.why.reason not in NOT_STANDING):
             laser = self.priors.laser.moved(*solution.laser)
-            return from_scan(thing.footprint, laser, height, facts.reasons)
-        assert thing.region is not None
-        return from_region(thing.region, height, facts.reasons)
+            found = from_scan(thing.footprint, laser, height, facts.reasons)
+        else:
+            assert thing.region is not None
+            found = from_region(thing.region, height, facts.reasons)
+        return replace(found, common_mm=common)
 
     def _facts(self, solution: Solution, thing: _Thing, number: int | None) -> BoxFacts:
         """What is told of an object besides its sizes."""

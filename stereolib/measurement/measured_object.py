@@ -17,7 +17,7 @@ from stereolib.measurement.box import Box, Edge, Numbers, Own, Shared, Side, der
 from stereolib.measurement.laser_on_floor import LaserOnFloor
 from stereolib.measurement.reasons import Reason, Source, Why
 from stereolib.measurement.regions import ObjectRegion
-from stereolib.measurement.scene_solver import Solution
+from stereolib.measurement.scene_solver import COMMON_ERRORS, Solution
 
 Height = tuple[float, float]  # and its standard deviation, mm
 #: What `MeasuredObject.size_mm` holds, in its order.
@@ -56,6 +56,9 @@ class MeasuredObject:
         Why ``"length"``, ``"width"`` or ``"height"`` is unknown, or the whole ``"object"`` not measured.
     scan_share : float
         Share of what is known of the faces' lines that the scan gave, 0..1.
+    common_mm : (3, 6) float64
+        What `size_mm` is off for one standard deviation of each error that other pairs of the same calibration share;
+        ``common_mm @ common_mm.T`` is a part of `covariance`. 0 where that is unknown.
     """
 
     shape: str
@@ -69,6 +72,7 @@ class MeasuredObject:
     sources: dict[str, Source] = field(default_factory=dict)
     reasons: dict[str, Why] = field(default_factory=dict)
     scan_share: float = 0.0
+    common_mm: Float64 = field(default_factory=lambda: np.zeros((len(SIZE_NAMES), COMMON_ERRORS)))
 
     @property
     def std_mm(self) -> Float64:
@@ -78,14 +82,26 @@ class MeasuredObject:
     @property
     def volume_l(self) -> tuple[float, float]:
         """Volume and its standard deviation, litres; NaN if a size is unknown."""
+        volume, slope = self.volume_slope
+        return volume, self._std(slope)
+
+    @property
+    def volume_slope(self) -> tuple[float, Float64]:
+        """Volume, litres, and its derivatives with `size_mm`, (3,)."""
         length, width, height = self.size_mm
-        base = np.pi / 4 if self.shape == "circle" else 1.0
+        base = (np.pi / 4 if self.shape == "circle" else 1.0) / 1e6
         gradient = base * np.array([width * height, length * height, length * width])
-        return base * float(length * width * height) / 1e6, self._std(gradient) / 1e6
+        return base * float(length * width * height), gradient
 
     @property
     def surface_m2(self) -> tuple[float, float]:
         """Area of the sides and the top, and its standard deviation, m^2; NaN if a size is unknown."""
+        area, slope = self.surface_slope
+        return area, self._std(slope)
+
+    @property
+    def surface_slope(self) -> tuple[float, Float64]:
+        """Area of the sides and the top, m^2, and its derivatives with `size_mm`, (3,)."""
         length, width, height = self.size_mm
         if self.shape == "circle":
             area = np.pi * (length * height + length * width / 4)
@@ -93,7 +109,7 @@ class MeasuredObject:
         else:
             area = 2 * (length + width) * height + length * width
             gradient = np.array([2 * height + width, 2 * height + length, 2 * (length + width)])
-        return float(area) / 1e6, self._std(gradient) / 1e6
+        return float(area) / 1e6, gradient / 1e6
 
     def _std(self, gradient: Float64) -> float:
         return float(np.sqrt(gradient @ self.covariance @ gradient))
@@ -150,6 +166,8 @@ def from_box(solution: Solution, box: int, facts: BoxFacts, *, worst_std: float 
     size, covariance = np.full(3, np.nan), np.full((3, 3), np.nan)
     size[known] = sizes[named[known]]
     covariance[np.ix_(known, known)] = spread[np.ix_(named[known], named[known])]
+    common = np.zeros((3, COMMON_ERRORS))
+    common[known] = (J[:3] @ solution.common_of_box(box))[named[known]]
     longest = sides[0] if sides else int(np.argmin(std[:2] / sizes[:2]))
     place = slice(3, 5) if whole else slice(5 + 2 * longest, 7 + 2 * longest)
     turn, is_right = len(Shared) + Own.TURN, _SIDES[longest] is Side.RIGHT
@@ -166,6 +184,7 @@ def from_box(solution: Solution, box: int, facts: BoxFacts, *, worst_std: float 
         sources=facts.sources,
         reasons={SIZE_NAMES[name]: reasons[k] for name, k in enumerate(named) if k in reasons} | facts.reasons,
         scan_share=facts.scan_share,
+        common_mm=common,
     )
 
 

@@ -10,7 +10,7 @@ from stereolib.measurement import MeasuredObject, ObjectRegion, Reason, Why
 from stereolib.measurement.agreement import Past
 from stereolib.measurement.box import Edge, Own, Shared
 from stereolib.measurement.measured_object import BoxFacts, from_box, from_region
-from stereolib.measurement.scene_solver import Seen, Solution, solve
+from stereolib.measurement.scene_solver import COMMON_ERRORS, Seen, Solution, solve
 
 OPEN = dict.fromkeys(EDGES, Past.OPEN)
 
@@ -18,7 +18,7 @@ OPEN = dict.fromkeys(EDGES, Past.OPEN)
 def solution(own=OWN, spread=None):
     covariance = np.zeros((18, 18))
     covariance[10:, 10:] = np.diag(np.full(8, 1e-6) if spread is None else np.square(spread))
-    return Solution(STILL, (own,), covariance, 0.0, 0.0, (), 0.0, {})
+    return Solution(STILL, (own,), covariance, 0.0, 0.0, (), 0.0, {}, np.zeros((len(covariance), COMMON_ERRORS)))
 
 
 def test_a_box_as_it_stands():

@@ -26,7 +26,7 @@ from stereolib.measurement.plane_alignment import CannotMeasure
 from stereolib.measurement.reasons import NOT_STANDING, Reason, Source, Why
 from stereolib.measurement.regions import OBJECTS_WITHIN_MM, ObjectRegion
 from stereolib.measurement.scanned import scan_observations, scanned_box
-from stereolib.measurement.scene_solver import Priors, Seen, Solution
+from stereolib.measurement.scene_solver import COMMON_ERRORS, Priors, Seen, Solution
 from stereolib.measurement.standing import Standing, see_standing
 from stereolib.measurement.views import Views
 

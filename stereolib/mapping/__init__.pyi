@@ -16,7 +16,7 @@ from .rig_folder import (
 from .scan_matching import ScanMatch, disturb_poses, refine_poses
 from .shapes import COLORS, Cloud, Solid, colored_cloud, join_clouds, map_solids
 from .sightings import MapObject
-from .station_folder import RecordedStation, StationFolder, list_stations, name_scans, read_scan
+from .station_folder import RecordedStation, StationFolder, list_stations, name_scans, pair_stations, read_scan
 from .stations import Station, station_names
 from .view import view_map
 from .walls import MapWall
@@ -54,6 +54,7 @@ __all__ = [
     "merge_stations",
     "name_scans",
     "occupancy_grid",
+    "pair_stations",
     "place_stations",
     "read_scan",
     "refine_poses",

@@ -14,7 +14,7 @@ from stereolib.mapping.placing import place_stations
 from stereolib.mapping.shapes import Cloud, colored_cloud, join_clouds
 from stereolib.mapping.station_folder import RecordedStation
 from stereolib.mapping.stations import Station
-from stereolib.measurement import CannotMeasure, Instrument, Measurement, Reason, Why, measure_objects
+from stereolib.measurement import CannotMeasure, Instrument, Measurement, Reason, Why, disagreement, measure_objects
 
 _CLOUD_STEP, _CLOUD_MM = 4, 2000.0  # every so many pixels; points farther ahead are left out
 _SEED = 8  # of the walls' search: the same recordings make the same map
@@ -44,6 +44,31 @@ class RecordedMap:
     left_out: dict[str, str]
     warnings: tuple[str, ...]
     apart: dict[str, Measurement]
+
+    def said_of(self, name: str) -> list[str]:
+        """List what is to be said of a station's measurement; of an object, with what the map calls it.
+
+        Parameters
+        ----------
+        name : str
+            Of a station in the map.
+
+        Returns
+        -------
+        list of str
+        """
+        found = self.measured[name]
+        number = next(k for k, station in enumerate(self.room.stations, start=1) if station.name == name)
+        about = {
+            disagreement(item): f"{disagreement(item)} ({letter})"
+            for item, letter in zip(found.objects, self.room.names_of(number), strict=True)
+            if letter
+        }
+        said = []
+        for text in found.warnings:
+            start, colon, rest = text.partition(":")
+            said.append(f"station {name}: {about.get(start, start)}{colon}{rest}")
+        return said
 
     def cloud(self) -> Cloud | None:
         """Make coloured points of all pairs that show the floor.

@@ -6,7 +6,7 @@ from .floor import Floor, FloorLimits, fit_floor, floor_from_pose, floor_toleran
 from .height_attempt import HeightAttempt, attempt_height, attempt_standing, corner_width_mm
 from .instrument import Instrument, SystematicUncertainty, save_laser_pose
 from .laser_on_floor import LaserOnFloor
-from .measure import Measurement, measure_objects, measure_standing
+from .measure import Measurement, disagreement, measure_objects, measure_standing
 from .measured_object import SIZE_NAMES, MeasuredObject
 from .missing_floor import FLOOR_BY_HAND, NoFloor, find_floor, why_no_floor
 from .overlay import OBJECT_RGB, add_caption, draw_length, draw_objects
@@ -50,6 +50,7 @@ __all__ = [
     "attempt_standing",
     "check_disparity_map",
     "corner_width_mm",
+    "disagreement",
     "draw_length",
     "draw_objects",
     "find_floor",

@@ -13,6 +13,7 @@ from support.instruments import LIDAR, RECT, SENSOR
 
 from stereolib.base import data_path
 from stereolib.cli import commands
+from stereolib.cli.calibrate_laser import _paired, place_text
 from stereolib.measurement import Instrument, draw_objects, floor_from_pose, measure_objects, save_laser_pose
 from stereolib.measurement.overlay import why_text
 from stereolib.paper import paper_rig
@@ -244,3 +245,23 @@ def test_a_thing_without_sizes_is_labelled_with_its_reason(room):
     assert nameless is measured.objects[-1] and (with_all != others).any()
     brighter = (with_all.astype(int) - others > 60).all(axis=2)
     assert brighter.sum() > 50  # letters
+
+
+def test_where_the_laser_stands_is_said_without_a_minus():
+    assert place_text(-1.2, 24.0, -5.0) == "1 mm left of, 24 mm below and 5 mm behind"
+    assert place_text(40.0, -3.0, 5.0) == "40 mm right of, 3 mm above and 5 mm before"
+
+
+def test_pictures_and_scans_are_paired_by_name_or_number_and_never_by_order(tmp_path):
+    for name in ("1.jpg", "2.jpg", "03.jpg"):
+        (tmp_path / name).write_bytes(b"")
+    scans = tmp_path / "scans"
+    scans.mkdir()
+    for name in ("scan_03.bin", "laser2.bin", "1_scan.bin"):
+        (scans / name).write_bytes(b"")
+    pictures, files = _paired(str(tmp_path), scans)
+    assert [path.name for path in pictures] == ["1.jpg", "2.jpg", "03.jpg"]
+    assert [path.name for path in files] == ["1_scan.bin", "laser2.bin", "scan_03.bin"]
+    (scans / "laser2.bin").rename(scans / "laser4.bin")
+    with pytest.raises(ValueError, match=r"3 pictures .* 3 scans .* without a partner: 2\.jpg(,| and) laser4\.bin"):
+        _paired(str(tmp_path), scans)

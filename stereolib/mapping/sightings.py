@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 
 from stereolib.base import Float64, Ints, direction, turn_2d, wrap_rad
-from stereolib.measurement import SIZE_NAMES, MeasuredObject, Reason, Why
+from stereolib.measurement import SIZE_NAMES, UNSURE_MM, MeasuredObject, Reason, Why
 
 _QUARTER = np.pi / 2
 _GATE = 4.0  # standard deviations: chance exceeds them once in 16000 times
@@ -390,6 +390,7 @@ def _fused(kept: Sequence[Sighting], solved: _Solved) -> MeasuredObject:
             outline = x[:2] + size[1] / 2 * np.array([-direction(yaw), direction(yaw)])
     told = {name: why for s in kept for name, why in s.measured.reasons.items()}
     unknown = [name for name, value in zip(SIZE_NAMES, size, strict=True) if np.isnan(value)]
+    wide = [name for name, variance in zip(SIZE_NAMES, np.diag(S)[3:], strict=True) if variance >= UNSURE_MM**2]
     round_ = shape == "circle"
     return MeasuredObject(
         shape=shape,
@@ -402,6 +403,7 @@ def _fused(kept: Sequence[Sighting], solved: _Solved) -> MeasuredObject:
         outline_mm=outline,
         sources={f"station {s.name}": s.measured.sources["lines"] for s in kept if "lines" in s.measured.sources},
         reasons={name: told.get(name, Why(_NOBODY_SAW[name])) for name in unknown},
+        unsure={name: why for s in kept for name, why in s.measured.unsure.items() if name in wide},
         common_mm=np.where(np.isnan(size)[:, None], 0.0, common),
     )
 

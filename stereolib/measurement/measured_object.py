@@ -15,7 +15,7 @@ from stereolib.laser import Footprint
 from stereolib.measurement.agreement import Past
 from stereolib.measurement.box import Box, Edge, Numbers, Own, Shared, Side, derivatives
 from stereolib.measurement.laser_on_floor import LaserOnFloor
-from stereolib.measurement.reasons import Reason, Source, Why
+from stereolib.measurement.reasons import UNSURE, Reason, Source, Why
 from stereolib.measurement.regions import ObjectRegion
 from stereolib.measurement.scene_solver import COMMON_ERRORS, Solution
 
@@ -23,6 +23,9 @@ Height = tuple[float, float]  # and its standard deviation, mm
 #: What `MeasuredObject.size_mm` holds, in its order.
 SIZE_NAMES = ("length", "width", "height")
 _WORST_STD = 0.05  # share of a side: one whose standard deviation is larger is not reported
+#: A size that is known no better is told with what makes it so.
+UNSURE_MM = 5.0
+_UNSURE_SHARE = 0.5  # of its variance, which one kind of observation must give to be named
 _CIRCLE_CORNERS = 24
 _TOPS = (Edge.TOP_RIGHT, Edge.TOP_LEFT)
 _SIDES = (Side.RIGHT, Side.LEFT)
@@ -59,6 +62,9 @@ class MeasuredObject:
     common_mm : (3, 6) float64
         What `size_mm` is off for one standard deviation of each error that other pairs of the same calibration share;
         ``common_mm @ common_mm.T`` is a part of `covariance`. 0 where that is unknown.
+    unsure : dict of str
+        Of ``"length"``, ``"width"`` and ``"height"`` those that are known to 5 mm only, or worse: what makes most of
+        that, and what helps; missing where no one thing does.
     """
 
     shape: str
@@ -73,6 +79,7 @@ class MeasuredObject:
     reasons: dict[str, Why] = field(default_factory=dict)
     scan_share: float = 0.0
     common_mm: Float64 = field(default_factory=lambda: np.zeros((len(SIZE_NAMES), COMMON_ERRORS)))
+    unsure: dict[str, str] = field(default_factory=dict)
 
     @property
     def std_mm(self) -> Float64:
@@ -185,6 +192,7 @@ def from_box(solution: Solution, box: int, facts: BoxFacts, *, worst_std: float 
         reasons={SIZE_NAMES[name]: reasons[k] for name, k in enumerate(named) if k in reasons} | facts.reasons,
         scan_share=facts.scan_share,
         common_mm=common,
+        unsure={SIZE_NAMES[name]: text for name in known if (text := _why_unsure(solution, box, named[name]))},
     )
 
 
@@ -210,6 +218,18 @@ def _why(size: int, facts: BoxFacts, value: float, std: float, worst_std: float)
     if Past.HIDDEN in shown:
         return Why(Reason.HIDDEN)
     return Why(Reason.TOO_UNCERTAIN, f"{value:.0f} ± {std:.0f} mm")
+
+
+def _why_unsure(solution: Solution, box: int, size: int) -> str:
+    """What makes most of the variance of a size (0 right side, 1 left side, 2 height); "" where it is small."""
+    at = len(Shared) + len(Own) * box + (Own.RIGHT, Own.LEFT, Own.HEIGHT)[size]
+    variance = float(solution.covariance[at, at])
+    if variance < UNSURE_MM**2:
+        return ""
+    kind, most = max(((kind, float(parts[at])) for kind, parts in solution.given.items()), key=lambda part: part[1])
+    if most < _UNSURE_SHARE * variance:
+        return ""
+    return UNSURE.get(kind, "")
 
 
 def _sizes_and_places(x: Numbers) -> Numbers:

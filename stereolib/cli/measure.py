@@ -60,8 +60,8 @@ def _configure(parser: argparse.ArgumentParser) -> None:
         nargs=2,
         type=_pixel,
         metavar="X,Y",
-        help="only this, without a floor: how far the points at two pixels, columns and rows, lie apart; pixels of LEFT "
-        "as the camera gave it, or with --rectified",
+        help="only this, without a floor: how far the points at two pixels, columns and rows, lie apart, pixels of "
+        "LEFT as the camera gave it, or with --rectified",
     )
     parser.add_argument(
         "--rectified",

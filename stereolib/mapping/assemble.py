@@ -101,7 +101,7 @@ class Map:
             value, slope = of(each)
             shared = slope @ each.common_mm
             total, common = total + value, common + shared
-            own += slope @ each.covariance @ slope - shared @ shared
+            own += float(slope @ each.covariance @ slope - shared @ shared)
         return float(total), float(np.sqrt(max(own, 0.0) + common @ common))
 
 

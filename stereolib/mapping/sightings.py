@@ -263,7 +263,12 @@ def _solve(sightings: Sequence[Sighting]) -> _Solved:
     of_known = np.ix_(known, known)
     N, chi2, rows = np.eye(6 + m), 0.0, 0
     for _ in range(_STEPS):
-        N, g, chi2, rows = np.diag([0.0] * 6 + [1.0] * m), np.concatenate([np.zeros(6), -errors]), errors @ errors, 0
+        N, g, chi2, rows = (
+            np.diag([0.0] * 6 + [1.0] * m),
+            np.concatenate([np.zeros(6), -errors]),
+            float(errors @ errors),
+            0,
+        )
         for sighting in sightings:
             residual, J, weight, _ = _residual(sighting, x, errors)
             N += J.T @ weight @ J
@@ -304,7 +309,7 @@ def _start(sightings: Sequence[Sighting]) -> Float64:
 
 
 def _residual(sighting: Sighting, x: Float64, errors: Float64) -> tuple[Float64, Float64, Float64, Ints]:
-    """What a sighting misses of the box x, its Jacobian with x and the shared errors, its weights, which values it knows.
+    """What a sighting misses of the box, its Jacobian with box and shared errors, its weights, which values it knows.
 
     Its weights are those of what it does not share with the others.
     """

@@ -184,7 +184,6 @@ class _Thing:
     Where both disagree, the scan is left out.
     """
 
-
     pictured: Pictured | None = None
     region: ObjectRegion | None = None
     footprint: Footprint | None = None

@@ -83,7 +83,8 @@ class Priors:
         every pair; rows are the residuals of laser and cameras.
         """
         laser, _, cameras = self.roots
-        return block_diag(laser.T @ _root(self.laser.covariance), cameras.T @ _root(self.cameras))[:, _COMMON]
+        both = block_diag(laser.T @ _root(self.laser.covariance), cameras.T @ _root(self.cameras))
+        return np.asarray(both[:, _COMMON])
 
     def residuals(self, shared: Numbers, world: World) -> Numbers:
         """Shared parameters minus what is known of them, and the floor, in standard deviations: (..., 10).

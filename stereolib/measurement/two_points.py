@@ -112,7 +112,9 @@ def find_surface(views: Views, disparity_px: Float32, pixel: npt.ArrayLike, name
     u, v = (int(np.rint(c)) if np.isfinite(c) else -1 for c in at)
     where = name or _rectified_name(at)
     if not (0 <= u < width and 0 <= v < height):
-        raise ValueError(f"{where} is outside what is left of the picture once it is rectified: choose one farther inside")
+        raise ValueError(
+            f"{where} is outside what is left of the picture once it is rectified: choose one farther inside"
+        )
     near = disparity_px[_around(v, _NEAREST_PX, height), _around(u, _NEAREST_PX, width)]
     if not np.isfinite(near).any():
         raise ValueError(f"nothing was matched at {where}: choose one with texture that both cameras see")

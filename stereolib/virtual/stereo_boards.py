@@ -65,7 +65,9 @@ def draw_board_poses(
     poses: list[Float64] = []
     attempt, misses = 0, 0  # of all poses, of this one
     given_up: set[int] = set()  # distances that are insisted on no more
-    with tqdm(total=count, desc="places for the board", unit="place", delay=2, disable=not progress, leave=False) as bar:
+    with tqdm(
+        total=count, desc="places for the board", unit="place", delay=2, disable=not progress, leave=False
+    ) as bar:
         while (k := len(poses)) < count:
             own = k % len(DISTANCES_MM)
             in_turn = np.array([k % 3, k // 3 % 3])  # a 3 x 3 grid of regions

@@ -88,7 +88,9 @@ def test_between_two_pixels_without_a_floor(files, capsys):
     assert np.linalg.norm(np.subtract(*facts["points_mm"])) == pytest.approx(facts["length_mm"])
     assert run(files, "--between", *words, "--force") == 0 and "at depths of" in (said := capsys.readouterr().out)
     assert "the pixels were taken for those of this picture: left, as the camera gave it" in said
-    flat = [f"{u:.1f},{v:.1f}" for u, v in RECT.rectify_points([[float(x) for x in w.split(",")] for w in words], "left")]
+    flat = [
+        f"{u:.1f},{v:.1f}" for u, v in RECT.rectify_points([[float(x) for x in w.split(",")] for w in words], "left")
+    ]
     assert flat != words and run(files, "--between", *flat, "--rectified", "--json", "--force") == 0
     again = json.loads(capsys.readouterr().out)
     assert again["length_mm"] == pytest.approx(facts["length_mm"], abs=0.3)

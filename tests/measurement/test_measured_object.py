@@ -147,4 +147,8 @@ def test_a_size_of_5_mm_or_worse_is_told_with_what_makes_it_so():
     many = dict.fromkeys(("EdgeSeen", "PlaneSeen", "floor"), np.full(18, 12.0))
     spread = solution(spread=np.full(8, 6.0))
     assert not from_box(replace(spread, given=many), 0, BoxFacts(OPEN)).unsure  # no one thing makes it
-    assert set(from_box(replace(spread, given={"laser": np.full(18, 36.0)}), 0, BoxFacts(OPEN)).unsure) == {"length", "width", "height"}
+    assert set(from_box(replace(spread, given={"laser": np.full(18, 36.0)}), 0, BoxFacts(OPEN)).unsure) == {
+        "length",
+        "width",
+        "height",
+    }

@@ -40,9 +40,11 @@ def test_the_errors_in_common_are_a_part_of_the_variance_and_mean_the_same_in_ev
     known = solve(no_rows, [Seen(start(), everything(PRIORS.world(STILL)))])
     told = np.square(known.common).sum(axis=1)
     assert told == pytest.approx(known.given["laser"] + known.given["cameras"], rel=1e-4, abs=1e-9)
-    assert 0 < np.square(found.common[-8 + Own.HEIGHT]).sum() < found.given["laser"][-8 + Own.HEIGHT] + found.given[
-        "cameras"
-    ][-8 + Own.HEIGHT]
+    assert (
+        0
+        < np.square(found.common[-8 + Own.HEIGHT]).sum()
+        < found.given["laser"][-8 + Own.HEIGHT] + found.given["cameras"][-8 + Own.HEIGHT]
+    )
     other = replace(PRIORS, laser=replace(HERE, covariance=HERE.covariance + np.full((3, 3), 1e-7)))
     assert np.abs(other.roots[0] - PRIORS.roots[0]).max() > 0.1  # its axes are others
     again = solve(other, [Seen(start(), everything(PRIORS.world(STILL)))])

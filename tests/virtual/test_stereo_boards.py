@@ -47,8 +47,12 @@ def test_boards_are_the_same_for_the_same_seed(poses):
     assert not np.allclose(draw_board_poses(1, np.random.default_rng(31), recordings.BOARD)[0], poses[0])
 
 
-def test_board_too_large_for_the_image():
-    with pytest.raises(ValueError, match=r"6x5 corners and squares of 300 mm is inside both pictures \(640x480\) in only 0 of 1 "):
+def test_board_too_large_for_the_image(monkeypatch):
+    monkeypatch.setattr(stereo_boards, "_INSISTS", 100)
+    monkeypatch.setattr(stereo_boards, "_TRIES", 400)
+    with pytest.raises(
+        ValueError, match=r"6x5 corners and squares of 300 mm is inside both pictures \(640x480\) in only 0 of 1 "
+    ):
         draw_board_poses(1, np.random.default_rng(0), Checkerboard(6, 5, 300.0))
 
 

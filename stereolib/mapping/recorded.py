@@ -58,11 +58,13 @@ class RecordedMap:
         list of str
         """
         found = self.measured[name]
-        number = next(k for k, station in enumerate(self.room.stations, start=1) if station.name == name)
+        station = next(each for each in self.room.stations if each.name == name)
         about = {
             disagreement(item): f"{disagreement(item)} ({letter})"
-            for item, letter in zip(found.objects, self.room.names_of(number), strict=True)
-            if letter
+            for letter, each in zip(self.room.names, self.room.objects, strict=True)
+            for seen in each.sightings
+            for item in found.objects
+            if seen.name == name and np.allclose(seen.measured.position_mm, station.to_map(item.position_mm))
         }
         said = []
         for text in found.warnings:

@@ -127,8 +127,8 @@ def _check_size(pairs: Sequence[PairFile], board: Checkerboard, given: str) -> N
     (size, count), *_ = seen.most_common(1) or [((0, 0), 0)]
     if count >= _LEAST_SEEN and size != _unordered(board.columns, board.rows):
         raise ValueError(
-            f"{given}: none of the {counted(len(pairs), 'pair')} looked at first shows a board of "
-            f"{board.columns}x{board.rows} inner corners; {counted(count, 'picture')} of theirs "
+            f"{given}: none of the {counted(len(pairs), 'pair')} looked at first ({pairs[0].left.name} ...) shows a "
+            f"board of {board.columns}x{board.rows} inner corners; {counted(count, 'picture')} of theirs "
             f"show one of {size[0]}x{size[1]}. Say so (corners inside the board are "
             f"counted, not squares)"
         )

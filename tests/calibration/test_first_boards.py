@@ -62,7 +62,8 @@ def test_a_wrong_count_of_corners_is_told_by_the_first_pictures_with_the_right_o
                 cv2.imwrite(str(tmp_path / of_what / f"{side}{name}.png"), picture[::2, ::2])
     boards, room = (find_pairs(tmp_path / of_what) for of_what in ("boards", "room"))
     with pytest.raises(
-        ValueError, match=r"^my: none of the 3 pairs looked at first shows a board of 8x5 .* one of 9x6\. Say so"
+        ValueError,
+        match=r"^my: none of the 3 pairs looked at first \(left01.png ...\) shows a board of 8x5 .* of 9x6\. Say so",
     ):
         check_first_boards(boards, Checkerboard(8, 5, 25.0), "my")
     check_first_boards(boards, Checkerboard(9, 6, 25.0), "my")

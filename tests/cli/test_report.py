@@ -77,7 +77,10 @@ def test_a_wrong_board_and_exchanged_cameras_are_told_before_the_report_begins(f
     text = (folder / "rig.toml").read_text().replace("# square_mm", "square_mm")
     (folder / "rig.toml").write_text(text.replace("[9, 6]", "[10, 7]"))
     assert run("report", folder) == 2
-    assert f"{folder / 'boards'}: none of the 5 pairs looked at first shows a board of 10x7" in capsys.readouterr().err
+    assert (
+        f"{folder / 'boards'}: none of the 5 pairs looked at first (left01.png ...) shows a board of 10x7"
+        in capsys.readouterr().err
+    )
     (folder / "rig.toml").write_text(text)
     for name in ("01", "03", "05", "07", "09"):
         left, right, between = (folder / "boards" / f"{side}{name}.png" for side in ("left", "right", "between"))

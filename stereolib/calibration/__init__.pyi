@@ -8,6 +8,7 @@ from .coverage import Coverage, boards_per_cell
 from .detection import find_in_files
 from .diagnosis import Diagnosis, diagnose
 from .findings import Check
+from .first_boards import check_first_boards, check_sides
 from .fresh_check import CalibrationCheck, Estimate, check_calibration
 from .laser_boards import LaserBoardView, find_board_in_scan, find_laser_boards_in_files
 from .laser_pose import LidarCamera, calibrate_lidar_to_camera
@@ -94,7 +95,9 @@ __all__ = [
     "calibration_facts",
     "calibration_text",
     "check_calibration",
+    "check_first_boards",
     "check_rows",
+    "check_sides",
     "choose_lens_model",
     "compare_calibrations",
     "diagnose",

@@ -13,10 +13,10 @@ from stereolib.base import Float32, Float64, UInt8
 from stereolib.calibration.boards import Board, BoardViews, Charuco, find_board, find_charuco, match_order
 from stereolib.calibration.bundle_adjustment import board_poses
 from stereolib.calibration.coverage import Coverage, judge_coverage
-from stereolib.rig import Camera, to_grey
+from stereolib.calibration.first_boards import guessed_camera
+from stereolib.rig import to_grey
 
 _QUICK_PX = 640  # wider pictures are searched in reduced size while the board moves
-_FOCAL_WIDTHS = 0.9  # a webcam's, before it is known: 58 degrees across
 _STILL = 0.015  # picture widths a second: 0.3 px within 30 ms in pictures 640 px wide
 _SHARP_PX, _SHARP_SHARE = 4.0, 0.006  # edges between squares: at most so wide, or such a share of the picture
 _UNKNOWN_EDGE = 1000.0  # OpenCV's answer where no edge could be followed is above
@@ -71,10 +71,7 @@ class BoardWatch:
         self._names, self._corners = list[str](), list[tuple[Float32, Float32]]()
         self._poses = list[Float64]()
         self._before: tuple[float, tuple[Float32 | None, Float32 | None]] = (math.nan, (None, None))
-        width, height = size
-        f = _FOCAL_WIDTHS * max(size)
-        K = np.array([[f, 0, (width - 1) / 2], [0, f, (height - 1) / 2], [0, 0, 1]])
-        self._camera = Camera(K, np.zeros(5), size)
+        self._camera = guessed_camera(size)
 
     @property
     def views(self) -> BoardViews:

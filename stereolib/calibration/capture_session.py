@@ -18,6 +18,7 @@ from stereolib.base import UInt8, check_target, counted, listed, read_json, writ
 from stereolib.calibration.board_watch import BoardLook, BoardWatch
 from stereolib.calibration.boards import Board, Charuco
 from stereolib.calibration.detection import find_in_files
+from stereolib.calibration.first_boards import exchanged_mm
 from stereolib.rig import CameraError, LivePair, LiveRig
 
 _SIDES = ("left", "right")
@@ -127,8 +128,9 @@ class CaptureSession:
         CameraError
             If a camera falls silent; the text says what is kept.
         ValueError
-            If a file cannot be written.
+            If a file cannot be written; or the first pairs of the board show that left and right are exchanged.
         """
+        self._check_sides()
         if self._is_enough():
             return
         pairs, self._is_finished = self.rig.pairs(), False
@@ -154,6 +156,7 @@ class CaptureSession:
             return CaptureState(pair, look, self.taken, "", "hold it a little longer, or nearer")
         name = self._write(pair)
         watch.add(name, *corners)
+        self._check_sides()
         self._is_asked = False
         coverage = watch.coverage
         advice = coverage.advice if coverage else ()
@@ -173,6 +176,17 @@ class CaptureSession:
         if self.taken >= _MOST * self.wanted or self._now_s - self._taken_s > self._patience_s:
             return True
         return (coverage := self.watch.coverage) is None or not coverage.advice
+
+    def _check_sides(self) -> None:
+        """Refuse cameras of which the first pairs of the board show that left and right are exchanged."""
+        if self.watch is None or math.isnan(off_mm := exchanged_mm(self.watch.views)):
+            return
+        (left, right), folders = (camera.source for camera in self.rig.cameras), self.folders
+        raise ValueError(
+            f"left and right are exchanged: by {counted(self.taken, 'pair')} of the board, {left} stands some "
+            f"{off_mm:.0f} mm to the right of {right} (or both hang upside down). Name {right} first, and another "
+            f"folder than {self.folder}; or let {folders[0]} and {folders[1]} change names, and it goes on"
+        )
 
     def _write(self, pair: LivePair) -> str:
         """Write a pair under the first number that one of both sides lacks."""

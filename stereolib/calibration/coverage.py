@@ -48,11 +48,6 @@ class Coverage:
     missing: tuple[str, ...]
 
     @property
-    def score(self) -> float:
-        """Mean of the three, 0 to 1."""
-        return (self.image + self.distance + self.tilt) / 3
-
-    @property
     def advice(self) -> tuple[str, ...]:
         """What is missing, each kind with its remedy; while pairs are taken and in the verdict alike."""
         kinds = ((kind, [text for text in self.missing if text.startswith(kind)]) for kind in _REMEDIES)

@@ -74,7 +74,7 @@ def calibration_facts(diagnosis: Diagnosis) -> dict[str, Any]:
     told |= {"R": rig.R, "T": rig.T, "baseline_mm": rig.baseline_mm, "std": stds}
     told |= {"pairs_used": d.pairs_used, "pairs_refused": d.pairs_left_out, "pairs_repeated": d.pairs_repeated}
     told |= {"pair_rms_px": dict(zip(d.pairs_used, d.pair_rms_px, strict=True)), "groups": d.groups}
-    told |= {"coverage": {"score": d.coverage.score} | asdict(d.coverage), "errors": wrong, "folds": d.folds}
+    told |= {"coverage": asdict(d.coverage), "errors": wrong, "folds": d.folds}
     told |= {"checks": {check.name: check._asdict() for check in d.checks}}
     told |= {"lens_models": {lens.model: asdict(lens) for lens in d.lenses}}
     told |= {"record": CalibrationRecord.of(d.fit, d.views).facts()}

@@ -69,6 +69,8 @@ def _run(arguments: argparse.Namespace) -> int:
         MIN_PAIRS,
         calibration_facts,
         calibration_text,
+        check_first_boards,
+        check_sides,
         diagnose,
         find_in_files,
         save_calibration,
@@ -84,7 +86,10 @@ def _run(arguments: argparse.Namespace) -> int:
             fits = [name for name, (count, _) in LENS_MODELS.items() if count <= most]
             raise ValueError(f"--format {kind} cannot hold a {arguments.model} lens: pass --model {fits[-1]}")
     left, right = zip(*pairs, strict=True)
+    given = " and ".join(filter(None, (arguments.left, arguments.right)))
+    check_first_boards(pairs, board, given, progress=sys.stderr.isatty())
     views = find_in_files(left, right, board, progress=sys.stderr.isatty())
+    check_sides(views, given)
     if len(views) < MIN_PAIRS:
         raise ValueError(
             f"the board of {arguments.board} inner corners was found in both views of only "

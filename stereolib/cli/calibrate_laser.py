@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from stereolib.base import check_target, counted
+from stereolib.base import check_target, counted, listed
 from stereolib.cli.boards import parse_board
 from stereolib.cli.command import Command
 from stereolib.cli.errors import DONE
@@ -47,29 +47,38 @@ def _run(arguments: argparse.Namespace) -> int:
     turn, shift = float(np.degrees(pose.std_rad).max()), float(pose.std_mm.max())
     x, y, z = pose.T_left_lidar[:3, 3]
     print(f"laser: {len(views)} poses; known to {shift:.1f} mm and {turn:.2f} degrees (one standard deviation)")
-    print(f"it stands {x:.0f} mm right of, {y:.0f} mm below and {z:.0f} mm before the left lens: check with a ruler")
+    print(f"it stands {place_text(x, y, z)} the left lens: check with a ruler")
     print(f"written into {arguments.calibration}")
     return DONE
 
 
+def place_text(x_mm: float, y_mm: float, z_mm: float) -> str:
+    """Where something stands to a lens, whose axes run right, down and ahead, without a minus."""
+    ways = (x_mm, "right of", "left of"), (y_mm, "below", "above"), (z_mm, "before", "behind")
+    first, second, third = (f"{abs(mm):.0f} mm {one if mm >= 0 else other}" for mm, one, other in ways)
+    return f"{first}, {second} and {third}"
+
+
 def _paired(pictures: str, scans: Path) -> tuple[list[Path], list[Path]]:
-    """Each picture and the recording that belongs to it: by name or number, else in the order of their names."""
-    from stereolib.mapping import name_scans
-    from stereolib.rig import left_pictures, pair_name
+    """Each picture and the recording that belongs to it, by name or number as the stations of a map."""
+    from stereolib.mapping import name_scans, pair_stations
+    from stereolib.rig import PairFile, left_pictures
 
     if not scans.is_dir():
         raise ValueError(f"{scans} is no folder: it should hold the scans")
     seen = left_pictures(pictures)
     files = name_scans(path for path in sorted(scans.iterdir()) if path.suffix.lower() == ".bin")
-    if len(seen) != len(files) or not seen:
+    stations, _ = pair_stations([PairFile(picture, picture) for picture in seen], files)
+    both = [(station.left, station.scan) for station in stations if station.left and station.scan]
+    if not len(both) == len(seen) == len(files) > 0:
+        used = {path.name for pair in both for path in pair}
+        alone = [path.name for path in (*seen, *files.values()) if path.name not in used]
+        told = f"; without a partner: {listed(alone)}" if alone else ""
         raise ValueError(
             f"{counted(len(seen), 'picture')} in {pictures} and {counted(len(files), 'scan')} (.bin) in {scans}: there "
-            f"must be one scan for each picture, of its number, or in the order of their names"
+            f"must be one scan for each picture, of its name or number{told}"
         )
-    by_name = {pair_name(path): path for path in seen}
-    if set(by_name) == set(files):
-        return list(by_name.values()), [files[name] for name in by_name]
-    return seen, sorted(files.values())
+    return [left for left, _ in both], [scan for _, scan in both]
 
 
 CALIBRATE_LASER = Command(

@@ -46,6 +46,9 @@ nothing is told: patches of which a second, rough matching knows nothing are ref
 pixels, unless --filled is given. The points leave out what is known to 10 % of its depth only, or worse (with best,
 which tells).
 
+With --calibration all of them are of the rectified left picture, whose pixels are not those of LEFT: `stereolib measure
+--between` takes them with --rectified.
+
 written, for --output d.npy; those of depth with --calibration only:
 """ + "\n".join(f"  d{end:18} {what}" for end, _, what in _FILES)
 
@@ -142,9 +145,11 @@ def _write(paths: dict[str, Path], disparity_px: Floats, std_px: Floats | None, 
             np.save(stream, array.astype(np.float32), allow_pickle=False)
             write_atomic(paths[end], stream.getvalue())
     figure, ax = panels(1, width_in=8.0)
+    of_what = " of the rectified left picture: for measure --between, with --rectified" if depth else ""
     values, draw = (depth.depth_mm, plot_depth) if depth else (disparity_px, plot_disparity)
     low, high = (float(limit) for limit in np.nanpercentile(values, (1, 99)))
     draw(values, ax[0], low=low, high=max(high, low + 1))
+    ax[0].set(xlabel=f"column (px){of_what}")
     write_atomic(paths[".png"], show_figure(None, figure).data)
     if depth:
         write_atomic(paths["_depth_mm.png"], cv2.imencode(".png", whole_mm(depth.depth_mm))[1].tobytes())

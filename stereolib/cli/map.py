@@ -129,6 +129,7 @@ def map_facts(recorded: RecordedMap) -> dict[str, Any]:
         "walls": walls,
         "stations": [_station_facts(recorded, station) for station in room.stations],
         "left_out": recorded.left_out,
+        "measured_apart": {name: [object_facts(item) for item in it.objects] for name, it in recorded.apart.items()},
         "warnings": [*room.warnings, *recorded.warnings],
     }
 
@@ -142,12 +143,14 @@ def _station_facts(recorded: RecordedMap, station: Station) -> dict[str, Any]:
         "pose_std": {"x_mm": plain(std[0]), "y_mm": plain(std[1]), "yaw_rad": plain(std[2])},
         "objects_seen": len(station.objects),
         "readings": len(station.scan_mm),
-        "warnings": list(recorded.measured[station.name].warnings),
+        "warnings": recorded.said_of(station.name),
     }
 
 
 def map_text(recorded: RecordedMap) -> str:
     """A block for each object, their sums, and a line for each station with what is to be said of it."""
+    import numpy as np
+
     room = recorded.room
     stations = counted(len(room.stations), "station")
     lines = [f"{counted(len(room.objects), 'object')}, {counted(len(room.walls), 'wall')}, from {stations}"]
@@ -162,13 +165,17 @@ def map_text(recorded: RecordedMap) -> str:
         lines.append(f"the {whole} objects of which all sizes are known: {sums}")
     for station in room.stations:
         lines.append(f"station {station.name}: {_pose_text(station)}")
-        lines += [f"   warning: {text}" for text in recorded.measured[station.name].warnings]
-    lines += [f"station {name} is left out: {why}" for name, why in recorded.left_out.items()]
+    for name, why in recorded.left_out.items():
+        lines.append(f"station {name} is left out: {why}")
+        alone = recorded.apart[name].objects if name in recorded.apart else ()
+        for item in (item for item in alone if np.isfinite(item.size_mm).any()):
+            lines.append(object_title("   measured there, not in the map:", item))
     said = {
         f"{name}: its {size}" for name, item in zip(room.names, room.measured, strict=True) for size in item.reasons
     }
+    said_there = [text for station in room.stations for text in recorded.said_of(station.name)]
     more = [text for text in room.warnings if not any(text.startswith(each) for each in said)]
-    return wrapped([*lines, *(f"warning: {text}" for text in (*more, *recorded.warnings))])
+    return wrapped([*lines, *(f"warning: {text}" for text in (*more, *recorded.warnings, *said_there))])
 
 
 def _pose_text(station: Station) -> str:

@@ -26,6 +26,9 @@ _STEEPEST = 90.0  # degrees
 _LAST_PX = 2**15  # no picture is larger
 _LEAST_MM = 1.0  # a lower camera was meant in metres
 _OTHER_FLOOR = 16.3  # squared deviations of three numbers, which chance passes once in 1,000
+#: Below a picture: whose pixels are its own.
+_AS_GIVEN = "LEFT as the camera gave it: pixels for --between"
+_RECTIFIED = "rectified: its pixels are for --between ... --rectified, they are not those of LEFT"
 
 _NOTES = """\
 A box shows two faces: length, width, height. A face shows one: its width, as its depth is hidden. Round things have a
@@ -57,7 +60,14 @@ def _configure(parser: argparse.ArgumentParser) -> None:
         nargs=2,
         type=_pixel,
         metavar="X,Y",
-        help="only this, without a floor: how far the points at two pixels of LEFT, columns and rows, lie apart",
+        help="only this, without a floor: how far the points at two pixels, columns and rows, lie apart, pixels of "
+        "LEFT as the camera gave it, or with --rectified",
+    )
+    parser.add_argument(
+        "--rectified",
+        action="store_true",
+        help="the pixels of --between are those of the rectified left picture, which is what this command draws else, "
+        "and what all pictures and maps of disparity and of report are",
     )
     parser.add_argument(
         "--output", type=Path, metavar="PNG", help="default: LEFT's name with _measured.png, here; numbered"
@@ -73,19 +83,21 @@ def _run(arguments: argparse.Namespace) -> int:
     from stereolib.base import write_atomic
     from stereolib.mapping import read_scan
     from stereolib.matching import check_matchable
-    from stereolib.measurement import Instrument, draw_objects, measure_objects
+    from stereolib.measurement import Instrument, add_caption, draw_objects, measure_objects
     from stereolib.rig import find_pair, read_pair
 
     own = Path(f"{arguments.left.stem}_measured.png")
     picture = arguments.output or default_name(own, force=arguments.force)
     check_ending(picture, ".png", "the picture")
     check_outputs([picture], force=arguments.force, option="--output")
+    if arguments.rectified and not arguments.between:
+        raise ValueError("--rectified says of which picture the pixels of --between are: give both, or neither")
     instrument, files = Instrument.load(arguments.calibration), find_pair(arguments.left, arguments.right)
     pair = read_pair(*files)
     check_matchable(*pair, (str(files[0]), str(files[1])))
     if arguments.between:
         with named(*files):
-            drawn, facts, told = between(pair, arguments.between, instrument)
+            drawn, facts, told = between(pair, arguments.between, instrument, is_rectified=arguments.rectified)
         write_atomic(picture, cv2.imencode(".png", drawn)[1].tobytes())
         facts |= {"warnings": said_of(arguments.calibration), "picture": str(picture)}
         lines = [told, *(f"warning: {text}" for text in facts["warnings"]), f"picture: {picture}"]
@@ -99,7 +111,7 @@ def _run(arguments: argparse.Namespace) -> int:
     if floor is not None and (text := otherwise_seen(pair, floor)):
         first.append(text)
     measured = replace(measured, warnings=(*first, *measured.warnings))
-    write_atomic(picture, cv2.imencode(".png", draw_objects(measured))[1].tobytes())
+    write_atomic(picture, cv2.imencode(".png", add_caption(draw_objects(measured), _RECTIFIED))[1].tobytes())
     facts = measured_facts(measured) | {"picture": str(picture)}
     print(json.dumps(facts, indent=1, allow_nan=False) if arguments.json else measured_text(measured))
     if not arguments.json:
@@ -108,23 +120,29 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def between(
-    pair: tuple[UInt8, UInt8], pixels: Sequence[tuple[float, float]], instrument: Instrument
+    pair: tuple[UInt8, UInt8],
+    pixels: Sequence[tuple[float, float]],
+    instrument: Instrument,
+    *,
+    is_rectified: bool = False,
 ) -> tuple[UInt8, dict[str, Any], str]:
     """A picture with the line between two pixels, its length as facts and as a sentence."""
-    from stereolib.measurement import draw_length, length_between
+    from stereolib.measurement import add_caption, draw_length, length_between
 
-    height, width = pair[0].shape[:2]
-    for column, row in pixels:
-        if not (column < width and row < height):
-            raise ValueError(f"--between {column:g},{row:g} lies outside the left picture, which is {width}x{height}")
     if pixels[0] == pixels[1]:
         raise ValueError(f"--between needs two pixels, got {pixels[0][0]:g},{pixels[0][1]:g} twice")
-    found = length_between(*pair, pixels, instrument)
+    found = length_between(*pair, pixels, instrument, is_rectified=is_rectified)
+    left, frame = pair[0], "left, as the camera gave it"
+    if is_rectified:
+        left, frame = instrument.rectified.rectify(*pair)[0], "left, rectified"
     facts: dict[str, Any] = {"length_mm": found.length_mm, "std_mm": found.std_mm}
+    facts |= {"pixels": [list(at) for at in pixels], "pixels_of": frame}
     facts |= {"points_mm": found.points_mm.tolist(), "disparity_px": found.disparity_px.tolist()}
     depths = " and ".join(f"{depth:.0f} mm" for depth in found.depth_mm)
     told = f"{found.length_mm:.1f} ± {found.std_mm:.1f} mm (one standard deviation), at depths of {depths}"
-    return draw_length(pair[0], pixels, f"{found.length_mm:.1f} mm"), facts, told
+    told += f"\nthe pixels were taken for those of this picture: {frame}"
+    drawn = draw_length(left, pixels, f"{found.length_mm:.1f} mm")
+    return add_caption(drawn, _RECTIFIED if is_rectified else _AS_GIVEN), facts, told
 
 
 def _pixel(text: str) -> tuple[float, float]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from pathlib import Path
 
 from stereolib.cli.command import Command
@@ -33,6 +34,7 @@ def _configure(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(arguments: argparse.Namespace) -> int:
+    from stereolib.calibration import check_first_boards
     from stereolib.mapping import load_rig_folder
     from stereolib.reproduction import NotebookError, report_rig
 
@@ -46,6 +48,8 @@ def _run(arguments: argparse.Namespace) -> int:
         raise ValueError(f"{arguments.folder} holds no pairs of a board, so that nothing can be calibrated")
     check_outputs([out / file for file in _FILES[name]], force=arguments.force, option="--output")
     print(f"{arguments.folder}: {own}", *own.absent, sep="\n  ", flush=True)
+    if own.boards and own.board is not None:  # before the minutes of the rest
+        check_first_boards(own.boards, own.board, str(own.boards[0].left.parent), progress=sys.stderr.isatty())
     try:
         written = report_rig(arguments.folder, out, name)
     except NotebookError as error:

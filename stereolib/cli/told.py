@@ -34,6 +34,7 @@ def object_facts(item: MeasuredObject) -> dict[str, Any]:
     facts["position_std_mm"] = [plain(value) for value in np.sqrt(np.diag(item.position_covariance))]
     facts |= {"yaw_rad": plain(item.yaw_rad), "yaw_std_rad": plain(item.yaw_std_rad)}
     facts["sources"] = {what: str(source) for what, source in item.sources.items()}
+    facts["unsure"] = dict(item.unsure)
     return facts | {"reasons": {what: str(why) for what, why in item.reasons.items()}}
 
 
@@ -52,6 +53,7 @@ def object_details(item: MeasuredObject, place: str) -> list[str]:
         lines.append(f"volume {plus_minus(volume, std)} l, surface {plus_minus(area, area_std)} m2 (sides and top)")
     if item.sources:
         lines.append("; ".join(f"{what}: {who}" for what, who in item.sources.items()))
+    lines += [f"{what} unsure: {why}" for what, why in item.unsure.items()]
     return lines + [f"no {what}: {why}" if what != "object" else str(why) for what, why in item.reasons.items()]
 
 

@@ -1,3 +1,4 @@
+from .asked_length import AskedLength
 from .assemble import Map, NothingToMap, merge_stations, size_table
 from .files import write_cloud, write_grid, write_mesh
 from .occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, occupancy_grid
@@ -6,7 +7,6 @@ from .recorded import RecordedMap, map_recordings, measure_station
 from .rig_folder import (
     RIG_FILE,
     RIG_FOLDERS,
-    AskedLength,
     RigFolder,
     load_rig_folder,
     tried,
@@ -16,7 +16,7 @@ from .rig_folder import (
 from .scan_matching import ScanMatch, disturb_poses, refine_poses
 from .shapes import COLORS, Cloud, Solid, colored_cloud, join_clouds, map_solids
 from .sightings import MapObject
-from .station_folder import RecordedStation, StationFolder, list_stations, name_scans, read_scan
+from .station_folder import RecordedStation, StationFolder, list_stations, name_scans, pair_stations, read_scan
 from .stations import Station, station_names
 from .view import view_map
 from .walls import MapWall
@@ -54,6 +54,7 @@ __all__ = [
     "merge_stations",
     "name_scans",
     "occupancy_grid",
+    "pair_stations",
     "place_stations",
     "read_scan",
     "refine_poses",

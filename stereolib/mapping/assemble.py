@@ -62,12 +62,12 @@ class Map:
     @property
     def volume_l(self) -> tuple[float, float]:
         """Volume of all objects whose sizes are known, and its standard deviation, litres."""
-        return self._total(lambda each: each.volume_l)
+        return self._total(lambda each: each.volume_slope)
 
     @property
     def surface_m2(self) -> tuple[float, float]:
         """Area of their sides and tops, and its standard deviation, m^2."""
-        return self._total(lambda each: each.surface_m2)
+        return self._total(lambda each: each.surface_slope)
 
     @property
     def readings_mm(self) -> Float64:
@@ -91,11 +91,18 @@ class Map:
         places = [station.to_map(thing.position_mm) for thing in station.objects]
         return [next((name for name, each in known if is_within(at, each.outline_mm, _ON_MM)), "") for at in places]
 
-    def _total(self, of: Callable[[MeasuredObject], tuple[float, float]]) -> tuple[float, float]:
-        known = np.array([of(each) for each in self.measured if np.isfinite(of(each)).all()])
-        if not len(known):
+    def _total(self, of: Callable[[MeasuredObject], tuple[float, Float64]]) -> tuple[float, float]:
+        """A sum over all objects; errors of the calibration that they share do not average away in it."""
+        known = [each for each in self.measured if np.isfinite(each.size_mm).all()]
+        if not known:
             raise ValueError("the map has no object of which all three sizes are known: nothing to add up")
-        return float(known[:, 0].sum()), float(np.sqrt((known[:, 1] ** 2).sum()))
+        total, own, common = 0.0, 0.0, np.zeros(known[0].common_mm.shape[1])
+        for each in known:
+            value, slope = of(each)
+            shared = slope @ each.common_mm
+            total, common = total + value, common + shared
+            own += float(slope @ each.covariance @ slope - shared @ shared)
+        return float(total), float(np.sqrt(max(own, 0.0) + common @ common))
 
 
 def merge_stations(

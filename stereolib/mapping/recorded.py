@@ -14,7 +14,7 @@ from stereolib.mapping.placing import place_stations
 from stereolib.mapping.shapes import Cloud, colored_cloud, join_clouds
 from stereolib.mapping.station_folder import RecordedStation
 from stereolib.mapping.stations import Station
-from stereolib.measurement import CannotMeasure, Instrument, Measurement, Reason, Why, measure_objects
+from stereolib.measurement import CannotMeasure, Instrument, Measurement, Reason, Why, disagreement, measure_objects
 
 _CLOUD_STEP, _CLOUD_MM = 4, 2000.0  # every so many pixels; points farther ahead are left out
 _SEED = 8  # of the walls' search: the same recordings make the same map
@@ -35,12 +35,42 @@ class RecordedMap:
         Why a station is not in the map, by its name.
     warnings : tuple of str
         Of poses.
+    apart : dict of Measurement
+        By name, of stations that are not in the map and yet measured something.
     """
 
     room: Map
     measured: dict[str, Measurement]
     left_out: dict[str, str]
     warnings: tuple[str, ...]
+    apart: dict[str, Measurement]
+
+    def said_of(self, name: str) -> list[str]:
+        """List what is to be said of a station's measurement; of an object, with what the map calls it.
+
+        Parameters
+        ----------
+        name : str
+            Of a station in the map.
+
+        Returns
+        -------
+        list of str
+        """
+        found = self.measured[name]
+        station = next(each for each in self.room.stations if each.name == name)
+        about = {
+            disagreement(item): f"{disagreement(item)} ({letter})"
+            for letter, each in zip(self.room.names, self.room.objects, strict=True)
+            for seen in each.sightings
+            for item in found.objects
+            if seen.name == name and np.allclose(seen.measured.position_mm, station.to_map(item.position_mm))
+        }
+        said = []
+        for text in found.warnings:
+            start, colon, rest = text.partition(":")
+            said.append(f"station {name}: {about.get(start, start)}{colon}{rest}")
+        return said
 
     def cloud(self) -> Cloud | None:
         """Make coloured points of all pairs that show the floor.
@@ -105,7 +135,9 @@ def map_recordings(
     except NothingToMap as error:
         said = {name: "; ".join(it.warnings) for name, it in measured.items() if it.warnings}
         raise NothingToMap(f"{error}. {_listed(said | left_out)}") from None
-    return RecordedMap(room, {s.name: measured[s.name] for s in room.stations}, left_out, placing.warnings)
+    placed = {s.name: measured[s.name] for s in room.stations}
+    apart = {name: it for name, it in measured.items() if name not in placed and it.objects}
+    return RecordedMap(room, placed, left_out, placing.warnings, apart)
 
 
 def measure_station(pair: tuple[UInt8, UInt8] | None, scan: LaserScan | None, instrument: Instrument) -> Measurement:

@@ -22,6 +22,7 @@ from stereolib.calibration import (
     diagnose,
     find_in_files,
 )
+from stereolib.mapping.asked_length import AskedLength
 from stereolib.mapping.station_folder import POSES, RecordedStation, known_poses, name_scans, pair_stations
 from stereolib.measurement import Instrument, SystematicUncertainty
 from stereolib.rig import PairFile, find_pairs, read_pair
@@ -35,29 +36,10 @@ _ENTRIES = {
     "board": ("inner_corners", "square_mm", "marker_mm", "dictionary", "legacy"),
     "cameras": ("at_mm", "ruler_mm", "model"),
     "recordings": tuple(RIG_FOLDERS),
-    "length": ("pair", "from", "to", "ruler_mm"),
+    "length": ("pair", "from", "to", "rectified", "ruler_mm"),
 }
 _USUALLY_AT_MM = 1000.0
 _LEAST_MM = 1.0  # nothing shorter is meant in millimetres
-
-
-@dataclass(frozen=True)
-class AskedLength:
-    """A length that is asked for.
-
-    Attributes
-    ----------
-    pair : str
-        The pair's name, as `pair_name` tells it.
-    pixels : two of (column, row), px
-        In the left picture, as the camera gave it.
-    ruler_mm : float or None
-        What a ruler says.
-    """
-
-    pair: str
-    pixels: tuple[tuple[float, float], tuple[float, float]]
-    ruler_mm: float | None = None
 
 
 @dataclass(frozen=True)
@@ -366,7 +348,9 @@ class _Said:
         for entry in self.parts.get("length", []):
             ends = tuple(self._two(entry.get(name), "length", name, "a column and a row") for name in ("from", "to"))
             ruler = self._millimetres(entry.get("ruler_mm"), "length", "ruler_mm")
-            found.append(AskedLength(str(entry.get("pair", "")), (ends[0], ends[1]), ruler))
+            if not isinstance(is_rectified := entry.get("rectified", False), bool):
+                raise self.wrong("length", "rectified", f"true or false is expected, got {is_rectified!r}")
+            found.append(AskedLength(str(entry.get("pair", "")), (ends[0], ends[1]), ruler, is_rectified))
         return tuple(found)
 
 

@@ -9,12 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import cv2
 import numpy as np
 
 from stereolib.base import Float64, Ints, direction, turn_2d, wrap_rad
-from stereolib.measurement import SIZE_NAMES, MeasuredObject, Reason, Why
+from stereolib.measurement import SIZE_NAMES, UNSURE_MM, MeasuredObject, Reason, Why
 
 _QUARTER = np.pi / 2
 _GATE = 4.0  # standard deviations: chance exceeds them once in 16000 times
@@ -22,6 +23,7 @@ _STEPS = 6  # of Gauss-Newton; three reach rounding
 _THIN_MM = 20.0  # two faces that lie nearer are one, seen twice
 _RING = 24  # corners of a circle's outline
 _BOX_ORDER = [0, 1, 2, 3, 4, 5]  # of values: x, y, yaw, length, width, height
+_CIRCLE_ORDER = [0, 1, 2, 3, 3, 5]  # of a circle: the diameter is both
 _TURNED_ORDER = [0, 1, 2, 4, 3, 5]  # of a box turned by a quarter: length and width change places
 _NOBODY_SAW = dict(zip(SIZE_NAMES, (Reason.DEPTH_HIDDEN, Reason.DEPTH_HIDDEN, Reason.NOT_IN_PICTURE), strict=True))
 
@@ -40,6 +42,9 @@ class Sighting:
         x, y, yaw, length, width, height; mm and rad, NaN where unknown.
     covariance : (6, 6) float64
         Of `values`, with what is not known of the station's pose; 0 where a value is unknown.
+    common : (6, m) float64
+        What `values` are off for one standard deviation of each error that all stations share, as of their
+        calibration; a part of `covariance`.
     from_mm : (2,) float64
         Where the station stands.
     name : str
@@ -50,6 +55,7 @@ class Sighting:
     measured: MeasuredObject
     values: Float64
     covariance: Float64
+    common: Float64
     from_mm: Float64
     name: str
 
@@ -95,7 +101,8 @@ class Sighting:
         J[:3] = [[1, 0, -lever[1]], [0, 1, lever[0]], [0, 0, 1]]
         values = np.array([*there.position_mm, yaw, *visible.size_mm])
         covariance = np.nan_to_num(covariance) + J @ pose_covariance @ J.T
-        return cls(station, there, values, covariance, np.asarray(pose[:2], float), name or str(station))
+        common = np.vstack([np.zeros_like(visible.common_mm), visible.common_mm])
+        return cls(station, there, values, covariance, common, np.asarray(pose[:2], float), name or str(station))
 
     @property
     def spread_mm(self) -> float:
@@ -143,26 +150,27 @@ def merge_sightings(sightings: Sequence[Sighting], *, gate: float = _GATE) -> Ma
 
     Notes
     -----
-    Least squares of ``(y - f(x))' S^-1 (y - f(x))`` by Gauss-Newton, f telling what a station would see of the box x.
-    Where chi square exceeds its degrees of freedom, the covariance grows by their ratio.
+    Least squares of ``(y - f(x) - C e)' (S - C C')^-1 (y - f(x) - C e)``, summed, plus ``e' e``, by Gauss-Newton: f
+    tells what a station would see of the box x, and e are the errors that all stations share, in standard deviations,
+    so that no number of sightings averages these away. Where chi square exceeds its degrees of freedom, what is not
+    shared of the covariance grows by their ratio.
     """
     from scipy.special import chdtri, ndtr
 
     kept, dropped = _of_one_kind(sightings)
     most = [chdtri(max(n, 1), 2 * ndtr(-gate)) for n in range(6 * len(kept) + 1)]  # chi square that chance leaves
-    while (solved := _solve(kept))[2] > most[max(solved[3], 0)] and len(kept) > 1:
+    while (solved := _solve(kept)).chi2 > most[max(solved.freedom, 0)] and len(kept) > 1:
         rest = [_solve([s for s in kept if s is not out]) for out in kept]
         # What fits, tells most and fits best stays; of two alone, the surer one.
         doubt = [
-            (chi2 > most[max(n, 0)], int(np.isnan(x).sum()), chi2 if len(kept) > 2 else -out.spread_mm)
-            for out, (x, _, chi2, n) in zip(kept, rest, strict=True)
+            (r.chi2 > most[max(r.freedom, 0)], int(np.isnan(r.x).sum()), r.chi2 if len(kept) > 2 else -out.spread_mm)
+            for out, r in zip(kept, rest, strict=True)
         ]
         dropped.append(kept.pop(min(range(len(kept)), key=doubt.__getitem__)))
-    x, covariance, chi2, freedom = solved
-    misfit = float(np.sqrt(chi2 / freedom)) if freedom > 0 else np.nan
-    grown = covariance * max(np.nan_to_num(misfit), 1.0) ** 2
-    fused = _fused(kept, x, grown)
-    conflicts = tuple(_conflict(out, fused, x, grown) for out in dropped)
+    misfit = float(np.sqrt(solved.chi2 / solved.freedom)) if solved.freedom > 0 else np.nan
+    grown = solved.grown(max(np.nan_to_num(misfit), 1.0) ** 2)
+    fused = _fused(kept, grown)
+    conflicts = tuple(_conflict(out, fused, grown) for out in dropped)
     return MapObject(fused, tuple(s.station for s in kept), conflicts, misfit, tuple(sightings))
 
 
@@ -198,7 +206,7 @@ def may_be_same(known: MapObject, other: Sighting, *, gate: float = _GATE, max_s
     bool
     """
     if known.fused.shape == other.measured.shape == "face":
-        x, _, chi2, freedom = _solve([*(s for s in known.sightings if s.station in known.stations), other])
+        x, *_, chi2, freedom = _solve([*(s for s in known.sightings if s.station in known.stations), other])
         deep = np.all(np.isnan(x[3:5]) | (x[3:5] > _THIN_MM)) and np.nanmax(x[3:5]) < max_size_mm
         return bool(chi2 < gate**2 * max(freedom, 1) / 2 and deep)
     reach = gate * float(np.hypot(other.spread_mm, np.sqrt(np.trace(np.nan_to_num(known.fused.position_covariance)))))
@@ -226,24 +234,53 @@ def is_within(point: Float64, outline: Float64, reach_mm: float) -> bool:
     return cv2.pointPolygonTest(hull, (float(point[0]), float(point[1])), True) > -reach_mm
 
 
-def _solve(sightings: Sequence[Sighting]) -> tuple[Float64, Float64, float, int]:
-    """Best box (6,), its covariance, chi square and degrees of freedom; NaN in what nobody saw."""
+class _Solved(NamedTuple):
+    """Best box (6,), NaN in what nobody saw, and the shared errors (m,); the covariance of both, chi square."""
+
+    x: Float64
+    errors: Float64
+    covariance: Float64
+    chi2: float
+    freedom: int
+
+    @property
+    def common(self) -> Float64:
+        """What the box is off for one standard deviation of each shared error. (6, m)."""
+        return -self.covariance[:6, 6:]
+
+    def grown(self, times: float) -> _Solved:
+        """The same, with what is not shared of the box's covariance so many times as large."""
+        shared, covariance = self.common @ self.common.T, self.covariance.copy()
+        covariance[:6, :6] = times * (covariance[:6, :6] - shared) + shared
+        return self._replace(covariance=covariance)
+
+
+def _solve(sightings: Sequence[Sighting]) -> _Solved:
+    """The box that fits all of them best."""
     x = _start(sightings)
-    known = np.isfinite(x)
-    N, chi2, rows = np.eye(6), 0.0, 0
+    m = sightings[0].common.shape[1]
+    errors, known = np.zeros(m), np.concatenate([np.isfinite(x), np.full(m, True)])
+    of_known = np.ix_(known, known)
+    N, chi2, rows = np.eye(6 + m), 0.0, 0
     for _ in range(_STEPS):
-        N, g, chi2, rows = np.zeros((6, 6)), np.zeros(6), 0.0, 0
+        N, g, chi2, rows = (
+            np.diag([0.0] * 6 + [1.0] * m),
+            np.concatenate([np.zeros(6), -errors]),
+            float(errors @ errors),
+            0,
+        )
         for sighting in sightings:
-            residual, J, weight, _ = _residual(sighting, x)
+            residual, J, weight, _ = _residual(sighting, x, errors)
             N += J.T @ weight @ J
             g += J.T @ weight @ residual
             chi2 += float(residual @ weight @ residual)
             rows += len(residual)
-        step = np.linalg.lstsq(N[np.ix_(known, known)], g[known], rcond=1e-12)[0]
-        x[known] += step
-    covariance = np.full((6, 6), np.nan)
-    covariance[np.ix_(known, known)] = np.linalg.pinv(N[np.ix_(known, known)], rcond=1e-12, hermitian=True)
-    return x, covariance, chi2, rows - int(known.sum())
+        step = np.zeros(6 + m)
+        step[known] = np.linalg.lstsq(N[of_known], g[known], rcond=1e-12)[0]
+        x, errors = x + step[:6], errors + step[6:]
+    covariance = np.full(N.shape, np.nan)
+    covariance[of_known] = np.linalg.pinv(N[of_known], rcond=1e-12, hermitian=True)
+    return _Solved(x, errors, covariance, float(chi2), rows - int(known[:6].sum()))
 
 
 def _start(sightings: Sequence[Sighting]) -> Float64:
@@ -271,8 +308,11 @@ def _start(sightings: Sequence[Sighting]) -> Float64:
     return x
 
 
-def _residual(sighting: Sighting, x: Float64) -> tuple[Float64, Float64, Float64, Ints]:
-    """What a sighting misses of the box x, its Jacobian with x, its weights, and which values it knows."""
+def _residual(sighting: Sighting, x: Float64, errors: Float64) -> tuple[Float64, Float64, Float64, Ints]:
+    """What a sighting misses of the box, its Jacobian with box and shared errors, its weights, which values it knows.
+
+    Its weights are those of what it does not share with the others.
+    """
     order, faces = _order(sighting, x[2]), sighting.measured.shape == "face"
     expected, J = x.copy(), np.eye(6)
     if faces:
@@ -282,7 +322,8 @@ def _residual(sighting: Sighting, x: Float64) -> tuple[Float64, Float64, Float64
             out, across = direction(x[2] + side * _QUARTER), direction(x[2] + (side + 1) * _QUARTER)
             expected[:2] += x[depth] / 2 * out
             J[:2, depth], J[:2, 2] = out / 2, x[depth] / 2 * across
-    y, S = sighting.values[order].copy(), sighting.covariance[np.ix_(order, order)]
+    y, S, C = sighting.values[order].copy(), sighting.covariance[np.ix_(order, order)], sighting.common[order]
+    S = S - C @ C.T
     known = np.isfinite(y) & np.isfinite(expected)
     if sighting.measured.shape == "irregular":
         known[:5] = False  # its readings are those of the near side
@@ -291,13 +332,13 @@ def _residual(sighting: Sighting, x: Float64) -> tuple[Float64, Float64, Float64
         if np.isnan(sighting.values[4]):  # an end is hidden: only the line counts
             T = np.eye(6)
             T[:2, :2] = [direction(x[2] + side * _QUARTER), direction(x[2] + (side + 1) * _QUARTER)]
-            y, expected, J, S = T @ np.nan_to_num(y), T @ np.nan_to_num(expected), T @ J, T @ S @ T.T
+            y, expected, J, S, C = T @ np.nan_to_num(y), T @ np.nan_to_num(expected), T @ J, T @ S @ T.T, T @ C
             known[1] = False
-    residual = y - expected
+    residual = y - expected - C @ errors
     residual[2] = wrap_rad(residual[2], _QUARTER)
     weight = np.linalg.inv(S[np.ix_(known, known)])
     J = np.where(np.isfinite(x), J[known], 0)
-    return residual[known], J, weight, np.flatnonzero(known)
+    return residual[known], np.hstack([J, C[known]]), weight, np.flatnonzero(known)
 
 
 def _order(sighting: Sighting, yaw: float) -> Ints:
@@ -321,8 +362,9 @@ def _side(sighting: Sighting, yaw: float) -> int:
     return round((_outward(sighting) - yaw) / _QUARTER) % 4
 
 
-def _fused(kept: Sequence[Sighting], x: Float64, covariance: Float64) -> MeasuredObject:
+def _fused(kept: Sequence[Sighting], solved: _Solved) -> MeasuredObject:
     """The fused object: its length the longer side, its outline made from what is known."""
+    x, covariance = solved.x, solved.covariance[:6, :6]
     shapes = [s.measured.shape for s in kept]
     if len(kept) == 1:
         S = kept[0].covariance
@@ -335,9 +377,10 @@ def _fused(kept: Sequence[Sighting], x: Float64, covariance: Float64) -> Measure
         yaw = x[2] + _QUARTER
     elif shape == "box" and np.nan_to_num(x[4], nan=-1) > np.nan_to_num(x[3], nan=-1):
         order, yaw = _TURNED_ORDER, x[2] + _QUARTER
-    size, S = x[order][3:], covariance[np.ix_(order, order)]
     if shape == "circle":
-        size, S = x[[3, 3, 5]], S[np.ix_([0, 1, 2, 3, 3, 5], [0, 1, 2, 3, 3, 5])]
+        order = _CIRCLE_ORDER
+    size, S, common = x[order][3:], covariance[np.ix_(order, order)], solved.common[order][3:]
+    if shape == "circle":
         outline = x[:2] + x[3] / 2 * np.stack([direction(a) for a in np.arange(_RING) * np.pi / (_RING / 2)])
     elif shape == "irregular":
         outline = max((s.measured.outline_mm for s in kept if s.measured.shape == shape), key=len)
@@ -352,6 +395,7 @@ def _fused(kept: Sequence[Sighting], x: Float64, covariance: Float64) -> Measure
             outline = x[:2] + size[1] / 2 * np.array([-direction(yaw), direction(yaw)])
     told = {name: why for s in kept for name, why in s.measured.reasons.items()}
     unknown = [name for name, value in zip(SIZE_NAMES, size, strict=True) if np.isnan(value)]
+    wide = [name for name, variance in zip(SIZE_NAMES, np.diag(S)[3:], strict=True) if variance >= UNSURE_MM**2]
     round_ = shape == "circle"
     return MeasuredObject(
         shape=shape,
@@ -364,16 +408,19 @@ def _fused(kept: Sequence[Sighting], x: Float64, covariance: Float64) -> Measure
         outline_mm=outline,
         sources={f"station {s.name}": s.measured.sources["lines"] for s in kept if "lines" in s.measured.sources},
         reasons={name: told.get(name, Why(_NOBODY_SAW[name])) for name in unknown},
+        unsure={name: why for s in kept for name, why in s.measured.unsure.items() if name in wide},
+        common_mm=np.where(np.isnan(size)[:, None], 0.0, common),
     )
 
 
-def _conflict(out: Sighting, fused: MeasuredObject, x: Float64, covariance: Float64) -> str:
+def _conflict(out: Sighting, fused: MeasuredObject, solved: _Solved) -> str:
     """Say by what a sighting differs most, with both values."""
     if "circle" in (out.measured.shape, fused.shape) and out.measured.shape != fused.shape:
         return f"station {out.name} sees a {out.measured.shape}, the others a {fused.shape}"
-    residual, J, weight, which = _residual(out, x)
-    S = np.linalg.inv(weight) + J @ np.nan_to_num(covariance) @ J.T
-    rows = np.flatnonzero(np.abs(J).max(axis=1) > 0)
+    x = solved.x
+    residual, J, weight, which = _residual(out, x, solved.errors)
+    S = np.linalg.inv(weight) + J @ np.nan_to_num(solved.covariance) @ J.T
+    rows = np.flatnonzero(np.abs(J[:, :6]).max(axis=1) > 0)
     worst = int(rows[np.argmax(np.abs(residual[rows]) / np.sqrt(np.diag(S)[rows]))])
     k = int(which[worst])
     unit = 180 / np.pi if k == 2 else 1.0

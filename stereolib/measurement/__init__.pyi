@@ -6,10 +6,10 @@ from .floor import Floor, FloorLimits, fit_floor, floor_from_pose, floor_toleran
 from .height_attempt import HeightAttempt, attempt_height, attempt_standing, corner_width_mm
 from .instrument import Instrument, SystematicUncertainty, save_laser_pose
 from .laser_on_floor import LaserOnFloor
-from .measure import Measurement, measure_objects, measure_standing
-from .measured_object import SIZE_NAMES, MeasuredObject
+from .measure import Measurement, disagreement, measure_objects, measure_standing
+from .measured_object import SIZE_NAMES, UNSURE_MM, MeasuredObject
 from .missing_floor import FLOOR_BY_HAND, NoFloor, find_floor, why_no_floor
-from .overlay import OBJECT_RGB, draw_length, draw_objects
+from .overlay import OBJECT_RGB, add_caption, draw_length, draw_objects
 from .plane_alignment import AlignedPair, CannotMeasure
 from .reasons import Reason, Source, Why
 from .regions import ObjectRegion, find_objects
@@ -21,6 +21,7 @@ __all__ = [
     "FLOOR_BY_HAND",
     "OBJECT_RGB",
     "SIZE_NAMES",
+    "UNSURE_MM",
     "AlignedPair",
     "Between",
     "Box",
@@ -44,11 +45,13 @@ __all__ = [
     "SystematicUncertainty",
     "Views",
     "Why",
+    "add_caption",
     "add_outliers",
     "attempt_height",
     "attempt_standing",
     "check_disparity_map",
     "corner_width_mm",
+    "disagreement",
     "draw_length",
     "draw_objects",
     "find_floor",

@@ -26,7 +26,7 @@ from stereolib.measurement.plane_alignment import CannotMeasure
 from stereolib.measurement.reasons import NOT_STANDING, Reason, Source, Why
 from stereolib.measurement.regions import OBJECTS_WITHIN_MM, ObjectRegion
 from stereolib.measurement.scanned import scan_observations, scanned_box
-from stereolib.measurement.scene_solver import Priors, Seen, Solution
+from stereolib.measurement.scene_solver import COMMON_ERRORS, Priors, Seen, Solution
 from stereolib.measurement.standing import Standing, see_standing
 from stereolib.measurement.views import Views
 
@@ -39,6 +39,10 @@ _LIKELY = 0.5  # probability from which something is said to have moved
 _LEAST_BEAMS = 2  # in the left picture: one may be a neighbour's
 _CONTRADICTION = 2.2  # standard deviations, as `Solution.misfits` counts: an end lies within 1.6 of its two beams
 _FOLLOWED = 0.9  # share of what was followed of a face that is surely its own
+_PAIR_ALONE = (
+    "its sizes come from the pair alone. Were both taken at one moment, with nothing touching it? If this is said of "
+    "many objects, the laser has moved: run calibrate-laser again"
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,9 +136,11 @@ def measure_standing(standing: Standing, scan: LaserScan | None) -> Measurement:
     warnings += [no_object] if no_object else []
     scene = _Scene(standing, bool(footprints), priors.laser.points_mm(walls_mm))
     things, unlike = scene.things(footprints)
-    judged, things, apart = scene.solved(things)
-    judged, things, elsewhere = scene.without_phantoms(judged, things, len(apart))
-    objects = sorted(scene.measured(judged, things), key=lambda thing: float(np.hypot(*thing.position_mm)))
+    judged, things = scene.solved(things)
+    judged, things, elsewhere = scene.without_phantoms(judged, things, sum(thing.disagrees for thing in things))
+    found = scene.measured(judged, things)
+    apart = [f"{disagreement(item)}: {_PAIR_ALONE}" for item, t in zip(found, things, strict=True) if t.disagrees]
+    objects = sorted(found, key=lambda thing: float(np.hypot(*thing.position_mm)))
     if not objects:
         reach = f"{OBJECTS_WITHIN_MM / 1000:g} m of the cameras or {_SCAN_REACH_M} m of the laser"
         warnings.append(f"nothing stands on the floor within {reach}")
@@ -143,6 +149,20 @@ def measure_standing(standing: Standing, scan: LaserScan | None) -> Measurement:
     warnings += [*unlike, *apart, *elsewhere, *_said_of_the_rig(views, judged, _nearest_mm(judged, things), instrument)]
     pictures = views.left, views.right, views.disparity_px
     return Measurement(tuple(objects), tuple(warnings), standing.floor, laser, readings, *pictures)
+
+
+def disagreement(item: MeasuredObject) -> str:
+    """Say that scan and pair disagree about an object, told by its place.
+
+    Parameters
+    ----------
+    item : MeasuredObject
+
+    Returns
+    -------
+    str
+    """
+    return f"scan and pair disagree about the object {np.hypot(*item.position_mm):.0f} mm away"
 
 
 def _scanned(scan: LaserScan, bias_mm: float) -> tuple[list[Footprint], Float64, str]:
@@ -159,7 +179,10 @@ def _scanned(scan: LaserScan, bias_mm: float) -> tuple[list[Footprint], Float64,
 
 @dataclass(frozen=True, eq=False)
 class _Thing:
-    """One object before the least squares: what pictures and scan show of it, and why the pictures show no box."""
+    """One object before the least squares: what pictures and scan show of it, and why the pictures show no box.
+
+    Where both disagree, the scan is left out.
+    """
 
     pictured: Pictured | None = None
     region: ObjectRegion | None = None
@@ -167,6 +190,7 @@ class _Thing:
     why: Why | None = None
     seen: Seen | None = None
     scanned: bool = False
+    disagrees: bool = False
 
     @property
     def is_round(self) -> bool:
@@ -222,9 +246,9 @@ class _Scene:
         why = thing.why or _why_unseen(thing.footprint, self.standing)
         return replace(thing, seen=seen, why=why, scanned=seen is not None, pictured=None)
 
-    def solved(self, things: list[_Thing]) -> tuple[Judged, list[_Thing], list[str]]:
-        """The least squares, without the scan of what contradicts the pair; and what is said of it."""
-        judged, kept, warnings = self._judged(things), list[_Thing](), list[str]()
+    def solved(self, things: list[_Thing]) -> tuple[Judged, list[_Thing]]:
+        """The least squares, without the scan of what contradicts the pair."""
+        judged, kept = self._judged(things), list[_Thing]()
         numbers = _numbers(things)
         for thing in things:
             k = numbers.get(id(thing))
@@ -234,13 +258,10 @@ class _Scene:
             scanned = not _contradicts(thing.pictured, thing.seen, judged.solution, k)
             agree = tuple(o for o in thing.seen.observations if scanned or not o.of_scan)
             seen = Seen(judged.solution.boxes[k], agree, judged.solution.shared)
-            kept.append(replace(thing, seen=seen, scanned=scanned))
-            if not scanned:
-                where = f"{np.hypot(*thing.seen.start[[Own.X, Own.Y]]):.0f} mm away"
-                warnings.append(f"scan and pair disagree about the object {where}: its sizes come from the pair alone")
+            kept.append(replace(thing, seen=seen, scanned=scanned, disagrees=not scanned))
         count = [len(t.seen.observations) if t.seen else 0 for t in things]
         changed = count != [len(t.seen.observations) if t.seen else 0 for t in kept]
-        return (self._judged(kept) if changed else judged), kept if changed else things, warnings
+        return (self._judged(kept) if changed else judged), kept if changed else things
 
     def without_phantoms(
         self, judged: Judged, things: list[_Thing], disagreements: int
@@ -273,15 +294,17 @@ class _Scene:
         facts = self._facts(solution, thing, number)
         if number is not None and not thing.is_round:
             return from_box(solution, number, facts)
-        height = (np.nan, np.nan)
+        height, common = (np.nan, np.nan), np.zeros((3, COMMON_ERRORS))
         if number is not None:
             box = from_box(solution, number, facts)
-            height = (float(box.size_mm[2]), float(box.std_mm[2]))
+            height, common[2] = (float(box.size_mm[2]), float(box.std_mm[2])), box.common_mm[2]
         if thing.footprint is not None and (thing.why is None or thing.why.reason not in NOT_STANDING):
             laser = self.priors.laser.moved(*solution.laser)
-            return from_scan(thing.footprint, laser, height, facts.reasons)
-        assert thing.region is not None
-        return from_region(thing.region, height, facts.reasons)
+            found = from_scan(thing.footprint, laser, height, facts.reasons)
+        else:
+            assert thing.region is not None
+            found = from_region(thing.region, height, facts.reasons)
+        return replace(found, common_mm=common)
 
     def _facts(self, solution: Solution, thing: _Thing, number: int | None) -> BoxFacts:
         """What is told of an object besides its sizes."""

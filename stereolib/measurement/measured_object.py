@@ -15,14 +15,17 @@ from stereolib.laser import Footprint
 from stereolib.measurement.agreement import Past
 from stereolib.measurement.box import Box, Edge, Numbers, Own, Shared, Side, derivatives
 from stereolib.measurement.laser_on_floor import LaserOnFloor
-from stereolib.measurement.reasons import Reason, Source, Why
+from stereolib.measurement.reasons import UNSURE, Reason, Source, Why
 from stereolib.measurement.regions import ObjectRegion
-from stereolib.measurement.scene_solver import Solution
+from stereolib.measurement.scene_solver import COMMON_ERRORS, Solution
 
 Height = tuple[float, float]  # and its standard deviation, mm
 #: What `MeasuredObject.size_mm` holds, in its order.
 SIZE_NAMES = ("length", "width", "height")
 _WORST_STD = 0.05  # share of a side: one whose standard deviation is larger is not reported
+#: A size that is known no better is told with what makes it so.
+UNSURE_MM = 5.0
+_UNSURE_SHARE = 0.5  # of its variance, which one kind of observation must give to be named
 _CIRCLE_CORNERS = 24
 _TOPS = (Edge.TOP_RIGHT, Edge.TOP_LEFT)
 _SIDES = (Side.RIGHT, Side.LEFT)
@@ -56,6 +59,12 @@ class MeasuredObject:
         Why ``"length"``, ``"width"`` or ``"height"`` is unknown, or the whole ``"object"`` not measured.
     scan_share : float
         Share of what is known of the faces' lines that the scan gave, 0..1.
+    common_mm : (3, 6) float64
+        What `size_mm` is off for one standard deviation of each error that other pairs of the same calibration share;
+        ``common_mm @ common_mm.T`` is a part of `covariance`. 0 where that is unknown.
+    unsure : dict of str
+        Of ``"length"``, ``"width"`` and ``"height"`` those that are known to 5 mm only, or worse: what makes most of
+        that, and what helps; missing where no one thing does.
     """
 
     shape: str
@@ -69,6 +78,8 @@ class MeasuredObject:
     sources: dict[str, Source] = field(default_factory=dict)
     reasons: dict[str, Why] = field(default_factory=dict)
     scan_share: float = 0.0
+    common_mm: Float64 = field(default_factory=lambda: np.zeros((len(SIZE_NAMES), COMMON_ERRORS)))
+    unsure: dict[str, str] = field(default_factory=dict)
 
     @property
     def std_mm(self) -> Float64:
@@ -78,14 +89,26 @@ class MeasuredObject:
     @property
     def volume_l(self) -> tuple[float, float]:
         """Volume and its standard deviation, litres; NaN if a size is unknown."""
+        volume, slope = self.volume_slope
+        return volume, self._std(slope)
+
+    @property
+    def volume_slope(self) -> tuple[float, Float64]:
+        """Volume, litres, and its derivatives with `size_mm`, (3,)."""
         length, width, height = self.size_mm
-        base = np.pi / 4 if self.shape == "circle" else 1.0
+        base = (np.pi / 4 if self.shape == "circle" else 1.0) / 1e6
         gradient = base * np.array([width * height, length * height, length * width])
-        return base * float(length * width * height) / 1e6, self._std(gradient) / 1e6
+        return base * float(length * width * height), gradient
 
     @property
     def surface_m2(self) -> tuple[float, float]:
         """Area of the sides and the top, and its standard deviation, m^2; NaN if a size is unknown."""
+        area, slope = self.surface_slope
+        return area, self._std(slope)
+
+    @property
+    def surface_slope(self) -> tuple[float, Float64]:
+        """Area of the sides and the top, m^2, and its derivatives with `size_mm`, (3,)."""
         length, width, height = self.size_mm
         if self.shape == "circle":
             area = np.pi * (length * height + length * width / 4)
@@ -93,7 +116,7 @@ class MeasuredObject:
         else:
             area = 2 * (length + width) * height + length * width
             gradient = np.array([2 * height + width, 2 * height + length, 2 * (length + width)])
-        return float(area) / 1e6, self._std(gradient) / 1e6
+        return float(area) / 1e6, gradient / 1e6
 
     def _std(self, gradient: Float64) -> float:
         return float(np.sqrt(gradient @ self.covariance @ gradient))
@@ -150,6 +173,8 @@ def from_box(solution: Solution, box: int, facts: BoxFacts, *, worst_std: float 
     size, covariance = np.full(3, np.nan), np.full((3, 3), np.nan)
     size[known] = sizes[named[known]]
     covariance[np.ix_(known, known)] = spread[np.ix_(named[known], named[known])]
+    common = np.zeros((3, COMMON_ERRORS))
+    common[known] = (J[:3] @ solution.common_of_box(box))[named[known]]
     longest = sides[0] if sides else int(np.argmin(std[:2] / sizes[:2]))
     place = slice(3, 5) if whole else slice(5 + 2 * longest, 7 + 2 * longest)
     turn, is_right = len(Shared) + Own.TURN, _SIDES[longest] is Side.RIGHT
@@ -166,6 +191,8 @@ def from_box(solution: Solution, box: int, facts: BoxFacts, *, worst_std: float 
         sources=facts.sources,
         reasons={SIZE_NAMES[name]: reasons[k] for name, k in enumerate(named) if k in reasons} | facts.reasons,
         scan_share=facts.scan_share,
+        common_mm=common,
+        unsure={SIZE_NAMES[name]: text for name in known if (text := _why_unsure(solution, box, named[name]))},
     )
 
 
@@ -191,6 +218,18 @@ def _why(size: int, facts: BoxFacts, value: float, std: float, worst_std: float)
     if Past.HIDDEN in shown:
         return Why(Reason.HIDDEN)
     return Why(Reason.TOO_UNCERTAIN, f"{value:.0f} ± {std:.0f} mm")
+
+
+def _why_unsure(solution: Solution, box: int, size: int) -> str:
+    """What makes most of the variance of a size (0 right side, 1 left side, 2 height); "" where it is small."""
+    at = len(Shared) + len(Own) * box + (Own.RIGHT, Own.LEFT, Own.HEIGHT)[size]
+    variance = float(solution.covariance[at, at])
+    if variance < UNSURE_MM**2:
+        return ""
+    kind, most = max(((kind, float(parts[at])) for kind, parts in solution.given.items()), key=lambda part: part[1])
+    if most < _UNSURE_SHARE * variance:
+        return ""
+    return UNSURE.get(kind, "")
 
 
 def _sizes_and_places(x: Numbers) -> Numbers:

@@ -20,6 +20,7 @@ _FAINT = 0.1375  # share of the picture that shines through the boxes' lines
 _LEAST_AHEAD_MM = 100.0  # nearer readings are not drawn: they project to anywhere
 _FAR_PX = 1e4  # what projects farther from the picture is not drawn: OpenCV's coordinates overflow
 _FONT, _FONT_SCALE = cv2.FONT_HERSHEY_SIMPLEX, 0.7
+_CAPTION_SCALE, _MARGIN_PX = 0.5, 6  # of a text below the picture, and around it
 
 
 def size_text(measured: MeasuredObject) -> str:
@@ -121,6 +122,27 @@ def draw_length(left: UInt8, pixels: Sequence[tuple[float, float]], text: str) -
         cv2.drawMarker(picture, end, OBJECT_RGB[1][::-1], cv2.MARKER_CROSS, 15, 2, cv2.LINE_AA)
     _label(picture, text, np.tile(ends.mean(axis=0), (2, 1)), OBJECT_RGB[0][::-1], [])
     return picture
+
+
+def add_caption(picture: UInt8, text: str) -> UInt8:
+    """Add a line of text below a picture, whose own pixels stay where they are.
+
+    Parameters
+    ----------
+    picture : (H, W, 3) uint8
+    text : str
+        Shrunk to the picture's width.
+
+    Returns
+    -------
+    (H + h, W, 3) uint8
+    """
+    (wide, high), low = cv2.getTextSize(text, _FONT, 1.0, 1)
+    width = picture.shape[1]
+    scale = min(_CAPTION_SCALE, (width - 2 * _MARGIN_PX) / wide)
+    strip = np.full((round((high + low) * scale) + 2 * _MARGIN_PX, width, 3), 255, np.uint8)
+    cv2.putText(strip, text, (_MARGIN_PX, _MARGIN_PX + round(high * scale)), _FONT, scale, _LABEL_COLOR, 1, cv2.LINE_AA)
+    return np.vstack([picture, strip])
 
 
 def _pixels(floor: Floor, points_mm: Float64, z_mm: float) -> Float64:

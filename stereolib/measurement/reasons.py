@@ -70,5 +70,16 @@ class Source(Enum):
         return self.value
 
 
+#: Why a size is unsure, by the kind of observation that gave most of its variance, and what helps.
+UNSURE = {
+    "floor": "the floor is known no better: let the pictures show more of it, or give it (measure --floor)",
+    "laser": "the laser's place is known no better: run calibrate-laser with more poses",
+    "cameras": "the calibration knows the cameras no better: take more pairs of the board, where this stands",
+    "PlaneSeen": "the pictures tell too little of how its faces stand: go nearer, light or texture it",
+    "EdgeSeen": "its edges are seen too small or too faintly in the pictures: go nearer, change light or background",
+    "RangesSeen": "few readings of the laser, or far ones, tell where its faces stand: go nearer, turn a face to it",
+    "EndBetweenBeams": "the laser alone tells an end, somewhere between two beams: go nearer, or turn the rig so that "
+    "both cameras see it",
+}
 #: Reasons for which neither pictures nor scan tell any size.
 NOT_STANDING = (Reason.IN_THE_AIR, Reason.LEANS)

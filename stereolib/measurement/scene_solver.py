@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
+from scipy.linalg import block_diag
 from scipy.optimize import least_squares
 
 from stereolib.base import Bools, Float64, Ints
@@ -26,6 +27,9 @@ _TOLERANCE = 1e-4  # relative: a hundredth of a standard deviation at most
 _MOST_STEPS = 40
 _LASER = slice(Shared.LASER_X, Shared.LASER_YAW + 1)
 _CAMERAS = slice(Shared.OFFSET, None)
+#: What errs alike in all pairs of one calibration: the laser's pose, and of the cameras all but the rows' offset.
+_COMMON = [0, 1, 2, 3, 5, 6]  # of the laser's three and the cameras' four
+COMMON_ERRORS = len(_COMMON)
 _STEPS = 1j * COMPLEX_STEP * np.eye(len(Shared) + len(Own))
 _FLOOR_ROUNDING = np.array([1e-5, 1e-5, 1e-3])  # of a floor's plane: one that is given is known so well at most
 #: What the parameters are off at first, at most: the first step goes no farther.
@@ -71,6 +75,17 @@ class Priors:
         floor = self.floor.covariance + np.diag(_FLOOR_ROUNDING**2)
         return whitening(self.laser.covariance), whitening(floor), whitening(self.cameras)
 
+    @property
+    def common(self) -> Float64:
+        """How many of the residuals' standard deviations each error is that all pairs of a calibration share. (7, 6).
+
+        For one standard deviation of each: columns of the covariance's symmetric root, so that they mean the same in
+        every pair; rows are the residuals of laser and cameras.
+        """
+        laser, _, cameras = self.roots
+        both = block_diag(laser.T @ _root(self.laser.covariance), cameras.T @ _root(self.cameras))
+        return np.asarray(both[:, _COMMON])
+
     def residuals(self, shared: Numbers, world: World) -> Numbers:
         """Shared parameters minus what is known of them, and the floor, in standard deviations: (..., 10).
 
@@ -115,6 +130,9 @@ class Solution:
     given : dict
         What of the variances (10 + 8 n,) comes from ``"floor"``, ``"laser"``, ``"cameras"``, and from each kind of
         observation, by the name of its class: they add up to the covariance's diagonal.
+    common : (10 + 8 n, 6) float64
+        What all are off for one standard deviation of each error that other pairs of the same calibration share
+        (`Priors.common`): ``common @ common.T`` is a part of the covariance.
     """
 
     shared: Float64
@@ -125,6 +143,7 @@ class Solution:
     misfits: tuple[Float64, ...]
     excess: float
     given: dict[str, Float64]
+    common: Float64
 
     @property
     def laser(self) -> Float64:
@@ -144,6 +163,10 @@ class Solution:
         """Shared and own parameters of a box in one vector (18,), and their covariance (18, 18)."""
         at = _places(box)
         return np.concatenate([self.shared, self.boxes[box]]), self.covariance[np.ix_(at, at)]
+
+    def common_of_box(self, box: int) -> Float64:
+        """`common` of the parameters of `of_box`. (18, 6)."""
+        return self.common[_places(box)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,10 +230,18 @@ def solve(priors: Priors, seen: Sequence[Seen], *, tolerance: float = _TOLERANCE
     volume = float(np.log(scale).sum() - 0.5 * np.linalg.slogdet(precision)[1])
     boxes = tuple(x[_places(k)[len(Shared) :]] for k in range(len(seen)))
     given = problem.sorted_by_kind(weight * (covariance @ J.T) ** 2)
+    known = slice(Shared.LASER_X, len(Shared))  # residuals of laser and cameras stand where their parameters do
+    common = (covariance @ J[known].T * np.sqrt(weight[known])) @ priors.common
     cost, of_scan = 0.5 * (rho - 1), problem.of_scan
     excess = sum(max(float(cost[some].sum()), 0.0) for some in (of_scan, problem.robust & ~of_scan))
     misfits = problem.misfits(rho)
-    return Solution(x[: len(Shared)], boxes, covariance, float(found.cost), volume, misfits, excess, given)
+    return Solution(x[: len(Shared)], boxes, covariance, float(found.cost), volume, misfits, excess, given, common)
+
+
+def _root(covariance: Float64) -> Float64:
+    """The symmetric root of a covariance."""
+    values, vectors = np.linalg.eigh(covariance)
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)) @ vectors.T)
 
 
 def _places(box: int) -> Ints:

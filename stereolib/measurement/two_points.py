@@ -38,11 +38,14 @@ class SurfacePoint:
         Column and row in the rectified left picture, px.
     disparity_px, std_px : float
         Of the surface there, and its standard deviation.
+    name : str
+        What errors call it; by default its pixel in the rectified picture.
     """
 
     pixel: Float64
     disparity_px: float
     std_px: float
+    name: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +74,7 @@ class Between:
         return self.points_mm[:, 2]
 
 
-def find_surface(views: Views, disparity_px: Float32, pixel: npt.ArrayLike) -> SurfacePoint:
+def find_surface(views: Views, disparity_px: Float32, pixel: npt.ArrayLike, name: str = "") -> SurfacePoint:
     """Find the surface at a pixel: the nearer one, at an outline.
 
     Parameters
@@ -81,6 +84,8 @@ def find_surface(views: Views, disparity_px: Float32, pixel: npt.ArrayLike) -> S
         Of its left picture, as `match_views` finds it, px; NaN where nothing was matched.
     pixel : (2,) array_like, px
         Column and row in the rectified left picture.
+    name : str
+        What errors call it; by default this pixel.
 
     Returns
     -------
@@ -105,9 +110,11 @@ def find_surface(views: Views, disparity_px: Float32, pixel: npt.ArrayLike) -> S
     at = np.asarray(pixel, np.float64)
     height, width = disparity_px.shape
     u, v = (int(np.rint(c)) if np.isfinite(c) else -1 for c in at)
+    where = name or _rectified_name(at)
     if not (0 <= u < width and 0 <= v < height):
-        raise ValueError(f"pixel {at[0]:.0f},{at[1]:.0f} is outside the picture of {width}x{height}, once rectified")
-    where = f"pixel {u},{v} of the rectified picture"
+        raise ValueError(
+            f"{where} is outside what is left of the picture once it is rectified: choose one farther inside"
+        )
     near = disparity_px[_around(v, _NEAREST_PX, height), _around(u, _NEAREST_PX, width)]
     if not np.isfinite(near).any():
         raise ValueError(f"nothing was matched at {where}: choose one with texture that both cameras see")
@@ -123,7 +130,11 @@ def find_surface(views: Views, disparity_px: Float32, pixel: npt.ArrayLike) -> S
     std = float(np.sqrt(fit.covariance[2, 2] + (found - best.parameters[2]) ** 2 + _LEAST_STD_PX**2))
     if not std < _MOST_STD_PX:
         raise ValueError(f"{where}: too little texture around it to tell its depth: choose another one, or more light")
-    return SurfacePoint(at, found, std)
+    return SurfacePoint(at, found, std, name)
+
+
+def _rectified_name(at: Float64) -> str:
+    return f"pixel {at[0]:g},{at[1]:g} of the rectified left picture"
 
 
 class _Plane(NamedTuple):
@@ -187,10 +198,8 @@ def measure_between(
     """
     for point in (one, other):
         if not point.disparity_px > 0:
-            u, v = point.pixel
-            raise ValueError(
-                f"pixel {u:.0f},{v:.0f} has a disparity of {point.disparity_px:.1f} px: too far to measure"
-            )
+            where = point.name or _rectified_name(point.pixel)
+            raise ValueError(f"{where} has a disparity of {point.disparity_px:.1f} px: too far to measure")
     known = (uncertainty or SystematicUncertainty()).covariance
     K = rectified.P1[:, :3]
 
@@ -212,15 +221,19 @@ def measure_between(
     return Between(points(at), at[[2, 5]], length(at), float(np.sqrt(slope @ covariance @ slope)))
 
 
-def length_between(left: UInt8, right: UInt8, pixels: npt.ArrayLike, instrument: Instrument) -> Between:
+def length_between(
+    left: UInt8, right: UInt8, pixels: npt.ArrayLike, instrument: Instrument, *, is_rectified: bool = False
+) -> Between:
     """Measure what lies between two pixels of a pair as the cameras gave it.
 
     Parameters
     ----------
     left, right : (H, W) or (H, W, 3) uint8
     pixels : (2, 2) array_like, px
-        Columns and rows in the left picture.
+        Columns and rows in the left picture, as the camera gave it.
     instrument : Instrument
+    is_rectified : bool
+        The pixels are those of the rectified left picture.
 
     Returns
     -------
@@ -229,12 +242,20 @@ def length_between(left: UInt8, right: UInt8, pixels: npt.ArrayLike, instrument:
     Raises
     ------
     ValueError
-        As `find_surface` and `measure_between`; or if pictures and calibration do not fit together.
+        As `find_surface` and `measure_between`, naming pixels as they were given; if one is outside the left picture,
+        or pictures and calibration do not fit together.
     """
-    rectified = instrument.rectified
+    rectified, given = instrument.rectified, np.asarray(pixels, np.float64)
+    frame = "rectified left picture" if is_rectified else "left picture"
+    width, height = rectified.size if is_rectified else left.shape[1::-1]
+    names = [f"pixel {column:g},{row:g} of the {frame}" for column, row in given]
+    for column, row in given:
+        if not (-0.5 <= column < width - 0.5 and -0.5 <= row < height - 0.5):
+            raise ValueError(f"pixel {column:g},{row:g} is outside the {frame}, which is {width}x{height}")
+    ends = given if is_rectified else rectified.rectify_points(given, "left")
     views = Views.of(left, right, rectified)
     map_px = match_views(views)
-    one, other = (find_surface(views, map_px, at) for at in rectified.rectify_points(pixels, "left"))
+    one, other = (find_surface(views, map_px, at, name) for at, name in zip(ends, names, strict=True))
     return measure_between(one, other, rectified, instrument.uncertainty)
 
 

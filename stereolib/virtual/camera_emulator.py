@@ -129,7 +129,7 @@ def show_boards(
         limits = f"1 to {_MOST_PLACES} places and up to {_MOST_FPS:g} pictures a second"
         raise ValueError(f"a show has {limits}; got {count} and {fps:g}")
     rig, webcam = rig or paper_rig(), Webcam()
-    poses = draw_board_poses(count, rng, BOARD, rig)
+    poses = draw_board_poses(count, rng, BOARD, rig, progress=progress)
     held, moved = max(1, round(held_s * fps)), max(1, round(held_s * fps * _MOVED))
     ways = list(zip(poses, [*poses[1:], poses[0]], strict=True))
     pairs = []

@@ -13,14 +13,22 @@ DISTANCES_MM = (480.0, 600.0, 740.0, 900.0)  # in turn, each varied by 8 %
 _VARIED = (0.92, 1.08)
 _MOST_TILT_RAD = np.array([0.7, 0.7, 0.35])  # about x, y and z: 40 degrees, and 20 in the image
 _RIM = 6.0 / 640  # kept clear of the image's border, share of its width
-_TRIES = 2000  # per pose
+_INSISTS = 4000  # tries at a pose's own distance, before all distances are tried in turn
+_TRIES = 2000  # of a pose, beyond these
 _OTHER_REGION_EVERY = 40  # tries, where two cameras cannot share a region at that distance
 
 
 def draw_board_poses(
-    count: int, rng: np.random.Generator, target: Checkerboard, rig: StereoRig | None = None
+    count: int,
+    rng: np.random.Generator,
+    target: Checkerboard,
+    rig: StereoRig | None = None,
+    *,
+    progress: bool = False,
 ) -> list[Float64]:
     """Draw poses of a hand-held board with good coverage: all image regions, 0.45 to 0.95 m, tilts up to 40 degrees.
+
+    A distance at which the cameras of this rig hardly ever share the board is left for another one.
 
     Parameters
     ----------
@@ -29,6 +37,8 @@ def draw_board_poses(
     target : Checkerboard
     rig : StereoRig, optional
         Default: that of Table I.
+    progress : bool
+        Show a bar if it takes more than two seconds.
 
     Returns
     -------
@@ -39,7 +49,7 @@ def draw_board_poses(
     Raises
     ------
     ValueError
-        If the board is too large for the images.
+        If the board is too large for the images, or the images have too little in common.
 
     Examples
     --------
@@ -47,23 +57,48 @@ def draw_board_poses(
     >>> T.shape
     (4, 4)
     """
+    from tqdm.auto import tqdm
+
     rig = rig or paper_rig()
     half = np.array([(n + 1) * target.square_mm / 2 + 0.5 * target.square_mm for n in (target.columns, target.rows)])
     rim = np.array([[a * half[0], b * half[1], 0.0, 1.0] for a in (-1, 0, 1) for b in (-1, 0, 1)]).T
     poses: list[Float64] = []
-    for attempt in range(_TRIES * count):
-        k = len(poses)
-        in_turn = np.array([k % 3, k // 3 % 3])  # a 3 x 3 grid of regions
-        cell = in_turn if attempt % _OTHER_REGION_EVERY else rng.integers(0, 3, 2)
-        ray = rig.left.rays((cell + rng.uniform(0, 1, 2)) / 3 * rig.left.size, clamp=True)[0]
-        facing = _euler(*rng.uniform(-_MOST_TILT_RAD, _MOST_TILT_RAD)) @ np.diag([1.0, -1.0, -1.0])
-        T = rigid(facing, ray * DISTANCES_MM[k % 4] * rng.uniform(*_VARIED))
-        views = (c.project((M @ rim)[:3].T) for c, M in ((rig.left, T), (rig.right, rigid(rig.R, rig.T) @ T)))
-        if all(_inside(pixels, rig.left) for pixels in views):
-            poses.append(T)
-        if len(poses) == count:
-            return poses
-    raise ValueError(f"only {len(poses)} of {count} poses keep the {target} inside both images: use a smaller board")
+    attempt, misses = 0, 0  # of all poses, of this one
+    given_up: set[int] = set()  # distances that are insisted on no more
+    with tqdm(
+        total=count, desc="places for the board", unit="place", delay=2, disable=not progress, leave=False
+    ) as bar:
+        while (k := len(poses)) < count:
+            own = k % len(DISTANCES_MM)
+            in_turn = np.array([k % 3, k // 3 % 3])  # a 3 x 3 grid of regions
+            cell = in_turn if attempt % _OTHER_REGION_EVERY else rng.integers(0, 3, 2)
+            ray = rig.left.rays((cell + rng.uniform(0, 1, 2)) / 3 * rig.left.size, clamp=True)[0]
+            facing = _euler(*rng.uniform(-_MOST_TILT_RAD, _MOST_TILT_RAD)) @ np.diag([1.0, -1.0, -1.0])
+            at = (own + misses) % len(DISTANCES_MM) if own in given_up else own
+            T = rigid(facing, ray * DISTANCES_MM[at] * rng.uniform(*_VARIED))
+            views = (c.project((M @ rim)[:3].T) for c, M in ((rig.left, T), (rig.right, rigid(rig.R, rig.T) @ T)))
+            attempt += 1
+            if all(_inside(pixels, rig.left) for pixels in views):
+                poses.append(T)
+                misses = 0
+                bar.update()
+                continue
+            misses += 1
+            if misses == _INSISTS:
+                given_up.add(own)
+            elif misses == _INSISTS + _TRIES:
+                raise ValueError(_too_large(target, rig, k, count))
+    return poses
+
+
+def _too_large(target: Checkerboard, rig: StereoRig, found: int, count: int) -> str:
+    """What is wrong where no pose is found."""
+    board = f"a board of {target.columns}x{target.rows} corners and squares of {target.square_mm:g} mm"
+    near, far = DISTANCES_MM[0] / 1000, DISTANCES_MM[-1] / 1000
+    return (
+        f"{board} is inside both pictures ({rig.left.size[0]}x{rig.left.size[1]}) in only {found} of {count} places, "
+        f"{near:.1f} to {far:.1f} m away: use a smaller board, or cameras that see more in common"
+    )
 
 
 def _euler(x: float, y: float, z: float) -> Float64:

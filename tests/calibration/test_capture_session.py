@@ -80,6 +80,20 @@ def test_interrupted_nothing_taken_is_lost_and_it_goes_on(tmp_path: Path, source
     np.testing.assert_allclose(again.watch.views.right_px, views.right_px, atol=1e-3)
 
 
+def test_exchanged_cameras_are_told_after_the_third_pair(tmp_path: Path, sources: tuple[str, str]) -> None:
+    """They are named, and what to do with what was taken; done so, it goes on."""
+    other = session(tmp_path, (sources[1], sources[0]))
+    with pytest.raises(ValueError, match=r"^left and right are exchanged: by 3 pairs of the board, ") as told:
+        list(other.run())
+    assert f"Name {sources[0]} first, and another folder than {tmp_path}" in str(told.value)
+    with pytest.raises(ValueError, match="are exchanged"):
+        list(session(tmp_path, (sources[1], sources[0])).run())
+    (tmp_path / "left").rename(tmp_path / "between")
+    (tmp_path / "right").rename(tmp_path / "left")
+    (tmp_path / "between").rename(tmp_path / "right")
+    assert [state.name for state in session(tmp_path, sources).run() if state.name] == ["04"]
+
+
 def test_a_side_without_a_partner_is_replaced(tmp_path: Path, sources: tuple[str, str]) -> None:
     list(islice(session(tmp_path, sources, 2).run(), 12))
     (tmp_path / "right" / "02.png").unlink()

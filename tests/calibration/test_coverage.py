@@ -36,7 +36,8 @@ def test_coverage_of_a_wide_set_is_high():
     found = judge_coverage(views, fitted.turns, fitted.shifts)
     assert found.missing == ()
     assert found.distance == found.tilt == 1.0
-    assert 0.7 < found.score <= 1
+    assert 0.4 < found.image <= 1
+    assert str(found) == f"nothing is missing (the boards cover {100 * found.image:.0f} % of the images)"
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from stereolib import paper
+from stereolib import paper, plotting
 from stereolib.base import data_path
 from stereolib.cli import commands
 from stereolib.matching import stereo_pipeline
@@ -78,13 +78,15 @@ def raw(tmp_path):
     return [*(data_path(f"virtual/{NAME}_{side}.jpg") for side in ("left", "right")), "--calibration", calibration]
 
 
-def test_a_raw_pair_with_its_calibration_in_millimetres(raw, tmp_path, capsys):
-    out = tmp_path / "d.npy"
+def test_a_raw_pair_with_its_calibration_in_millimetres(raw, tmp_path, capsys, monkeypatch):
+    out, figures, show = tmp_path / "d.npy", [], plotting.show_figure
+    monkeypatch.setattr(plotting, "show_figure", lambda name, figure: figures.append(figure) or show(name, figure))
     assert run(*raw, "--pipeline", "paper", "--output", out) == 0
     found, truth, rig = np.load(out, allow_pickle=False), recordings.load_truth(NAME), recordings.rectified()
     seen = truth.visible & np.isfinite(found) & (truth.box == 1)
     assert np.isnan(found).any()  # the columns that OpenCV leaves out
     assert np.median(np.abs(found - truth.disparity_px)[seen]) < 2
+    assert "of the rectified left picture" in figures[0].axes[0].get_xlabel()  # whose pixels these are
     depth_mm = np.load(tmp_path / "d_depth_mm.npy", allow_pickle=False)
     assert depth_mm.dtype == np.float32
     true_mm = rig.f_px * rig.baseline_mm / truth.disparity_px

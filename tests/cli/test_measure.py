@@ -13,6 +13,7 @@ from support.instruments import LIDAR, RECT, SENSOR
 
 from stereolib.base import data_path
 from stereolib.cli import commands
+from stereolib.cli.calibrate_laser import _paired, place_text
 from stereolib.measurement import Instrument, draw_objects, floor_from_pose, measure_objects, save_laser_pose
 from stereolib.measurement.overlay import why_text
 from stereolib.paper import paper_rig
@@ -46,7 +47,8 @@ def test_command_prints_json_and_draws(files, capsys):
     for name in ("length", "width", "height"):
         assert cube[f"{name}_mm"] == pytest.approx(300, abs=3) and 0 < cube[f"{name}_std_mm"] < 3
     assert cube["volume_l"] == pytest.approx(27, abs=0.6) and cube["shape"] == "box"
-    assert cv2.imread(str(files / "out.png")).shape == (480, 640, 3)
+    height, width, _ = cv2.imread(str(files / "out.png")).shape
+    assert width == 640 and 490 < height < 520  # a line below it says that its pixels are rectified
     assert run(files) == 2 and "would be overwritten" in capsys.readouterr().err
     assert run(files, "--force") == 0 and "± one standard deviation" in capsys.readouterr().out
 
@@ -84,7 +86,16 @@ def test_between_two_pixels_without_a_floor(files, capsys):
     facts = json.loads(capsys.readouterr().out)
     assert facts["length_mm"] == pytest.approx(260, abs=2 * facts["std_mm"]) and 0 < facts["std_mm"] < 3
     assert np.linalg.norm(np.subtract(*facts["points_mm"])) == pytest.approx(facts["length_mm"])
-    assert run(files, "--between", *words, "--force") == 0 and "at depths of" in capsys.readouterr().out
+    assert run(files, "--between", *words, "--force") == 0 and "at depths of" in (said := capsys.readouterr().out)
+    assert "the pixels were taken for those of this picture: left, as the camera gave it" in said
+    flat = [
+        f"{u:.1f},{v:.1f}" for u, v in RECT.rectify_points([[float(x) for x in w.split(",")] for w in words], "left")
+    ]
+    assert flat != words and run(files, "--between", *flat, "--rectified", "--json", "--force") == 0
+    again = json.loads(capsys.readouterr().out)
+    assert again["length_mm"] == pytest.approx(facts["length_mm"], abs=0.3)
+    assert (facts["pixels_of"], again["pixels_of"]) == ("left, as the camera gave it", "left, rectified")
+    assert run(files, "--rectified", "--force") == 2 and "give both, or neither" in capsys.readouterr().err
     assert (
         run(files, "--between", "5,5", "9999,5", "--force") == 2
         and "outside the left picture" in capsys.readouterr().err
@@ -236,3 +247,23 @@ def test_a_thing_without_sizes_is_labelled_with_its_reason(room):
     assert nameless is measured.objects[-1] and (with_all != others).any()
     brighter = (with_all.astype(int) - others > 60).all(axis=2)
     assert brighter.sum() > 50  # letters
+
+
+def test_where_the_laser_stands_is_said_without_a_minus():
+    assert place_text(-1.2, 24.0, -5.0) == "1 mm left of, 24 mm below and 5 mm behind"
+    assert place_text(40.0, -3.0, 5.0) == "40 mm right of, 3 mm above and 5 mm before"
+
+
+def test_pictures_and_scans_are_paired_by_name_or_number_and_never_by_order(tmp_path):
+    for name in ("1.jpg", "2.jpg", "03.jpg"):
+        (tmp_path / name).write_bytes(b"")
+    scans = tmp_path / "scans"
+    scans.mkdir()
+    for name in ("scan_03.bin", "laser2.bin", "1_scan.bin"):
+        (scans / name).write_bytes(b"")
+    pictures, files = _paired(str(tmp_path), scans)
+    assert [path.name for path in pictures] == ["1.jpg", "2.jpg", "03.jpg"]
+    assert [path.name for path in files] == ["1_scan.bin", "laser2.bin", "scan_03.bin"]
+    (scans / "laser2.bin").rename(scans / "laser4.bin")
+    with pytest.raises(ValueError, match=r"3 pictures .* 3 scans .* without a partner: 2\.jpg(,| and) laser4\.bin"):
+        _paired(str(tmp_path), scans)

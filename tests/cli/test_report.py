@@ -6,6 +6,7 @@ import json
 import re
 import shutil
 
+import cv2
 import pytest
 from support.notebooks import execute_without_kernels
 
@@ -66,6 +67,29 @@ def test_report_of_a_laser_alone_leaves_out_the_rest(folder, capsys):
     assert not re.findall(r"<(?:script|link|img)[^>]*(?:src|href)=\"?https?:", page)
     assert run("report", folder) == 2
     assert "report.html, " in (error := capsys.readouterr().err) and "would be overwritten" in error
+
+
+def test_a_wrong_board_and_exchanged_cameras_are_told_before_the_report_begins(folder, capsys, monkeypatch):
+    monkeypatch.setattr(own_rig, "execute_notebooks", lambda *_, **__: pytest.fail("the report began"))
+    for name in ("01", "03", "05", "07", "09"):
+        for side in ("left", "right"):
+            picture = cv2.imread(str(data_path(f"virtual/boards/{name}_{side}.jpg")), cv2.IMREAD_GRAYSCALE)
+            cv2.imwrite(str(folder / "boards" / f"{side}{name}.png"), picture[::2, ::2])
+    text = (folder / "rig.toml").read_text().replace("# square_mm", "square_mm")
+    (folder / "rig.toml").write_text(text.replace("[9, 6]", "[10, 7]"))
+    assert run("report", folder) == 2
+    assert (
+        f"{folder / 'boards'}: none of the 5 pairs looked at first (left01.png ...) shows a board of 10x7"
+        in capsys.readouterr().err
+    )
+    (folder / "rig.toml").write_text(text)
+    for name in ("01", "03", "05", "07", "09"):
+        left, right, between = (folder / "boards" / f"{side}{name}.png" for side in ("left", "right", "between"))
+        left.rename(between)
+        right.rename(left)
+        between.rename(right)
+    assert run("report", folder) == 2
+    assert f"left and right are exchanged in {folder / 'boards'}" in capsys.readouterr().err
 
 
 @pytest.mark.slow

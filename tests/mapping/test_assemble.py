@@ -42,6 +42,33 @@ def test_five_boxes_come_out_of_five_stations():
         assert abs((thing.yaw_rad - yaw + np.pi / 2) % np.pi - np.pi / 2) < 4 * walks.STD_RAD
 
 
+@pytest.mark.parametrize("is_told", [True, False])
+def test_an_error_that_all_stations_share_is_not_averaged_away(is_told):
+    """A focal length that is wrong makes the sizes of all stations wrong alike; told apart, or taken for chance."""
+    sizes, volumes = [], []
+    true_l = sum(np.prod(walks.truth(k)[0]) for k in ORDER) / 1e6
+    for seed in range(60):
+        rng = np.random.default_rng([3, seed])
+        errors = rng.normal(size=2)
+
+        def off(thing, errors=errors):
+            common = np.zeros((3, 6))
+            common[:, 0], common[2, 1] = 0.01 * np.nan_to_num(thing.size_mm), 2.0  # 1 % of all, 2 mm of heights
+            size, covariance = thing.size_mm + common[:, :2] @ errors, thing.covariance + common @ common.T
+            return replace(thing, size_mm=size, covariance=covariance, common_mm=common * is_told)
+
+        stations = [walks.station(k, rng, scan_mm=np.zeros((0, 2))) for k in walks.SEEN]
+        found = merged([replace(each, objects=tuple(map(off, each.objects))) for each in stations])
+        for thing, k in zip(found.measured, ORDER, strict=True):
+            sizes.append((thing.size_mm - walks.truth(k)[0]) / thing.std_mm)
+        volumes.append((found.volume_l[0] - true_l) / found.volume_l[1])
+    spread = np.sqrt(np.mean(np.square(sizes))), np.sqrt(np.mean(np.square(volumes)))
+    if is_told:
+        assert spread == pytest.approx((1.0, 1.0), abs=0.2)
+    else:
+        assert spread[0] > 1.15 and spread[1] > 1.6
+
+
 def test_stated_deviations_are_those_of_the_errors():
     """Over 150 noisy walks: sizes, places and the volume's sum, in units of their own standard deviations."""
     sizes, places, volumes, surfaces = [], [], [], []

@@ -2,13 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
 from support import walks
 
-from stereolib.mapping import OCCUPIED, NothingToMap, list_stations, map_recordings, occupancy_grid
-from stereolib.measurement import Instrument, Reason, Source
+from stereolib.mapping import (
+    OCCUPIED,
+    NothingToMap,
+    RecordedMap,
+    list_stations,
+    map_recordings,
+    merge_stations,
+    occupancy_grid,
+)
+from stereolib.measurement import Instrument, LaserOnFloor, Measurement, Reason, Source, disagreement
 from stereolib.paper import paper_rig
 from stereolib.virtual import (
     Material,
@@ -56,6 +66,9 @@ def test_scans_place_pairs_and_scans_alone(walked):
     recorded = mapped(walked)
     assert [s.name for s in recorded.room.stations] == ["1", "3", "more"]
     assert recorded.left_out == {"2": "it has no scan to be placed by: give its pose"}
+    assert list(recorded.apart) == ["2"]  # what it measured is told all the same
+    tall = max(recorded.apart["2"].objects, key=lambda thing: np.nan_to_num(thing.size_mm[2]))
+    assert (np.abs(tall.size_mm - (280, 180, 380)) < 4 * tall.std_mm).all()
     c, s = np.cos(walk.POSES["room/1"][2]), np.sin(walk.POSES["room/1"][2])
     boxes = true_sizes(recorded, lambda p: np.array([[c, -s], [s, c]]) @ p + walk.POSES["room/1"][:2])
     whole = [(thing, true) for thing, true in zip(recorded.room.measured, boxes, strict=True) if thing.shape == "box"]
@@ -120,3 +133,18 @@ def test_nothing_to_map_is_said_with_its_reasons(tmp_path):
         cv2.imwrite(str(tmp_path / f"hall_{side}.png"), grey)
     with pytest.raises(NothingToMap, match=r"no station could be measured\. station hall: no floor"):
         mapped(tmp_path)
+
+
+def test_a_warning_of_an_object_has_its_station_and_what_the_map_calls_it():
+    rng = np.random.default_rng(0)
+    room = merge_stations([replace(walks.station(k, rng), name=f"at {k}") for k in walks.SEEN], rng=rng)
+    seen = room.stations[2].objects
+    said = (f"{disagreement(seen[1])}: why not", "rows are off")
+    nothing = np.zeros((1, 1), np.uint8)
+    here = LaserOnFloor(np.eye(2), np.zeros(2), np.eye(3))
+    found = Measurement(seen, said, None, here, np.zeros((0, 2)), nothing, nothing, nothing.astype(np.float32))
+    letter = room.names[(3, 0, 1, 4, 2).index(list(walks.SEEN[3])[1])]  # boxes by their distance from the origin
+    assert RecordedMap(room, {"at 3": found}, {}, (), {}).said_of("at 3") == [
+        f"station at 3: {disagreement(seen[1])} ({letter}): why not",
+        "station at 3: rows are off",
+    ]

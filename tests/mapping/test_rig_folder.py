@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -9,7 +11,7 @@ import pytest
 from stereolib.base import data_path
 from stereolib.calibration import Charuco, Checkerboard
 from stereolib.mapping import RIG_FILE, RIG_FOLDERS, load_rig_folder, tried, write_demo_file, write_rig_file
-from stereolib.measurement import Instrument
+from stereolib.measurement import Between, Instrument
 from stereolib.paper import paper_rig
 from stereolib.virtual import recordings, walk
 
@@ -135,6 +137,19 @@ def test_the_demo_rig_is_told_as_it_is():
     assert [(each.name, bool(each.left), bool(each.scan)) for each in own.stations] == [
         (str(k), True, True) for k in range(1, 6)
     ]
+
+
+def test_a_length_may_be_of_the_rectified_picture(folder):
+    fill(folder, "pairs/1_left.png", "pairs/1_right.png")
+    length = '[[length]]\npair = "1"\nfrom = [5, 6]\nto = [7, 8]\nruler_mm = 240\n'
+    (folder / RIG_FILE).write_text(length)
+    (raw,) = load_rig_folder(folder).lengths
+    (folder / RIG_FILE).write_text(length + "rectified = true\n")
+    (flat,) = load_rig_folder(folder).lengths
+    assert (raw.is_rectified, flat.is_rectified) == (False, True) and raw.pixels == flat.pixels
+    found = Between(np.zeros((2, 3)), np.zeros(2), 236.9, 1.0)
+    assert raw.told(found).endswith("-3.1 mm off, which is more than 3 standard deviations (3.0 mm)")
+    assert raw.told(replace(found, std_mm=1.1)).endswith("-3.1 mm off, within 3 standard deviations (3.3 mm)")
 
 
 def test_what_recordings_do_not_allow_is_a_reason_and_a_fault_of_ours_is_none():

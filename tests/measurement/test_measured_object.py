@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from support.boxes import EDGES, OWN, PRIORS, STILL, everything, start
+from support.boxes import EDGES, FLOOR, OWN, PRIORS, STILL, everything, pictured, start
 
 from stereolib.measurement import MeasuredObject, ObjectRegion, Reason, Why
 from stereolib.measurement.agreement import Past
 from stereolib.measurement.box import Edge, Own, Shared
 from stereolib.measurement.measured_object import BoxFacts, from_box, from_region
-from stereolib.measurement.scene_solver import Seen, Solution, solve
+from stereolib.measurement.observations import EdgeSeen
+from stereolib.measurement.reasons import UNSURE
+from stereolib.measurement.scene_solver import COMMON_ERRORS, Seen, Solution, solve
 
 OPEN = dict.fromkeys(EDGES, Past.OPEN)
 
@@ -18,7 +22,7 @@ OPEN = dict.fromkeys(EDGES, Past.OPEN)
 def solution(own=OWN, spread=None):
     covariance = np.zeros((18, 18))
     covariance[10:, 10:] = np.diag(np.full(8, 1e-6) if spread is None else np.square(spread))
-    return Solution(STILL, (own,), covariance, 0.0, 0.0, (), 0.0, {})
+    return Solution(STILL, (own,), covariance, 0.0, 0.0, (), 0.0, {}, np.zeros((len(covariance), COMMON_ERRORS)))
 
 
 def test_a_box_as_it_stands():
@@ -127,3 +131,24 @@ def test_a_cylinder_s_volume_and_surface():
         (thing.surface_m2, (2 * np.pi * r * h + np.pi * r**2) / 1e6),
     ):
         assert told[0] == pytest.approx(drawn.mean(), rel=1e-3) and told[1] == pytest.approx(drawn.std(), rel=0.02)
+
+
+def test_a_size_of_5_mm_or_worse_is_told_with_what_makes_it_so():
+    """A floor that is hardly known makes the height unsure; beams far apart make the ends so; both are computed."""
+    world = PRIORS.world(STILL)
+    sure = from_box(solve(PRIORS, [Seen(start(), everything(world))]), 0, BoxFacts(OPEN))
+    assert sure.std_mm.max() < 5 and not sure.unsure
+    rough = replace(PRIORS, floor=replace(FLOOR, covariance=200 * FLOOR.covariance))
+    high = from_box(solve(rough, [Seen(start(), pictured(world))]), 0, BoxFacts(OPEN))
+    assert high.std_mm[2] > 5 and high.unsure["height"] == UNSURE["floor"]
+    blurred = [replace(seen, std_px=3.0) if isinstance(seen, EdgeSeen) else seen for seen in pictured(world)]
+    wide = from_box(solve(PRIORS, [Seen(start(), blurred)]), 0, BoxFacts(OPEN))
+    assert wide.std_mm[0] > 5 and wide.unsure["length"] == UNSURE["EdgeSeen"]
+    many = dict.fromkeys(("EdgeSeen", "PlaneSeen", "floor"), np.full(18, 12.0))
+    spread = solution(spread=np.full(8, 6.0))
+    assert not from_box(replace(spread, given=many), 0, BoxFacts(OPEN)).unsure  # no one thing makes it
+    assert set(from_box(replace(spread, given={"laser": np.full(18, 36.0)}), 0, BoxFacts(OPEN)).unsure) == {
+        "length",
+        "width",
+        "height",
+    }

@@ -33,6 +33,36 @@ def test_what_gave_the_variance_adds_up_to_it():
     }  # fmt: skip
 
 
+def test_the_errors_in_common_are_a_part_of_the_variance_and_mean_the_same_in_every_pair():
+    """Laser and cameras but for the rows; numbers of another pair's whitening must not change what an error is."""
+    found = solve(PRIORS, [Seen(start(), everything(PRIORS.world(STILL)))])
+    no_rows = replace(PRIORS, cameras=PRIORS.cameras * np.diag([1, 1e-12, 1, 1]))
+    known = solve(no_rows, [Seen(start(), everything(PRIORS.world(STILL)))])
+    told = np.square(known.common).sum(axis=1)
+    assert told == pytest.approx(known.given["laser"] + known.given["cameras"], rel=1e-4, abs=1e-9)
+    assert (
+        0
+        < np.square(found.common[-8 + Own.HEIGHT]).sum()
+        < found.given["laser"][-8 + Own.HEIGHT] + found.given["cameras"][-8 + Own.HEIGHT]
+    )
+    other = replace(PRIORS, laser=replace(HERE, covariance=HERE.covariance + np.full((3, 3), 1e-7)))
+    assert np.abs(other.roots[0] - PRIORS.roots[0]).max() > 0.1  # its axes are others
+    again = solve(other, [Seen(start(), everything(PRIORS.world(STILL)))])
+    np.testing.assert_allclose(again.common[-8:], found.common[-8:], atol=2e-2 * np.abs(found.common[-8:]).max())
+
+
+def test_a_baseline_that_is_wrong_makes_the_box_wrong_by_its_common_part():
+    wrong = 20 * np.sqrt(PRIORS.cameras[3, 3])  # large beside where the search ends
+    true = PRIORS.world(shared(baseline=wrong))
+    priors = replace(PRIORS, floor=replace(FLOOR, plane=FLOOR.plane * (1 + wrong)))  # as the true cameras see it
+    assert np.abs(priors.residuals(shared(baseline=wrong), true)[:3]).max() < 0.1
+    found = solve(priors, [Seen(start(), pictured(true))])
+    off = found.boxes[0][SIZES] - OWN[SIZES]
+    assert np.abs(off).max() > 0.5
+    at = [len(Shared) + k for k in SIZES]
+    assert off == pytest.approx(-20 * found.common[at, -1], rel=0.05)
+
+
 def test_the_floor_s_share_is_the_derivative():
     """Against numerical derivatives of the boxes, the floor's plane moved by a part of its deviations each way."""
     seen, slopes = [Seen(start(), pictured(PRIORS.world(STILL)))], []

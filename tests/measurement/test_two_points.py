@@ -10,10 +10,12 @@ import pytest
 
 from stereolib.base import Float64
 from stereolib.measurement import (
+    Instrument,
     SurfacePoint,
     SystematicUncertainty,
     Views,
     find_surface,
+    length_between,
     match_views,
     measure_between,
 )
@@ -125,11 +127,11 @@ def test_the_calibration_widens_the_interval() -> None:
 
 def test_what_cannot_be_told() -> None:
     views, map_px, _ = seen("conditions/texture")
-    with pytest.raises(ValueError, match=r"pixel 900,10 is outside the picture of 640x480"):
+    with pytest.raises(ValueError, match=r"pixel 900,10 of the rectified left picture is outside what is left"):
         find_surface(views, map_px, (900, 10))
-    with pytest.raises(ValueError, match="outside the picture"):
+    with pytest.raises(ValueError, match="is outside what is left of the picture"):
         find_surface(views, map_px, (np.nan, 10))
-    with pytest.raises(ValueError, match="nothing was matched at pixel 300,200"):
+    with pytest.raises(ValueError, match="nothing was matched at pixel 300,200 of the rectified left picture"):
         find_surface(views, np.full_like(map_px, np.nan), (300, 200))
     lonely = np.full_like(map_px, np.nan)
     lonely[200, 300] = 50
@@ -137,5 +139,26 @@ def test_what_cannot_be_told() -> None:
         find_surface(views, lonely, (300, 200))
     for far_px in (-0.5, 0.0):
         far = SurfacePoint(np.array([10.0, 10.0]), far_px, 0.1)
-        with pytest.raises(ValueError, match=rf"pixel 10,10 has a disparity of {far_px} px: too far"):
+        with pytest.raises(
+            ValueError, match=rf"pixel 10,10 of the rectified left picture has a disparity of {far_px} px: too far"
+        ):
             measure_between(far, far, RECTIFIED)
+
+
+def test_pixels_of_either_frame_make_the_same_length_and_are_named_as_they_were_given() -> None:
+    pair, instrument = recordings.load_pair("conditions/texture"), Instrument(RECTIFIED)
+    raw = np.array([[330.0, 330.0], [332.0, 200.0]])
+    flat = RECTIFIED.rectify_points(raw, "left")
+    assert np.abs(flat - raw).max() > 5  # so that taking one for the other would show
+    one = length_between(*pair, raw, instrument)
+    np.testing.assert_allclose(length_between(*pair, flat, instrument, is_rectified=True).points_mm, one.points_mm)
+    assert abs(length_between(*pair, raw, instrument, is_rectified=True).length_mm - one.length_mm) > 2 * one.std_mm
+    with pytest.raises(ValueError, match=r"pixel 5000,10\.5 is outside the left picture, which is 640x480"):
+        length_between(*pair, [(5000, 10.5), (330, 200)], instrument)
+    corner = [(0.0, 0.0), (330.0, 200.0)]
+    assert not ((RECTIFIED.rectify_points(corner, "left")[0] >= 0).all())
+    with pytest.raises(ValueError, match=r"^pixel 0,0 of the left picture is outside what is left"):
+        length_between(*pair, corner, instrument)
+    dark = tuple(np.zeros_like(side) for side in pair)
+    with pytest.raises(ValueError, match=r"at pixel 330,330 of the left picture: "):
+        length_between(*dark, raw, instrument)

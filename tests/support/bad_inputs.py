@@ -377,6 +377,7 @@ FOLDERS: dict[str, tuple[bytes, str]] = {
     "places": (b"[recordings]\nboards = 7\n", "boards"),
     "few": (_TOML.replace("boards_cut", "boards_few").encode(), "at least"),
     "length": (_TOML.encode() + b'[[length]]\npair = "9"\nfrom = [1, 1]\nto = [2, 2]\n', "there is no pair"),
+    "frame": (_TOML.encode() + b'[[length]]\npair = "9"\nfrom = [1, 1]\nto = [2, 2]\nrectified = 1\n', "true or false"),
     "pixels": (_TOML.encode() + b'[[length]]\npair = "9"\nfrom = "here"\nto = [2, 2]\n', "from"),
 }
 _BOARD = "--board 9x6 --square-mm 25"
@@ -772,6 +773,8 @@ OTHERS = {
         Bad(f"measure {PAIR} {_RIG} --floor=450", "--floor"),
         Bad(f"measure {PAIR} {_RIG} --floor=450,-20,nan,1", "--floor"),
         Bad(f"measure {PAIR} {_RIG} --between 1,1 a,b", "--between"),
+        Bad(f"measure {PAIR} {_RIG} --between 1,1 9999,1 --rectified", "9999,1 is outside the rectified left picture"),
+        Bad(f"measure {PAIR} {_RIG} --rectified", "give both, or neither"),
         Bad(f"measure {PAIR} {_RIG} --between 1,1 9999,1", "9999"),
         Bad(f"measure {PAIR} {_RIG} --between nan,1 320,240", "nan"),
         Bad(f"measure {PAIR} {_RIG} --between inf,1 320,240", "inf"),

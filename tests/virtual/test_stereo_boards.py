@@ -8,7 +8,7 @@ import pytest
 from stereolib import paper
 from stereolib.calibration import Checkerboard
 from stereolib.rig import rigid
-from stereolib.virtual import recordings
+from stereolib.virtual import recordings, staged_rig, stereo_boards
 from stereolib.virtual.stereo_boards import draw_board_poses
 
 
@@ -47,6 +47,18 @@ def test_boards_are_the_same_for_the_same_seed(poses):
     assert not np.allclose(draw_board_poses(1, np.random.default_rng(31), recordings.BOARD)[0], poses[0])
 
 
-def test_board_too_large_for_the_image():
-    with pytest.raises(ValueError, match=r"only 0 of 1 poses keep .* inside both images: use a smaller board"):
-        draw_board_poses(1, np.random.default_rng(0), Checkerboard(20, 15, 60.0))
+def test_board_too_large_for_the_image(monkeypatch):
+    monkeypatch.setattr(stereo_boards, "_INSISTS", 100)
+    monkeypatch.setattr(stereo_boards, "_TRIES", 400)
+    with pytest.raises(
+        ValueError, match=r"6x5 corners and squares of 300 mm is inside both pictures \(640x480\) in only 0 of 1 "
+    ):
+        draw_board_poses(1, np.random.default_rng(0), Checkerboard(6, 5, 300.0))
+
+
+def test_a_distance_that_the_cameras_do_not_share_is_left_for_another(monkeypatch):
+    """Rig 31: of the nearest distance both cameras share a part only, too small for some of the board's regions."""
+    monkeypatch.setattr(stereo_boards, "_INSISTS", 60)
+    poses = draw_board_poses(16, np.random.default_rng(0), recordings.BOARD, staged_rig(31))
+    away = np.array([T[2, 3] for T in poses])
+    assert len(poses) == 16 and away.max() > 750 and away.min() < 650

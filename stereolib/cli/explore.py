@@ -5,12 +5,11 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import subprocess
 from pathlib import Path
 
 from stereolib.cli.command import Command
 from stereolib.cli.ranges import whole
-from stereolib.cli.voila import free_port, has_voila, voila_command, voila_environment
+from stereolib.cli.voila import free_port, has_voila, serving
 
 _NOTES = """\
 The page shows the virtual rig, whose scene, cameras, laser and settings have sliders, every recording of the project,
@@ -33,13 +32,14 @@ def _run(arguments: argparse.Namespace) -> int:
     from stereolib.reproduction import ONE_THREAD
 
     environment = ONE_THREAD | dict(os.environ)  # the page has threads of its own, for both cameras
+    environment.pop("JUPYTER_TOKEN", None)  # Voila draws one of its own, and prints no other
     if own := _own_pair(arguments):
         environment[OWN_FILES] = json.dumps(own)
     if not has_voila():
         raise ValueError("explore needs Voila: run make explore, or pip install 'stereolib[explore]'")
     opened = ["--no-browser"] if arguments.no_browser else []
-    command = [*voila_command("explore.ipynb", arguments.port or free_port()), *opened]
-    return subprocess.call(command, env=voila_environment(environment))
+    with serving("explore.ipynb", arguments.port or free_port(), environment, *opened) as server:
+        return server.wait()
 
 
 def _own_pair(arguments: argparse.Namespace) -> tuple[str, ...]:

@@ -24,6 +24,7 @@ def _configure(parser: argparse.ArgumentParser) -> None:
 def _run(arguments: argparse.Namespace) -> int:
     from stereolib.base import check_target
     from stereolib.mapping import RIG_FILE, RIG_FOLDERS, write_rig_file
+    from stereolib.rig import PICTURES
 
     folder = arguments.folder
     if in_the_way := [path for path in (folder, *folder.parents) if path.exists() and not path.is_dir()]:
@@ -36,6 +37,8 @@ def _run(arguments: argparse.Namespace) -> int:
     write_rig_file(folder / RIG_FILE)
     print(f"{folder}: {RIG_FILE}, {', '.join(f'{name}/' for name in RIG_FOLDERS)}")
     print(f"1. say in {folder / RIG_FILE} what your board is; 2. put your pictures there; 3. stereolib report {folder}")
+    if any(path.suffix.lower() in PICTURES for path in folder.iterdir() if path.is_file()):
+        print(f"the pictures in {folder} themselves are read by stereolib map; report looks into the folders below it")
     return DONE
 
 

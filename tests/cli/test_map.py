@@ -66,12 +66,14 @@ def test_a_map_is_not_written_over(made, capsys):
 
 
 def test_pictures_alone_make_a_map(made, tmp_path, capsys):
-    """One pair, no scan: no walls, no grid; the grid of an older map does not stay."""
+    """One pair, no scan: no walls, no grid; neither an older map's grid nor a template stands in the way."""
     for name in ("3_left.jpg", "3_right.jpg", "calibration.json"):
         (tmp_path / name).write_bytes((made / "walk" / name).read_bytes())
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "grid.yaml").write_text("old")
     (tmp_path / "notes.txt").write_text("mine")
+    assert run("new", tmp_path) == 0
+    assert "themselves are read by stereolib map" in capsys.readouterr().out
     assert run("map", tmp_path, "--output", tmp_path / "out", "--force", "--json") == 0
     facts = json.loads(capsys.readouterr().out)
     assert {round(thing["length_mm"], -1) for thing in facts["objects"] if thing["length_mm"]} >= {400.0, 300.0}
@@ -156,3 +158,11 @@ def test_pictures_of_another_size_than_the_calibration(made, tmp_path, capsys):
 def test_the_walk_is_not_written_over(made, capsys):
     assert run("data", "walk", made / "walk") == 2
     assert "1_left.jpg and 26 more would be overwritten: name another place with FOLDER" in capsys.readouterr().err
+
+
+def test_a_rig_folder_without_recordings_is_refused_with_both_places(tmp_path, capsys):
+    assert run("new", tmp_path) == 0
+    assert "themselves" not in capsys.readouterr().out
+    assert run("map", tmp_path, "--output", tmp_path / "out") == 2
+    said = capsys.readouterr().err
+    assert "holds no station: expected 1_left.png" in said and "where its rig.toml says" in said

@@ -509,7 +509,8 @@ OTHERS = {
         Bad("lrf show socket://127.0.0.1:99999", "cannot reach"),
         Bad("lrf show socket://", "cannot reach"),
         Bad("lrf show nonsense://x", "nonsense"),
-        Bad("lrf export missing.bin out.csv", "missing.bin"),
+        Bad("lrf export missing.bin out.csv", "missing.bin: no such file or port"),
+        Bad("lrf live http://127.0.0.1/scan", "no address of a laser .*name a serial port"),
         Bad("lrf export noise.bin out.ply", "no XV-11 recording"),
         Bad("lrf export one_packet.bin out.csv", "no complete turn"),
         Bad("lrf export silent.bin out.csv", "says nothing"),
@@ -580,7 +581,7 @@ OTHERS = {
     ],
     "report": [
         Bad("report missing", "is no folder"),
-        Bad("report good/left.jpg", "is no folder"),
+        Bad("report good/left.jpg", "good/left.jpg is a file: name the folder of your rig"),
         Bad("report folder", "has no rig.toml"),
         Bad("report rig_empty --output good/left.jpg", "is a file"),
         Bad("report rig_empty --chapter 12", "--chapter"),
@@ -590,6 +591,7 @@ OTHERS = {
     ],
     "capture": [
         Bad("capture 0 1 --output good/left.jpg", "is a file"),
+        Bad("capture nofile.mp4 video.mp4 --output taken --no-preview", "nofile.mp4 cannot be opened: no such file"),
         Bad("capture 0 1 --output taken --pairs 0", "--pairs"),
         Bad("capture 0 1 --output taken --pairs many", "--pairs"),
         Bad("capture 0 1 --output taken --patience-s nan", "--patience-s"),

@@ -541,6 +541,8 @@ OTHERS = {
         Bad("lrf emulate --seconds -1", "seconds"),
         Bad("lrf emulate --seconds nan", "seconds"),
         Bad("lrf emulate --seed -1", "seed"),
+        Bad("lrf emulate --rig -1", "--rig: '-1' is not a whole number"),
+        Bad("lrf emulate --rig seven", "--rig: 'seven' is not a whole number"),
         Bad("lrf emulate --bit-error-rate 2", "bit.error.rate"),
         Bad("lrf emulate --lost-byte-rate -1", "lost.byte.rate"),
         Bad("lrf emulate --stall-every-s 0 --stall-s 1", "stall"),

@@ -19,6 +19,7 @@ from stereolib.cli.calibrate import CALIBRATE
 from stereolib.cli.command import Command
 from stereolib.cli.errors import DONE, REFUSED, Ended
 from stereolib.cli.live_page import add_page, live_page
+from stereolib.cli.voila import INSTALL
 
 if TYPE_CHECKING:
     from stereolib.calibration import Board, CaptureSession, CaptureState
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
 
 _SAY_EVERY_S, _SAY_STUCK_S = 5.0, 20.0  # where no line can be written over, and that nothing new comes
 _HOW_TO_END = 'Ctrl-C, or "enough" on its page, ends it and calibrates with what was taken'
-_NOTES = """a camera is a number from 0 on, a device (/dev/video2), an address (http://...), a video, or a pattern of
+_NOTES = f"""a camera is a number from 0 on, a device (/dev/video2), an address (http://...), a video, or a pattern of
 numbered pictures (left_%02d.png).
 
 with a board: hold it before both cameras. A pair is taken by itself when the board is still, sharp and somewhere new,
@@ -37,7 +38,8 @@ earlier where a recording ends, and with Ctrl-C or the preview's button "enough"
 Without a board, pairs are taken by the button of the preview, or --every-s apart; with --no-preview at once.
 
 the preview is a page in the browser, served to this machine alone, with a token: what is covered, what to do next, and
-buttons that take a pair at once or end. It needs the extra "explore" (Voila); without it, all goes on without a page.
+buttons that take a pair at once or end. It needs Voila: {INSTALL};
+without it, all goes on without a page.
 
 what is taken is on the disk at once: OUTPUT/left/01.png, OUTPUT/right/01.png and so on. Interrupted, run it again
 and it goes on. exit code: 0 done, 1 the calibration is bad, 2 wrong input or a camera that fails."""

@@ -63,7 +63,7 @@ def guarded(run: Callable[[], int], interrupted: str = "") -> int:
             _say("; ".join(filter(None, ("interrupted", interrupted))))
             return INTERRUPTED
         if isinstance(error, ModuleNotFoundError) and error.name and error.name.partition(".")[0] != "stereolib":
-            _say(f'error: this needs {error.name}: pip install "stereolib[notebooks]"')
+            _say(f"error: this needs {error.name}: pip install '.[notebooks]' in the project's folder")
         elif _lacks_memory(error):
             why = getattr(error, "err", "") or str(error) or "none is left"
             _say(f"error: too little memory ({why}): try smaller pictures, or close other programs")

@@ -9,12 +9,12 @@ from pathlib import Path
 
 from stereolib.cli.command import Command
 from stereolib.cli.ranges import whole
-from stereolib.cli.voila import free_port, has_voila, serving
+from stereolib.cli.voila import INSTALL, free_port, has_voila, serving
 
-_NOTES = """\
+_NOTES = f"""\
 The page shows the virtual rig, whose scene, cameras, laser and settings have sliders, every recording of the project,
 or your own pair. It is served on this machine alone, with a token, and asks for nothing from elsewhere. Ctrl-C ends it.
-It needs the extra "explore" (Voila): make explore installs it, or pip install 'stereolib[explore]'."""
+It needs Voila: {INSTALL}."""
 
 
 def _configure(parser: argparse.ArgumentParser) -> None:
@@ -36,7 +36,7 @@ def _run(arguments: argparse.Namespace) -> int:
     if own := _own_pair(arguments):
         environment[OWN_FILES] = json.dumps(own)
     if not has_voila():
-        raise ValueError("explore needs Voila: run make explore, or pip install 'stereolib[explore]'")
+        raise ValueError(f"explore needs Voila: {INSTALL}")
     opened = ["--no-browser"] if arguments.no_browser else []
     with serving("explore.ipynb", arguments.port or free_port(), environment, *opened) as server:
         return server.wait()

@@ -15,7 +15,7 @@ from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING
 
 from stereolib.cli.ranges import whole
-from stereolib.cli.voila import HOST, free_port, has_voila, serving
+from stereolib.cli.voila import HOST, INSTALL, free_port, has_voila, serving
 
 if TYPE_CHECKING:
     import argparse
@@ -41,7 +41,7 @@ def live_page(arguments: argparse.Namespace, title: str, buttons: dict[str, str]
         yield None
         return
     if not has_voila():
-        print("no preview: it needs Voila, pip install 'stereolib[explore]'; going on without it", file=sys.stderr)
+        print(f"no preview: it needs Voila, {INSTALL}; going on without it", file=sys.stderr)
         yield None
         return
     from stereolib.notebook.live_link import LiveLink

@@ -21,7 +21,7 @@ FOLDER/report or what --output names:
 With --chapter calibration it is the course's chapter on calibration, with your boards in it, and the files are
 calibration.html and calibration.ipynb. Where FOLDER itself has a calibration.json, lengths are told by that one:
 calibrate-laser writes into it where the laser stands. Nothing is held against the paper. It needs the extra
-"notebooks": pip install "stereolib[notebooks]"."""
+"notebooks": pip install ".[notebooks]" in the project's folder."""
 
 
 def _configure(parser: argparse.ArgumentParser) -> None:

@@ -14,6 +14,8 @@ from contextlib import contextmanager, suppress
 from importlib.resources import files
 
 HOST = "127.0.0.1"
+#: What brings Voila.
+INSTALL = "pip install '.[notebooks,explore]' in the project's folder (make explore does it, too)"
 _STRANGERS = ["@jupyter-notebook/lab-extension"]  # it needs parts that Voila has not
 _END_S = 5.0  # to end its kernels
 

@@ -84,7 +84,7 @@ def test_an_unknown_option_leads_to_the_help_that_lists_them(capsys: pytest.Capt
         (
             ModuleNotFoundError("no", name="trimesh.x"),
             2,
-            'stereolib: error: this needs trimesh.x: pip install "stereolib[notebooks]"\n',
+            "stereolib: error: this needs trimesh.x: pip install '.[notebooks]' in the project's folder\n",
         ),
         (
             MemoryError("Unable to allocate 3 GiB"),

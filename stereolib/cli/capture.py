@@ -41,6 +41,9 @@ the preview is a page in the browser, served to this machine alone, with a token
 buttons that take a pair at once or end. It needs Voila: {INSTALL};
 without it, all goes on without a page.
 
+two webcams:  stereolib capture 0 2 --board 9x6 --square-mm 24.9x25.1 --size 640x480 --output rig
+none at all:  stereolib emulate-cameras prints addresses, and the line that captures from them
+
 what is taken is on the disk at once: OUTPUT/left/01.png, OUTPUT/right/01.png and so on. Interrupted, run it again
 and it goes on. exit code: 0 done, 1 the calibration is bad, 2 wrong input or a camera that fails."""
 
@@ -249,9 +252,10 @@ def _calibrated(arguments: argparse.Namespace, session: CaptureSession) -> int:
 CAPTURE = Command(
     "capture",
     "take pairs with two live cameras, of a board by themselves, and calibrate",
-    "stereolib capture 0 2 --board 9x6 --square-mm 24.9x25.1 --size 640x480 --output rig",
+    "stereolib capture walk/%d_left.jpg walk/%d_right.jpg --pairs 5 --output taken --no-preview",
     _run,
     _configure,
     notes=_NOTES,
+    before=("stereolib data walk walk",),
     interrupted="the pairs taken so far are kept: run it again and it goes on",
 )

@@ -61,9 +61,10 @@ def _own_pair(arguments: argparse.Namespace) -> tuple[str, ...]:
 EXPLORE = Command(
     name="explore",
     summary="open the whole measurement in the browser, with a slider for everything",
-    example="stereolib explore left.jpg right.jpg --calibration rig/calibration.json --scan scan.bin",
+    example="stereolib explore walk/3_left.jpg walk/3_right.jpg --calibration walk/calibration.json",
     run=_run,
     configure=_configure,
     notes=_NOTES,
+    before=("stereolib data walk walk",),
     interrupted="",
 )

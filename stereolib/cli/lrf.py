@@ -11,7 +11,7 @@ from typing import Any
 from stereolib.base import read_bytes
 from stereolib.cli.command import Command
 from stereolib.cli.errors import DONE, INTERRUPTED
-from stereolib.cli.lrf_live import EXPORT, LIVE
+from stereolib.cli.lrf_live import EXPORT, LIVE, NO_LASER
 from stereolib.cli.outputs import check_ending, check_outputs, default_name
 from stereolib.cli.ranges import FOR_EVER, number, whole
 from stereolib.cli.staging import SCENES_TOLD, add_scene, staged, truth
@@ -164,16 +164,19 @@ _COMMANDS = (
     Command(
         "info",
         "say what a recording holds",
-        "stereolib lrf info room.bin --json",
+        "stereolib lrf info walk/1_scan.bin",
         _info,
         _configure_info,
+        before=("stereolib data walk walk",),
     ),
     Command(
         "show",
         "draw the polar picture of a recording or of a sensor",
-        "stereolib lrf show /dev/ttyUSB0 --output room.png",
+        "stereolib lrf show walk/1_scan.bin --output room.png",
         _show,
         _configure_show,
+        notes=NO_LASER,
+        before=("stereolib data walk walk",),
     ),
     LIVE,
     EXPORT,
@@ -183,13 +186,15 @@ _COMMANDS = (
         "stereolib lrf record /dev/ttyUSB0 room.bin --seconds 10",
         _record,
         _configure_record,
+        notes=NO_LASER,
     ),
     Command(
         "replay",
         "play a recording at its true rate onto a port of this machine",
-        "stereolib lrf replay room.bin",
+        "stereolib lrf replay walk/1_scan.bin",
         _replay,
         _configure_replay,
+        before=("stereolib data walk walk",),
     ),
     Command(
         "emulate",

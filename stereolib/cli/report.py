@@ -63,9 +63,10 @@ def _first_line(text: str) -> str:
 REPORT = Command(
     "report",
     "say on one page what a rig of your own can measure, and how well",
-    "stereolib report data/virtual --output demo_report",
+    "stereolib report walk",
     _run,
     _configure,
     notes=_NOTES,
+    before=("stereolib data walk walk", "stereolib new walk"),
     interrupted="boards found so far are kept beside the pictures; no report was written",
 )

@@ -131,4 +131,4 @@ def test_the_server_ends_with_the_command_however_that_ends(tmp_path, name):
 def test_help_has_an_example(capsys):
     with pytest.raises(SystemExit):
         run("--help")
-    assert "stereolib explore left.jpg right.jpg --calibration" in capsys.readouterr().out
+    assert "stereolib explore walk/3_left.jpg walk/3_right.jpg --calibration" in capsys.readouterr().out

@@ -16,6 +16,7 @@ from support import walks
 from stereolib import paper
 from stereolib.base import data_path
 from stereolib.cli import commands
+from stereolib.cli import map as map_command
 from stereolib.virtual import walk
 
 
@@ -66,14 +67,12 @@ def test_a_map_is_not_written_over(made, capsys):
 
 
 def test_pictures_alone_make_a_map(made, tmp_path, capsys):
-    """One pair, no scan: no walls, no grid; neither an older map's grid nor a template stands in the way."""
+    """One pair, no scan: no walls, no grid; the grid of an older map does not stay."""
     for name in ("3_left.jpg", "3_right.jpg", "calibration.json"):
         (tmp_path / name).write_bytes((made / "walk" / name).read_bytes())
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "grid.yaml").write_text("old")
     (tmp_path / "notes.txt").write_text("mine")
-    assert run("new", tmp_path) == 0
-    assert "themselves are read by stereolib map" in capsys.readouterr().out
     assert run("map", tmp_path, "--output", tmp_path / "out", "--force", "--json") == 0
     facts = json.loads(capsys.readouterr().out)
     assert {round(thing["length_mm"], -1) for thing in facts["objects"] if thing["length_mm"]} >= {400.0, 300.0}
@@ -162,7 +161,23 @@ def test_the_walk_is_not_written_over(made, capsys):
 
 def test_a_rig_folder_without_recordings_is_refused_with_both_places(tmp_path, capsys):
     assert run("new", tmp_path) == 0
-    assert "themselves" not in capsys.readouterr().out
+    assert "lie in" not in capsys.readouterr().out
     assert run("map", tmp_path, "--output", tmp_path / "out") == 2
     said = capsys.readouterr().err
     assert "holds no station: expected 1_left.png" in said and "where its rig.toml says" in said
+
+
+@pytest.mark.parametrize("pairs", ["*.jpg", "pairs"])
+def test_a_template_put_into_a_folder_of_stations_hinders_no_map(made, tmp_path, capsys, pairs):
+    """Its file names what lies there; if it does not, that is read all the same."""
+    for path in (made / "walk").glob("[13]_*"):
+        (tmp_path / path.name).write_bytes(path.read_bytes())
+    before = [(each.name, each.left, each.scan) for each in map_command._stations(tmp_path, None).stations]
+    assert run("new", tmp_path) == 0
+    assert "are taken for what is to be measured, as map takes them: *.jpg, *.bin" in capsys.readouterr().out
+    text = (tmp_path / "rig.toml").read_text()
+    scans = "scans" if pairs == "pairs" else "*.bin"
+    (tmp_path / "rig.toml").write_text(text.replace('"*.jpg"', f'"{pairs}"').replace('"*.bin"', f'"{scans}"'))
+    found = map_command._stations(tmp_path, None)
+    assert [(each.name, each.left, each.scan) for each in found.stations] == before and len(before) == 2
+    assert not found.unused

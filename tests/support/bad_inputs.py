@@ -609,6 +609,7 @@ OTHERS = {
         Bad("capture video.mp4 video2.mp4 --output taken --no-preview", "video.mp4"),
         Bad("capture rubbish.png text.png --output taken --no-preview", "rubbish.png"),
         Bad("capture nothing.png nothing.png --output taken --no-preview", "given for both cameras"),
+        Bad("capture good/left.jpg ./good/left.jpg --output taken --no-preview", "are one camera: .*given for both"),
         Bad("capture cut.png text.png --output taken --no-preview", "text.png|cut.png"),
         Bad("capture good/left.jpg small.png --output taken --no-preview", "small.png|size"),
         Bad("capture none_%02d.png none2_%02d.png --output taken --no-preview", "no picture of this pattern"),

@@ -19,9 +19,9 @@ _NOTES = f"""somebody holds a board before a virtual rig, still in one place aft
 cameras see another scene, in which nothing moves. --rig 0 are the two cameras of the paper, every other number is a rig
 that nobody has described. What is true of rig and scene is printed with --truth only. With
 
-  stereolib emulate-cameras --rig 7 --scale 1            then: stereolib capture ..., to a calibration
+  stereolib emulate-cameras --rig 7 --scale 1              then: stereolib capture ..., to a calibration
   stereolib emulate-cameras --rig 7 --scale 1 --scene box  then: stereolib capture ... --output my_box
-  stereolib lrf emulate --rig 7 --scene box              then: stereolib lrf record ... my_box.bin
+  stereolib lrf emulate --rig 7 --scene box                then: stereolib lrf record ... my_box.bin
 
 one rig leads from its boards to the sizes of a box. The faults are the right camera's. Ctrl-C ends it.
 

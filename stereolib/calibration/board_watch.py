@@ -21,7 +21,13 @@ _STILL = 0.015  # picture widths a second: 0.3 px within 30 ms in pictures 640 p
 _SHARP_PX, _SHARP_SHARE = 4.0, 0.006  # edges between squares: at most so wide, or such a share of the picture
 _UNKNOWN_EDGE = 1000.0  # OpenCV's answer where no edge could be followed is above
 _NEW_PLACE, _NEW_DISTANCE, _NEW_TILT_RAD = 0.08, 0.1, np.radians(6.0)  # picture widths, share, and angle
+NOT_SEEN, PLACE_TAKEN = "show the board to both cameras", "this place is taken"
 _SIDES = ("left", "right")
+_PARTS = {(row, column): f"{upright} {across}".replace("middle centre", "centre")
+          for row, upright in enumerate(("upper", "middle", "lower"))
+          for column, across in enumerate(("left", "centre", "right"))}  # fmt: skip
+_TILTED_RAD = np.radians(10.0)
+_NEARER = ("right", "lower", "left", "upper")  # side of a board whose normal points to the right, down, left, up
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,6 +102,19 @@ class BoardWatch:
             return None
         views = self.views
         return judge_coverage(views, *board_poses(self.board.points_mm, views.left_px, self._camera))
+
+    @property
+    def empty(self) -> str:
+        """Where no board taken is, and how to hold it; where all of that is covered, which part has the fewest."""
+        coverage = self.coverage
+        if coverage is not None and coverage.advice:
+            return "; ".join(coverage.advice)
+        places = self.places
+        thirds = np.clip(np.floor(3 * places[:, :2] / np.array([1, self.size[1] / self.size[0]])).astype(int), 0, 2)
+        at = [((thirds == [column, row]).all(axis=1).sum(), name) for (row, column), name in _PARTS.items()]
+        turned = [(tilt >= _TILTED_RAD).sum() for tilt in (*places[:, 3:].T, *-places[:, 3:].T)]
+        _, part = min(at, key=lambda each: each[0])
+        return f"hold it in the {part}, its {_NEARER[int(np.argmin(turned))]} side nearer: fewest boards were so"
 
     def look(self, left: UInt8, right: UInt8, at_s: float) -> BoardLook:
         """Judge a pair, quickly.
@@ -192,7 +211,7 @@ class BoardWatch:
     def _advice(self, corners: tuple[Float32 | None, Float32 | None], speed: float, edges: tuple[float, float]) -> str:
         if (left := corners[0]) is None or corners[1] is None:
             unseen = [side for side, found in zip(_SIDES, corners, strict=True) if found is None]
-            return "show the board to both cameras" if len(unseen) == 2 else f"the {unseen[0]} camera does not see it"
+            return NOT_SEEN if len(unseen) == 2 else f"the {unseen[0]} camera does not see it"
         if not speed <= _STILL:
             return "hold it still"
         limit_px = max(_SHARP_PX, _SHARP_SHARE * self.size[0])
@@ -200,7 +219,7 @@ class BoardWatch:
         if blurred:
             return f"blurred in the {' and '.join(blurred)} picture: more light, or set the focus"
         if not self._is_new(left):
-            return f"this place is taken; {_next(self.coverage)}"
+            return f"{PLACE_TAKEN}; {_next(self.coverage)}"
         return ""
 
 

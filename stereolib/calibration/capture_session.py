@@ -6,6 +6,8 @@ import json
 import math
 import sys
 import time
+import zlib
+from collections import Counter, deque
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from os import PathLike
@@ -15,15 +17,18 @@ from typing import Any
 import cv2
 
 from stereolib.base import UInt8, check_target, counted, listed, read_json, write_atomic
-from stereolib.calibration.board_watch import BoardLook, BoardWatch
+from stereolib.calibration.board_watch import NOT_SEEN, PLACE_TAKEN, BoardLook, BoardWatch
 from stereolib.calibration.boards import Board, Charuco
 from stereolib.calibration.detection import find_in_files
 from stereolib.calibration.first_boards import exchanged_mm
 from stereolib.rig import CameraError, LivePair, LiveRig
 
 _SIDES = ("left", "right")
+_LONGER = "hold it a little longer, or nearer"
 NOTES = "capture.json"
 _MOST = 2  # times the pairs asked for, as long as something is missing
+_AGAIN_OF = 20  # pictures, of which half must have been sent before
+_FROZEN_OF = 3  # pictures: the same ones nearer than that are a camera that hangs
 _RECORDED_HZ = 10.0  # pictures a second that a recording without moments is taken for
 _PNG_EFFORT = [cv2.IMWRITE_PNG_COMPRESSION, 1]  # fast: cameras wait meanwhile
 
@@ -43,6 +48,8 @@ class CaptureState:
         Of the pair, if it was taken; else "".
     said : str
         One sentence: what is missing, or what to do.
+    stuck : str
+        Where nothing new came for a while: why, and which place is still empty; else "".
     """
 
     pair: LivePair
@@ -50,6 +57,7 @@ class CaptureState:
     taken: int
     name: str
     said: str
+    stuck: str = ""
 
 
 class CaptureSession:
@@ -66,7 +74,7 @@ class CaptureSession:
     pairs : int
         How many; of a board up to twice as many, as long as its coverage lacks something.
     patience_s : float
-        How long to wait for what is lacking once there are `pairs`, s.
+        How long nothing new may come, s: with `pairs` taken it ends then, before that it says what is missing.
     every_s : float
         Time between two pairs without a board, s; infinite: only when asked.
 
@@ -75,6 +83,8 @@ class CaptureSession:
     watch : BoardWatch or None
     taken : int
         Pairs in the folder.
+    ended : str
+        Why the last `run` ended before there were enough; else "".
 
     Raises
     ------
@@ -99,7 +109,10 @@ class CaptureSession:
         self._about = _described(board)
         self._is_asked, self._is_finished = False, False
         self._next_s = math.inf if math.isinf(every_s) else -math.inf
-        self._now_s, self._taken_s, self._patience_s = 0.0, math.inf, patience_s
+        self._now_s, self._new_s, self._patience_s = 0.0, math.nan, patience_s
+        self._whys = Counter[str]()  # since then: how often nothing was taken for which reason
+        self._sent, self._again = dict[int, int](), deque[bool](maxlen=_AGAIN_OF)  # checksums: when sent last
+        self._looks, self.ended = 0, ""
         self.taken = self._resumed()
 
     @property
@@ -133,7 +146,7 @@ class CaptureSession:
         self._check_sides()
         if self._is_enough():
             return
-        pairs, self._is_finished = self.rig.pairs(), False
+        pairs, self._is_finished, self._new_s, self.ended = self.rig.pairs(), False, math.nan, ""
         while True:
             try:
                 pair = next(pairs, None)
@@ -141,19 +154,24 @@ class CaptureSession:
                 kept = f"kept in {self.folder}: {counted(self.taken, 'pair')}; run it again and it goes on"
                 raise CameraError(f"{error}; {kept}") from error
             if pair is None:
+                self.ended = "since the recording ended"
                 return
             self._now_s = self._now_s + 1 / _RECORDED_HZ if self.rig.recorded else time.monotonic()
+            self._new_s = self._now_s if math.isnan(self._new_s) else self._new_s
             yield self._with_board(self.watch, pair) if self.watch else self._in_turn(pair)
-            if self._is_finished or self._is_enough():
+            if self._is_enough():
+                return
+            if self._is_finished or self._plays_again(pair):
+                self.ended = "as was asked" if self._is_finished else "since the same pictures come again: a recording"
                 return
 
     def _with_board(self, watch: BoardWatch, pair: LivePair) -> CaptureState:
         look = watch.look(pair.left, pair.right, self._now_s)
         is_seen = all(corners is not None for corners in look.corners_px)
         if look.advice and not (self._is_asked and is_seen):
-            return CaptureState(pair, look, self.taken, "", look.advice)
+            return CaptureState(pair, look, self.taken, "", look.advice, self._stuck(watch, look.advice))
         if (corners := watch.find(pair.left, pair.right)) is None:
-            return CaptureState(pair, look, self.taken, "", "hold it a little longer, or nearer")
+            return CaptureState(pair, look, self.taken, "", _LONGER, self._stuck(watch, _LONGER))
         name = self._write(pair)
         watch.add(name, *corners)
         self._check_sides()
@@ -162,6 +180,29 @@ class CaptureSession:
         advice = coverage.advice if coverage else ()
         said = f"so far, {advice[0]}" if advice else "nothing is missing" if coverage else ""
         return CaptureState(pair, look, self.taken, name, said)
+
+    def _stuck(self, watch: BoardWatch, advice: str) -> str:
+        """Why nothing new has come for too long, and what to do."""
+        self._whys[advice.partition(";")[0]] += 1
+        if not (waited_s := self._now_s - self._new_s) > self._patience_s:
+            return ""
+        why = self._whys.most_common(1)[0][0]
+        if self._whys[PLACE_TAKEN]:
+            why = f"still empty: {watch.empty}"
+        elif why == NOT_SEEN:
+            corners = f"{watch.board.columns}x{watch.board.rows} inner corners"
+            why = f"no board of {corners} is seen: count corners, not squares; hold it whole and flat, in good light"
+        return f"nothing new for {waited_s:.0f} s, {self.taken} of {counted(self.wanted, 'pair')} taken; {why}"
+
+    def _plays_again(self, pair: LivePair) -> bool:
+        """Whether nothing new can come: what is sent was sent before, bit by bit, which no sensor does."""
+        if self.watch is None:
+            return False
+        self._looks, key = self._looks + 1, zlib.crc32(pair.left.tobytes())
+        self._again.append(self._looks - self._sent.get(key, self._looks) > _FROZEN_OF)
+        self._sent[key] = self._looks
+        is_late = self._now_s - self._new_s > self._patience_s
+        return is_late and len(self._again) == _AGAIN_OF and sum(self._again) > _AGAIN_OF / 2
 
     def _in_turn(self, pair: LivePair) -> CaptureState:
         if (wait_s := self._next_s - self._now_s) > 0 and not self._is_asked:
@@ -173,7 +214,7 @@ class CaptureSession:
     def _is_enough(self) -> bool:
         if self.watch is None or self.taken < self.wanted:
             return self.taken >= self.wanted
-        if self.taken >= _MOST * self.wanted or self._now_s - self._taken_s > self._patience_s:
+        if self.taken >= _MOST * self.wanted or self._now_s - self._new_s > self._patience_s:
             return True
         return (coverage := self.watch.coverage) is None or not coverage.advice
 
@@ -197,7 +238,7 @@ class CaptureSession:
             self._note()  # first, so that whatever is there says what it is of
         for folder, picture in zip(self.folders, (pair.left, pair.right), strict=True):
             write_atomic(folder / _file(number), _png(picture))
-        self.taken, self._taken_s = self.taken + 1, self._now_s
+        self.taken, self._new_s, self._whys = self.taken + 1, self._now_s, Counter()
         self._note()
         return Path(_file(number)).stem
 

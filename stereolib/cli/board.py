@@ -29,7 +29,7 @@ def _run(arguments: argparse.Namespace) -> int:
     check_ending(arguments.out, ".pdf", "the board")
     check_outputs([arguments.out], force=arguments.force, option="--out")
     from stereolib.base import write_atomic
-    from stereolib.plotting import board_sheet, board_words, largest_square_mm
+    from stereolib.plotting import BAR_MM, board_sheet, board_words, largest_square_mm, measures
 
     square_mm, marker_mm = arguments.square_mm, arguments.marker_mm
     if square_mm is None:
@@ -40,8 +40,10 @@ def _run(arguments: argparse.Namespace) -> int:
         marker_mm = round(_MARKER * square_edges(square_mm)[0], 1)
     board = parse_board(arguments.board, square_mm, marker_mm, arguments.dictionary)
     write_atomic(arguments.out, board_sheet(board, arguments.paper))
-    print(f"written: {arguments.out}; print it in actual size, measure the bar of 100 mm and ten squares both ways")
-    print(f"then: stereolib calibrate left right {board_words(board)}")
+    print(f"written: {arguments.out}; print it in actual size, and measure it: the bar is {BAR_MM:g} mm long,")
+    print(f"{measures(board)}; if not, divide by their number, and give what one square is")
+    print(f"then: stereolib capture 0 2 {board_words(board)} --output rig, or of pairs that you have:")
+    print(f"stereolib calibrate left right {board_words(board)}")
     return DONE
 
 

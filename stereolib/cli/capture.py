@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import io
+import math
 import re
 import sys
 import time
@@ -16,25 +17,32 @@ from stereolib.base import counted
 from stereolib.cli.boards import add_board, board_of
 from stereolib.cli.calibrate import CALIBRATE
 from stereolib.cli.command import Command
-from stereolib.cli.errors import DONE, REFUSED
+from stereolib.cli.errors import DONE, REFUSED, Ended
 from stereolib.cli.live_page import add_page, live_page
+from stereolib.cli.voila import INSTALL
 
 if TYPE_CHECKING:
     from stereolib.calibration import Board, CaptureSession, CaptureState
     from stereolib.notebook.live_link import LiveLink
     from stereolib.rig import CameraWish, LiveRig
 
-_SAY_EVERY_S = 5.0  # where no line can be written over
-_NOTES = """a camera is a number from 0 on, a device (/dev/video2), an address (http://...), a video, or a pattern of
+_SAY_EVERY_S, _SAY_STUCK_S = 5.0, 20.0  # where no line can be written over, and that nothing new comes
+_HOW_TO_END = 'Ctrl-C, or "enough" on its page, ends it and calibrates with what was taken'
+_NOTES = f"""a camera is a number from 0 on, a device (/dev/video2), an address (http://...), a video, or a pattern of
 numbered pictures (left_%02d.png).
 
 with a board: hold it before both cameras. A pair is taken by itself when the board is still, sharp and somewhere new,
 until there are enough. Where then a part of a picture, a distance or a tilt is missing, it goes on, up to twice as many
-or until nothing new comes for --patience-s. Then the rig is calibrated and judged, as stereolib calibrate does it.
+or until nothing new comes for --patience-s. Then the rig is calibrated and judged, as stereolib calibrate does it;
+earlier where a recording ends, and with Ctrl-C or the preview's button "enough", as soon as there are 5 pairs.
 Without a board, pairs are taken by the button of the preview, or --every-s apart; with --no-preview at once.
 
 the preview is a page in the browser, served to this machine alone, with a token: what is covered, what to do next, and
-buttons that take a pair at once or end. It needs the extra "explore" (Voila); without it, all goes on without a page.
+buttons that take a pair at once or end. It needs Voila: {INSTALL};
+without it, all goes on without a page.
+
+two webcams:  stereolib capture 0 2 --board 9x6 --square-mm 24.9x25.1 --size 640x480 --output rig
+none at all:  stereolib emulate-cameras prints addresses, and the line that captures from them
 
 what is taken is on the disk at once: OUTPUT/left/01.png, OUTPUT/right/01.png and so on. Interrupted, run it again
 and it goes on. exit code: 0 done, 1 the calibration is bad, 2 wrong input or a camera that fails."""
@@ -51,7 +59,7 @@ def _configure(parser: argparse.ArgumentParser) -> None:
         type=float,
         default=20.0,
         metavar="S",
-        help="then wait so long for what is missing (20)",
+        help="nothing new for so long: with N pairs it ends, before that it says what is missing (20)",
     )
     parser.add_argument("--every-s", type=float, metavar="S", help="between two pairs without a board")
     parser.add_argument("--max-skew-ms", type=float, default=50.0, metavar="MS", help="pairs farther apart are dropped")
@@ -92,16 +100,16 @@ def _run(arguments: argparse.Namespace) -> int:
             if board is None and session.taken >= pairs:  # another thing may stand there now
                 held = f"{arguments.output} holds {session.taken} of the {pairs} pairs asked for already"
                 raise FileExistsError(f"{held}: choose another --output, or ask for more with --pairs")
-            _take(session, page)
-            return _finished(arguments, session, page)
+            ended = _take(session, page)
+            return _finished(arguments, session, page, ended)
     finally:
         rig.close()
 
 
-def _finished(arguments: argparse.Namespace, session: CaptureSession, page: LiveLink | None) -> int:
+def _finished(arguments: argparse.Namespace, session: CaptureSession, page: LiveLink | None, ended: str) -> int:
     """Calibrate, and say on the page as well what is said here."""
     session.rig.close()
-    _say_pairs(session)
+    _say_pairs(session, ended)
     if session.watch is None:
         return DONE
     said = io.StringIO()
@@ -153,13 +161,29 @@ def _say_cameras(rig: LiveRig) -> None:
             print(f"  not taken: {text}", file=sys.stderr)
 
 
-def _take(session: CaptureSession, page: LiveLink | None) -> None:
+def _take(session: CaptureSession, page: LiveLink | None) -> str:
+    """Take pairs; Ctrl-C ends that too, where there are enough for a calibration. What ended it is returned."""
+    from stereolib.calibration import MIN_PAIRS
+
+    try:
+        _watch(session, page)
+    except Ended:
+        raise
+    except KeyboardInterrupt:
+        if session.watch is None or session.taken < MIN_PAIRS:
+            raise
+        print("ended by Ctrl-C; once more, and it does not calibrate either", file=sys.stderr, flush=True)
+        return "as was asked"
+    return session.ended
+
+
+def _watch(session: CaptureSession, page: LiveLink | None) -> None:
     """Take pairs, and say how it stands: in one line that changes, or where there is no terminal, now and then."""
     from stereolib.notebook.capture_view import draw_capture, press
 
     if session.taken:
         print(f"going on after {counted(session.taken, 'pair')} that {_are(session.taken)} there", file=sys.stderr)
-    live, said, said_s = sys.stderr.isatty(), "", 0.0
+    live, said, said_s, stuck_s = sys.stderr.isatty(), "", 0.0, -math.inf
     for state in session.run():
         if page is not None:
             page.show(draw_capture(session, state))
@@ -168,6 +192,9 @@ def _take(session: CaptureSession, page: LiveLink | None) -> None:
         now_s = time.monotonic()
         if state.name:
             print(f"{_cleared(live)}pair {state.name} taken{_colon(state.said)}", file=sys.stderr)
+        elif state.stuck and not session.rig.recorded and now_s - stuck_s > _SAY_STUCK_S:
+            print(f"{_cleared(live)}{state.stuck}. {_HOW_TO_END}", file=sys.stderr, flush=True)
+            stuck_s = now_s
         elif live:
             print(f"{_cleared(live)}{_line(session, state)}", end="", file=sys.stderr, flush=True)
         elif state.said != said and now_s - said_s > _SAY_EVERY_S:
@@ -192,10 +219,11 @@ def _cleared(live: bool) -> str:
     return f"\r{'':100}\r" if live else ""
 
 
-def _say_pairs(session: CaptureSession) -> None:
+def _say_pairs(session: CaptureSession, ended: str) -> None:
     rig = session.rig
     left, right = session.folders
-    print(f"{counted(session.taken, 'pair')} in {left} and {right}")
+    fewer = f": fewer than the {session.wanted} wanted, {ended}" if session.taken < session.wanted else ""
+    print(f"{counted(session.taken, 'pair')} in {left} and {right}{fewer}")
     if not rig.recorded:
         dropped = f"; {counted(rig.dropped, 'pair')} beyond {rig.max_skew_ms:g} ms dropped" if rig.dropped else ""
         print(f"skew {rig.skew_name}: 95 % up to {rig.skew_p95_ms:.1f} ms{dropped}")
@@ -224,9 +252,10 @@ def _calibrated(arguments: argparse.Namespace, session: CaptureSession) -> int:
 CAPTURE = Command(
     "capture",
     "take pairs with two live cameras, of a board by themselves, and calibrate",
-    "stereolib capture 0 2 --board 9x6 --square-mm 24.9x25.1 --size 640x480 --output rig",
+    "stereolib capture walk/%d_left.jpg walk/%d_right.jpg --pairs 5 --output taken --no-preview",
     _run,
     _configure,
     notes=_NOTES,
+    before=("stereolib data walk walk",),
     interrupted="the pairs taken so far are kept: run it again and it goes on",
 )

@@ -13,7 +13,8 @@ class Command:
 
     ``run`` gets the parsed arguments and returns the exit code: 0 done, 1 the work says no, 2 wrong input. A ValueError
     or OSError that it raises becomes one line on stderr. Library modules are imported inside ``run``. ``notes`` stand
-    in its help, ``interrupted`` says what Ctrl-C leaves behind.
+    in its help, ``interrupted`` says what Ctrl-C leaves behind. ``before`` are the lines to be typed first, so that the
+    example works in an empty folder.
     """
 
     name: str
@@ -23,4 +24,5 @@ class Command:
     configure: Callable[[argparse.ArgumentParser], None] | None = None
     commands: Sequence[Command] = field(default=())
     notes: str = ""
+    before: Sequence[str] = field(default=())
     interrupted: str = ""

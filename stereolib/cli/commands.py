@@ -54,7 +54,9 @@ def _add(commands: Sequence[Command], parser: argparse.ArgumentParser) -> None:
             command.name,
             help=command.summary,
             description=command.summary[0].upper() + command.summary[1:] + ".",
-            epilog="\n\n".join(filter(None, (command.notes, f"example:\n  {command.example}"))),
+            epilog="\n\n".join(
+                filter(None, (command.notes, "\n  ".join(("example:", *command.before, command.example))))
+            ),
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
         if command.configure:

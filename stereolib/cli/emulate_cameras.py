@@ -9,11 +9,9 @@ from typing import TYPE_CHECKING
 
 from stereolib.cli.command import Command
 from stereolib.cli.errors import INTERRUPTED
-from stereolib.cli.ranges import whole
-from stereolib.cli.staging import SCENES_TOLD, add_scene, staged
+from stereolib.cli.staging import SCENES_TOLD, add_scene, staged, truth
 
 if TYPE_CHECKING:
-    from stereolib.rig import StereoRig
     from stereolib.virtual.camera_emulator import Show
 
 _BOARD = "board"
@@ -21,9 +19,9 @@ _NOTES = f"""somebody holds a board before a virtual rig, still in one place aft
 cameras see another scene, in which nothing moves. --rig 0 are the two cameras of the paper, every other number is a rig
 that nobody has described. What is true of rig and scene is printed with --truth only. With
 
-  stereolib emulate-cameras --rig 7 --scale 1            then: stereolib capture ..., to a calibration
+  stereolib emulate-cameras --rig 7 --scale 1              then: stereolib capture ..., to a calibration
   stereolib emulate-cameras --rig 7 --scale 1 --scene box  then: stereolib capture ... --output my_box
-  stereolib lrf emulate --scene box                      then: stereolib lrf record ... my_box.bin
+  stereolib lrf emulate --rig 7 --scene box                then: stereolib lrf record ... my_box.bin
 
 one rig leads from its boards to the sizes of a box. The faults are the right camera's. Ctrl-C ends it.
 
@@ -32,8 +30,6 @@ one rig leads from its boards to the sizes of a box. The faults are the right ca
 
 def _configure(parser: argparse.ArgumentParser) -> None:
     add_scene(parser, _BOARD)
-    parser.add_argument("--rig", type=whole(0, 10**6), default=0, metavar="N", help="which rig (default: 0)")
-    parser.add_argument("--truth", action="store_true", help="print what is true of the rig and the scene")
     parser.add_argument("--places", type=int, default=24, metavar="N", help="where the board is held (default: 24)")
     parser.add_argument("--fps", type=float, default=10.0, metavar="N", help="pictures a second (default: 10)")
     parser.add_argument(
@@ -78,24 +74,18 @@ def _show(arguments: argparse.Namespace) -> tuple[Show, str, str]:
     """What is shown, what is true of it, and the words that capture it."""
     import numpy as np
 
-    from stereolib.virtual import camera_emulator, staged_rig
+    from stereolib.virtual import camera_emulator, stage, staged_rig
     from stereolib.virtual.recordings import BOARD
 
     rig = camera_emulator.scaled_rig(staged_rig(arguments.rig), arguments.scale)
-    rng, about = np.random.default_rng(arguments.seed), _about(rig)
+    rng, focal = np.random.default_rng(arguments.seed), [camera.K[0, 0] for camera in (rig.left, rig.right)]
+    scene = stage("room", rig=arguments.rig) if arguments.scene == _BOARD else staged(arguments)
+    about = f"true focal lengths: {focal[0]:.2f}, {focal[1]:.2f} px\n{truth(arguments, scene)}"
     if arguments.scene == _BOARD:
         progress = sys.stderr.isatty()
         show = camera_emulator.show_boards(arguments.places, rng, rig, fps=arguments.fps, progress=progress)
         return show, about, f"--board {BOARD.columns}x{BOARD.rows} --square-mm {BOARD.square_mm:g} --output rig"
-    scene = staged(arguments)
-    sizes = ", ".join(" x ".join(f"{mm:g}" for mm in size) for size in scene.sizes_mm)
-    about += f"\ntrue sizes: {sizes} mm" if sizes else ""
     return camera_emulator.show_scene(scene, rng, rig, fps=arguments.fps), about, f"--output {arguments.scene}"
-
-
-def _about(rig: StereoRig) -> str:
-    focal = ", ".join(f"{camera.K[0, 0]:.2f}" for camera in (rig.left, rig.right))
-    return f"true focal lengths: {focal} px; true distance of the lenses: {rig.baseline_mm:.2f} mm"
 
 
 EMULATE_CAMERAS = Command(

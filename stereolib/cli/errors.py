@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import errno
 import os
+import signal
 import sys
+import threading
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from types import FrameType
 
 #: What libraries say that could not get memory: OpenCV, C++, the system's loader, Python's threads.
 _NO_MEMORY = (
@@ -19,6 +22,11 @@ _NO_MEMORY = (
 )
 _MAKE_ROOM = "; make room, or write to another place (of temporary files: the variable TMPDIR)"
 DONE, REFUSED, WRONG_INPUT, INTERRUPTED = 0, 1, 2, 130
+_ENDING = ("SIGTERM", "SIGHUP", "SIGBREAK")  # those of them that a system has
+
+
+class Ended(KeyboardInterrupt):
+    """The system ends the command, or its terminal was closed: as Ctrl-C, but nobody waits for what comes after."""
 
 
 def guarded(run: Callable[[], int], interrupted: str = "") -> int:
@@ -35,7 +43,8 @@ def guarded(run: Callable[[], int], interrupted: str = "") -> int:
     -------
     int
         The code of `run`; 2 for wrong input, a file or device that the system refuses, a missing extra, or too little
-        memory; 130 when interrupted; 0, without a word, when who reads our output has gone (``| head``).
+        memory; 130 when interrupted, or ended by SIGTERM or SIGHUP; 0, without a word, when who reads our output has
+        gone (``| head``).
 
     Raises
     ------
@@ -43,7 +52,8 @@ def guarded(run: Callable[[], int], interrupted: str = "") -> int:
         Anything else is a fault of ours and keeps its traceback.
     """
     try:
-        code = int(run())
+        with _ended_cleanly():
+            code = int(run())
         sys.stdout.flush()
         return code
     except BrokenPipeError:
@@ -55,7 +65,7 @@ def guarded(run: Callable[[], int], interrupted: str = "") -> int:
             _say("; ".join(filter(None, ("interrupted", interrupted))))
             return INTERRUPTED
         if isinstance(error, ModuleNotFoundError) and error.name and error.name.partition(".")[0] != "stereolib":
-            _say(f'error: this needs {error.name}: pip install "stereolib[notebooks]"')
+            _say(f"error: this needs {error.name}: pip install '.[notebooks]' in the project's folder")
         elif _lacks_memory(error):
             why = getattr(error, "err", "") or str(error) or "none is left"
             _say(f"error: too little memory ({why}): try smaller pictures, or close other programs")
@@ -64,6 +74,31 @@ def guarded(run: Callable[[], int], interrupted: str = "") -> int:
         else:
             raise
     return WRONG_INPUT
+
+
+@contextmanager
+def _ended_cleanly() -> Iterator[None]:
+    """Take the way of Ctrl-C for what else ends a command, so that nothing that it began goes on without it."""
+    if threading.current_thread() is not threading.main_thread():  # which alone is told of signals
+        yield
+        return
+    owner = os.getpid()
+
+    def end(number: int, _: FrameType | None) -> None:
+        if os.getpid() != owner:  # a fork of ours, as if this were not here
+            signal.signal(number, signal.SIG_DFL)
+            os.kill(os.getpid(), number)
+        raise Ended
+
+    numbers = [getattr(signal, name) for name in _ENDING if hasattr(signal, name)]
+    ours = [number for number in numbers if signal.getsignal(number) == signal.SIG_DFL]  # nohup's stays
+    for number in ours:
+        signal.signal(number, end)
+    try:
+        yield
+    finally:
+        for number in ours:
+            signal.signal(number, signal.SIG_DFL)
 
 
 @contextmanager

@@ -5,17 +5,16 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import subprocess
 from pathlib import Path
 
 from stereolib.cli.command import Command
 from stereolib.cli.ranges import whole
-from stereolib.cli.voila import free_port, has_voila, voila_command, voila_environment
+from stereolib.cli.voila import INSTALL, free_port, has_voila, serving
 
-_NOTES = """\
+_NOTES = f"""\
 The page shows the virtual rig, whose scene, cameras, laser and settings have sliders, every recording of the project,
 or your own pair. It is served on this machine alone, with a token, and asks for nothing from elsewhere. Ctrl-C ends it.
-It needs the extra "explore" (Voila): make explore installs it, or pip install 'stereolib[explore]'."""
+It needs Voila: {INSTALL}."""
 
 
 def _configure(parser: argparse.ArgumentParser) -> None:
@@ -33,13 +32,14 @@ def _run(arguments: argparse.Namespace) -> int:
     from stereolib.reproduction import ONE_THREAD
 
     environment = ONE_THREAD | dict(os.environ)  # the page has threads of its own, for both cameras
+    environment.pop("JUPYTER_TOKEN", None)  # Voila draws one of its own, and prints no other
     if own := _own_pair(arguments):
         environment[OWN_FILES] = json.dumps(own)
     if not has_voila():
-        raise ValueError("explore needs Voila: run make explore, or pip install 'stereolib[explore]'")
+        raise ValueError(f"explore needs Voila: {INSTALL}")
     opened = ["--no-browser"] if arguments.no_browser else []
-    command = [*voila_command("explore.ipynb", arguments.port or free_port()), *opened]
-    return subprocess.call(command, env=voila_environment(environment))
+    with serving("explore.ipynb", arguments.port or free_port(), environment, *opened) as server:
+        return server.wait()
 
 
 def _own_pair(arguments: argparse.Namespace) -> tuple[str, ...]:
@@ -61,9 +61,10 @@ def _own_pair(arguments: argparse.Namespace) -> tuple[str, ...]:
 EXPLORE = Command(
     name="explore",
     summary="open the whole measurement in the browser, with a slider for everything",
-    example="stereolib explore left.jpg right.jpg --calibration rig/calibration.json --scan scan.bin",
+    example="stereolib explore walk/3_left.jpg walk/3_right.jpg --calibration walk/calibration.json",
     run=_run,
     configure=_configure,
     notes=_NOTES,
+    before=("stereolib data walk walk",),
     interrupted="",
 )

@@ -15,14 +15,14 @@ from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING
 
 from stereolib.cli.ranges import whole
-from stereolib.cli.voila import HOST, free_port, has_voila, voila_command, voila_environment
+from stereolib.cli.voila import HOST, INSTALL, free_port, has_voila, serving
 
 if TYPE_CHECKING:
     import argparse
 
     from stereolib.notebook.live_link import LiveLink
 
-_START_S, _POLL_S, _END_S = 30.0, 0.1, 5.0
+_START_S, _POLL_S = 30.0, 0.1
 
 
 def add_page(parser: argparse.ArgumentParser) -> None:
@@ -41,35 +41,23 @@ def live_page(arguments: argparse.Namespace, title: str, buttons: dict[str, str]
         yield None
         return
     if not has_voila():
-        print("no preview: it needs Voila, pip install 'stereolib[explore]'; going on without it", file=sys.stderr)
+        print(f"no preview: it needs Voila, {INSTALL}; going on without it", file=sys.stderr)
         yield None
         return
     from stereolib.notebook.live_link import LiveLink
 
     link, token, port = LiveLink(title, buttons), secrets.token_hex(16), arguments.port or free_port()
-    server = _serve(link.environment | {"JUPYTER_TOKEN": token}, port)
-    ending = threading.Event()
-    told = f"http://{HOST}:{port}/?token={token}", port, server, ending, not arguments.no_browser
-    threading.Thread(target=_announce, args=told, daemon=True, name="announce").start()
-    try:
-        yield link
-    finally:
-        ending.set()
-        link.close()
-        server.terminate()
-        with suppress(subprocess.TimeoutExpired):
-            server.wait(_END_S)
-        if server.poll() is None:
-            server.kill()
-
-
-def _serve(told: dict[str, str], port: int) -> subprocess.Popen[bytes]:
-    command = [*voila_command("live.ipynb", port), "--no-browser", "--Voila.log_level=ERROR"]
-    # of its own group: Ctrl-C in the terminal is this command's, which ends the server when all is said
-    quiet = subprocess.DEVNULL  # its warnings are about its own settings
-    return subprocess.Popen(
-        command, env=voila_environment(dict(os.environ) | told), stdout=quiet, stderr=quiet, start_new_session=True
-    )
+    environment = dict(os.environ) | link.environment | {"JUPYTER_TOKEN": token}
+    words = "--no-browser", "--Voila.log_level=ERROR"
+    with serving("live.ipynb", port, environment, *words, quiet=True) as server:  # it warns of its own settings
+        ending = threading.Event()
+        told = f"http://{HOST}:{port}/?token={token}", port, server, ending, not arguments.no_browser
+        threading.Thread(target=_announce, args=told, daemon=True, name="announce").start()
+        try:
+            yield link
+        finally:
+            ending.set()
+            link.close()
 
 
 def _announce(address: str, port: int, server: subprocess.Popen[bytes], ending: threading.Event, opens: bool) -> None:

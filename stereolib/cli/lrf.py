@@ -11,10 +11,16 @@ from typing import Any
 from stereolib.base import read_bytes
 from stereolib.cli.command import Command
 from stereolib.cli.errors import DONE, INTERRUPTED
-from stereolib.cli.lrf_live import EXPORT, LIVE
+from stereolib.cli.lrf_live import EXPORT, LIVE, NO_LASER
 from stereolib.cli.outputs import check_ending, check_outputs, default_name
 from stereolib.cli.ranges import FOR_EVER, number, whole
-from stereolib.cli.staging import SCENES_TOLD, add_scene, staged
+from stereolib.cli.staging import SCENES_TOLD, add_scene, staged, truth
+
+_EMULATE_NOTES = f"""it prints a port, which the other commands take, and plays when that is opened, until Ctrl-C.
+--rig 0 is the laser below the left camera of the paper's rig, every other number that of a rig which nobody has
+described: the one whose cameras stereolib emulate-cameras shows with the same --rig, --scene and --at.
+
+{SCENES_TOLD}"""
 
 
 def _configure_info(parser: argparse.ArgumentParser) -> None:
@@ -137,14 +143,15 @@ def _emulate(arguments: argparse.Namespace) -> int:
     schedule = emulator.emulate(shown.scene, shown.laser_pose, lidar=lidar, rng=rng, seconds=arguments.seconds)
     if given:
         schedule = emulator.with_faults(schedule, emulator.Faults(**given), rng)
-    return _serve(schedule, arguments.link)
+    return _serve(schedule, arguments.link, truth(arguments, shown) if arguments.truth else "")
 
 
-def _serve(schedule: Any, link: Any) -> int:
+def _serve(schedule: Any, link: Any, about: str = "") -> int:
     from stereolib.virtual import emulator
 
     with emulator.serve(schedule, link) as served:
-        print(f"{served.port}\nplays when it is opened, for example: stereolib lrf show {served.port}", flush=True)
+        example = f"plays when it is opened, for example: stereolib lrf show {served.port}"
+        print(*filter(None, (served.port, about, example)), sep="\n", flush=True)
         try:
             while not served.wait(0.5):
                 pass
@@ -157,16 +164,19 @@ _COMMANDS = (
     Command(
         "info",
         "say what a recording holds",
-        "stereolib lrf info room.bin --json",
+        "stereolib lrf info walk/1_scan.bin",
         _info,
         _configure_info,
+        before=("stereolib data walk walk",),
     ),
     Command(
         "show",
         "draw the polar picture of a recording or of a sensor",
-        "stereolib lrf show /dev/ttyUSB0 --output room.png",
+        "stereolib lrf show walk/1_scan.bin --output room.png",
         _show,
         _configure_show,
+        notes=NO_LASER,
+        before=("stereolib data walk walk",),
     ),
     LIVE,
     EXPORT,
@@ -176,13 +186,15 @@ _COMMANDS = (
         "stereolib lrf record /dev/ttyUSB0 room.bin --seconds 10",
         _record,
         _configure_record,
+        notes=NO_LASER,
     ),
     Command(
         "replay",
         "play a recording at its true rate onto a port of this machine",
-        "stereolib lrf replay room.bin",
+        "stereolib lrf replay walk/1_scan.bin",
         _replay,
         _configure_replay,
+        before=("stereolib data walk walk",),
     ),
     Command(
         "emulate",
@@ -190,7 +202,7 @@ _COMMANDS = (
         "stereolib lrf emulate --scene cube --lost-byte-rate 0.001",
         _emulate,
         _configure_emulate,
-        notes=SCENES_TOLD,
+        notes=_EMULATE_NOTES,
     ),
 )
 LRF = Command(

@@ -22,6 +22,10 @@ if TYPE_CHECKING:
 _DRAWN = 5  # turns in the picture
 _SAY_EVERY_S = 1.0
 _LASER_RGB = (0, 158, 115)
+#: Of commands that take a port.
+NO_LASER = (
+    "no laser? stereolib lrf emulate, in another terminal, is one: type the port that it prints in place of this one"
+)
 _EXPORT_NOTES = """a .csv has the columns angle_deg,range_mm, one line a beam, counter-clockwise from ahead, empty where
 nothing was measured; stereolib map and explore read it. A .ply has points in metres, z up, moved by --pose."""
 
@@ -145,13 +149,15 @@ LIVE = Command(
     "stereolib lrf live /dev/ttyUSB0",
     _live,
     _configure_live,
+    notes=NO_LASER,
     interrupted="nothing is written; stereolib lrf record keeps what a sensor sends",
 )
 EXPORT = Command(
     "export",
     "write a scan for other programs: a table, or points where the sensor stood",
-    "stereolib lrf export room.bin room.ply --pose 1200,-300,90",
+    "stereolib lrf export walk/1_scan.bin room.ply --pose 1200,-300,90",
     _export,
     _configure_export,
     notes=_EXPORT_NOTES,
+    before=("stereolib data walk walk",),
 )

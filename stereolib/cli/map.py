@@ -96,14 +96,20 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def _stations(folder: Path, poses: Path | None) -> StationFolder:
-    """The stations of a folder, of a rig's folder too."""
+    """The stations of a folder; of a rig's folder those where its file says, else those in it."""
     from stereolib.mapping import RIG_FILE, StationFolder, list_stations, load_rig_folder
 
-    if poses is not None or not (folder / RIG_FILE).is_file():
-        return list_stations(folder, poses)
-    if not (stations := load_rig_folder(folder, with_boards=False).stations):
-        raise ValueError(f"{folder} holds no station: {RIG_FILE} says where its pairs and scans are looked for")
-    return StationFolder(stations)
+    is_rig = (folder / RIG_FILE).is_file()
+    if poses is None and is_rig and (stations := load_rig_folder(folder, with_boards=False).stations):
+        return StationFolder(stations)
+    try:
+        found = list_stations(folder, poses)
+    except ValueError as error:
+        if is_rig and "holds no station" in str(error):
+            elsewhere = f"nor are there any where its {RIG_FILE} says"
+            raise ValueError(f"{error}; {elsewhere}") from None
+        raise
+    return StationFolder(found.stations, tuple(name for name in found.unused if name != RIG_FILE))
 
 
 def map_facts(recorded: RecordedMap) -> dict[str, Any]:

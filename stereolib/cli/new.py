@@ -14,6 +14,7 @@ FOLDER gets
   boards/   for the pairs of the board: left01.jpg, right01.jpg, ... (as `stereolib calibrate` reads them)
   pairs/    for the pairs of what you measure: 1_left.jpg, 1_right.jpg, 2_left.jpg, ...
   scans/    for the laser's recordings of the same moments: 1.bin, 2.bin, ... (stereolib lrf record)
+Pairs and scans that lie in FOLDER itself, as `stereolib map` reads them, are entered as what is to be measured.
 What you have not got stays empty. Then: stereolib report FOLDER. A folder that is there keeps what is in it."""
 
 
@@ -33,10 +34,28 @@ def _run(arguments: argparse.Namespace) -> int:
     check_target(folder / RIG_FILE)
     for name in RIG_FOLDERS:
         (folder / name).mkdir(parents=True, exist_ok=True)
-    write_rig_file(folder / RIG_FILE)
+    found = _lying_there(folder)
+    write_rig_file(folder / RIG_FILE, **found)
     print(f"{folder}: {RIG_FILE}, {', '.join(f'{name}/' for name in RIG_FOLDERS)}")
     print(f"1. say in {folder / RIG_FILE} what your board is; 2. put your pictures there; 3. stereolib report {folder}")
+    if found:
+        print(f"pairs and scans that lie in {folder} itself are taken for what is to be measured, as map takes them: "
+              f"{', '.join(found.values())}")  # fmt: skip
     return DONE
+
+
+def _lying_there(folder: Path) -> dict[str, str]:
+    """Patterns of the pairs and scans that `map` finds in the folder itself; none where one would not name them all."""
+    from stereolib.mapping import list_stations
+
+    try:
+        stations = list_stations(folder).stations
+    except ValueError:  # there are none
+        return {}
+    kinds = {"pairs": [each.left for each in stations], "scans": [each.scan for each in stations]}
+    files = {kind: [path for path in paths if path and path.parent == folder] for kind, paths in kinds.items()}
+    ends = {kind: {path.suffix for path in paths} for kind, paths in files.items()}
+    return {kind: f"*{next(iter(known))}" for kind, known in ends.items() if len(known) == 1}
 
 
 NEW = Command(

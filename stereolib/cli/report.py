@@ -22,7 +22,7 @@ FOLDER/report or what --output names:
 With --chapter calibration it is the course's chapter on calibration, with your boards in it, and the files are
 calibration.html and calibration.ipynb. Where FOLDER itself has a calibration.json, lengths are told by that one:
 calibrate-laser writes into it where the laser stands. Nothing is held against the paper. It needs the extra
-"notebooks": pip install "stereolib[notebooks]"."""
+"notebooks": pip install ".[notebooks]" in the project's folder."""
 
 
 def _configure(parser: argparse.ArgumentParser) -> None:
@@ -67,9 +67,10 @@ def _first_line(text: str) -> str:
 REPORT = Command(
     "report",
     "say on one page what a rig of your own can measure, and how well",
-    "stereolib report data/virtual --output demo_report",
+    "stereolib report walk",
     _run,
     _configure,
     notes=_NOTES,
+    before=("stereolib data walk walk", "stereolib new walk"),
     interrupted="boards found so far are kept beside the pictures; no report was written",
 )

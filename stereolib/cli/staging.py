@@ -20,17 +20,37 @@ SCENES_TOLD = """scenes, the same for cameras and laser:
 
 
 def add_scene(parser: argparse.ArgumentParser, *first: str) -> None:
-    """Add the options of the scene; `first` are scenes of this command alone, the first of all is the default."""
+    """Add the options of rig and scene; `first` are scenes of this command alone, the first of all is the default."""
     names = (*first, "cube", "box", "room", "walk", "laser-board")
     parser.add_argument("--scene", choices=names, default=names[0], help=f"as below (default: {names[0]})")
     parser.add_argument("--at", type=whole(1, 1000), default=1, metavar="N", help="which of them (default: 1)")
     parser.add_argument(
         "--distance-mm", type=number(1, MM), default=700.0, metavar="MM", help="of the cube (default: 700)"
     )
+    parser.add_argument("--rig", type=whole(0, 10**6), default=0, metavar="N", help="which rig (default: 0)")
+    parser.add_argument("--truth", action="store_true", help="print what is true of the rig and the scene")
 
 
 def staged(arguments: argparse.Namespace) -> Staged:
-    """The scene that was asked for."""
+    """The scene that was asked for, before the rig that was asked for."""
     from stereolib.virtual import stage
 
-    return stage(arguments.scene, arguments.at, distance_mm=arguments.distance_mm)
+    return stage(arguments.scene, arguments.at, distance_mm=arguments.distance_mm, rig=arguments.rig)
+
+
+def truth(arguments: argparse.Namespace, shown: Staged) -> str:
+    """What is true of both, in the words of the commands that measure it; the same for cameras and laser."""
+    import numpy as np
+
+    from stereolib.virtual import staged_laser, staged_rig
+
+    x, y, z = shown.T_left_laser[:3, 3]
+    turned = np.degrees(staged_laser(arguments.rig)[2])
+    said = [f"true distance of the lenses: {staged_rig(arguments.rig).baseline_mm:.2f} mm"]
+    said += [
+        f"true place of the laser: {x:.1f} mm right of, {y:.1f} mm below and {z:.1f} mm before the left lens "
+        f"(negative: the other way), turned by {turned:.2f} degrees counter-clockwise"
+    ]
+    if shown.sizes_mm:
+        said += [f"true sizes: {', '.join(' x '.join(f'{mm:g}' for mm in size) for size in shown.sizes_mm)} mm"]
+    return "\n".join(said)

@@ -1,16 +1,23 @@
-"""A notebook of the package as a page: Voila on this machine alone, with a token."""
+"""A notebook of the package as a page: Voila on this machine alone, with a token, for as long as its command lives."""
 
 from __future__ import annotations
 
 import importlib.util
 import os
+import signal
 import socket
+import subprocess
 import sys
-from collections.abc import Mapping
+import threading
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from importlib.resources import files
 
 HOST = "127.0.0.1"
+#: What brings Voila.
+INSTALL = "pip install '.[notebooks,explore]' in the project's folder (make explore does it, too)"
 _STRANGERS = ["@jupyter-notebook/lab-extension"]  # it needs parts that Voila has not
+_END_S = 5.0  # to end its kernels
 
 
 def has_voila() -> bool:
@@ -22,7 +29,7 @@ def voila_command(page: str, port: int) -> list[str]:
     """The words that serve one of the package's notebooks; without ``--no-browser`` it is opened as well."""
     options = ["--template=stereolib", "--token", f"--Voila.ip={HOST}", f"--port={port}"]
     options.append(f"--VoilaConfiguration.extension_denylist={_STRANGERS}")
-    return [sys.executable, "-m", "voila", str(files("stereolib.notebook") / page), *options]
+    return [sys.executable, "-m", "stereolib.cli.voila", str(files("stereolib.notebook") / page), *options]
 
 
 def voila_environment(more: Mapping[str, str]) -> dict[str, str]:
@@ -37,3 +44,52 @@ def free_port() -> int:
     with socket.socket() as asked:
         asked.bind((HOST, 0))
         return int(asked.getsockname()[1])
+
+
+@contextmanager
+def serving(
+    page: str, port: int, environment: Mapping[str, str], *words: str, quiet: bool = False
+) -> Iterator[subprocess.Popen[bytes]]:
+    """Serve a page while the block runs.
+
+    The server is of its own group, as Ctrl-C in the terminal is for the command that started it. It ends with that
+    one however that ends, killed too: it holds the one end of a pipe, and the other closes then.
+    """
+    silence = subprocess.DEVNULL if quiet else None
+    server = subprocess.Popen(
+        [*voila_command(page, port), *words],
+        env=voila_environment(environment),
+        stdin=subprocess.PIPE,
+        stdout=silence,
+        stderr=silence,
+        start_new_session=True,
+    )
+    try:
+        yield server
+    finally:
+        server.terminate()
+        with suppress(subprocess.TimeoutExpired):
+            server.wait(_END_S)
+        if server.poll() is None:
+            server.kill()
+        assert server.stdin is not None
+        server.stdin.close()
+
+
+def _end_with_parent() -> None:
+    with suppress(OSError):
+        while os.read(0, 1):
+            pass
+    os.kill(os.getpid(), signal.SIGTERM)  # upon which Voila ends its kernels
+
+
+def main() -> None:
+    """Be the server, until the command that started it has gone."""
+    threading.Thread(target=_end_with_parent, daemon=True, name="parent").start()
+    from voila.app import main as serve
+
+    serve()
+
+
+if __name__ == "__main__":
+    main()

@@ -190,8 +190,14 @@ def _why_not_open(port: str, error: Exception) -> str:
         return f"no permission to open {port}: {advice}; on Windows, close the program that holds the port"
     if number in (errno.EBUSY, errno.EAGAIN) or "exclusively lock" in text:
         return f"{port} is busy: close the other program that reads it (fuser {port} names it)"
+    if "://" in port and "not known" in text:  # of addresses, pyserial opens those of lasers alone
+        kinds = "a serial port (/dev/ttyUSB0, COM3) or socket://127.0.0.1:4000, where a program passes its bytes on"
+        return f"{port} is no address of a laser ({port.partition(':')[0]} is none of its kinds): name {kinds}"
     if "://" in port:
         return f"cannot reach {port} ({text}): start the emulator or server first, check the number"
+    if number == errno.ENOENT:
+        missing = "no such file or port: check its name and folder" if Path(port).suffix else "no such port: plug it in"
+        return f"{port}: {missing}. Ports found: {_ports_found()}"
     return f"{port} cannot be opened ({text}). Ports found: {_ports_found()}"
 
 

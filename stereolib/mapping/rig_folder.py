@@ -208,6 +208,8 @@ def load_rig_folder(folder: Path, *, with_boards: bool = True) -> RigFolder:
         If there is no such folder or file, the file says something else than it should, or recordings cannot be
         paired. The text names the file and the remedy.
     """
+    if folder.is_file():
+        raise ValueError(f"{folder} is a file: name the folder of your rig; stereolib new my_rig makes one")
     if not folder.is_dir():
         raise ValueError(f"{folder} is no folder: stereolib new {folder} makes one")
     if not (folder / RIG_FILE).is_file():

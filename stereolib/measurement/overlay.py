@@ -19,6 +19,7 @@ _NAMELESS = (140, 140, 140)
 _FAINT = 0.1375  # share of the picture that shines through the boxes' lines
 _LEAST_AHEAD_MM = 100.0  # nearer readings are not drawn: they project to anywhere
 _FAR_PX = 1e4  # what projects farther from the picture is not drawn: OpenCV's coordinates overflow
+_CROSS_PX, _DASH_PX = 12, 5  # half of a length's end with room around it; of an edge that is hidden
 _FONT, _FONT_SCALE = cv2.FONT_HERSHEY_SIMPLEX, 0.7
 _CAPTION_SCALE, _MARGIN_PX = 0.5, 6  # of a text below the picture, and around it
 
@@ -55,6 +56,8 @@ def why_text(measured: MeasuredObject) -> str:
 def draw_objects(measured: Measurement, *, scan: bool = True, names: Sequence[str] = (), sizes: bool = True) -> UInt8:
     """Draw a wire box and the sizes (length x width x height) of each object into the rectified left picture.
 
+    Edges that the object itself hides are thin and dashed.
+
     Parameters
     ----------
     measured : Measurement
@@ -89,10 +92,7 @@ def draw_objects(measured: Measurement, *, scan: bool = True, names: Sequence[st
         name = names[k] if names else chr(ord("A") + k)
         color = OBJECT_RGB[(ord(name[0]) - ord("A")) % len(OBJECT_RGB)][::-1] if name else _NAMELESS
         layer = picture.copy()
-        bottom, top = (np.rint(ring).astype(np.int32) for ring in rings)
-        cv2.polylines(layer, [bottom, top], entry.shape in ("box", "circle"), color, 2, cv2.LINE_AA)
-        if entry.shape in ("box", "face"):
-            cv2.polylines(layer, list(np.stack([bottom, top], axis=1)), False, color, 2, cv2.LINE_AA)
+        _draw_edges(layer, entry, rings[0], rings[1], color)
         picture = cv2.addWeighted(layer, 1 - _FAINT, picture, _FAINT, 0)
         if sizes:
             text = size_text(entry) if np.isfinite(entry.size_mm).any() else why_text(entry)
@@ -120,7 +120,7 @@ def draw_length(left: UInt8, pixels: Sequence[tuple[float, float]], text: str) -
     cv2.line(picture, whole[0], whole[1], OBJECT_RGB[0][::-1], 1, cv2.LINE_AA)
     for end in whole:
         cv2.drawMarker(picture, end, OBJECT_RGB[1][::-1], cv2.MARKER_CROSS, 15, 2, cv2.LINE_AA)
-    _label(picture, text, np.tile(ends.mean(axis=0), (2, 1)), OBJECT_RGB[0][::-1], [])
+    _label(picture, text, _beside(picture, text, ends), OBJECT_RGB[0][::-1], [])
     return picture
 
 
@@ -145,15 +145,65 @@ def add_caption(picture: UInt8, text: str) -> UInt8:
     return np.vstack([picture, strip])
 
 
+def _beside(picture: UInt8, text: str, ends: Float64) -> Float64:
+    """Where a text hides neither end of a line: above its middle, else above or below the whole line, else anywhere."""
+    (width, height), _ = cv2.getTextSize(text, _FONT, _FONT_SCALE, 1)
+    x, above = ends.mean(axis=0)
+    far = height + 8 + _CROSS_PX
+    for y in (above, ends[:, 1].min() - far + height, ends[:, 1].max() + far + height, 0.0, picture.shape[0] - 1.0):
+        left, top, right, bottom = _frame(picture, width, height, x, y)
+        apart = np.maximum([left, top] - ends, ends - [right, bottom]).max(axis=1)
+        if (apart > _CROSS_PX).all():
+            return np.array([[x, y]])
+    return np.array([[x, above]])
+
+
+def _draw_edges(layer: UInt8, entry: MeasuredObject, bottom: Float64, top: Float64, color: Sequence[int]) -> None:
+    """A solid's edges in the picture, from the rings of its foot and of its top."""
+    is_closed = entry.shape in ("box", "circle")
+    edges = [(ring[k - 1], ring[k], k) for ring in (bottom, top) for k in range(0 if is_closed else 1, len(ring))]
+    is_seen = [True] * len(edges)
+    uprights = list(zip(bottom, top, strict=True)) if entry.shape in ("box", "face") else []
+    upright_seen = [True] * len(uprights)
+    if is_closed and np.isfinite(entry.size_mm[2]):
+        outwards = np.sign(_area(entry.outline_mm))  # of a ring that is seen from its outside, rows counting down
+        sides = [
+            outwards * _area(np.array([bottom[k - 1], bottom[k], top[k], top[k - 1]])) < 0 for k in range(len(top))
+        ]
+        is_top = outwards * _area(top) < 0
+        is_seen = [*sides, *(side or is_top for side in sides)]
+        upright_seen = [sides[k] or sides[(k + 1) % len(sides)] for k in range(len(uprights))]
+    lines = [(start, end, seen) for (start, end, _), seen in zip(edges, is_seen, strict=True)]
+    lines += [(start, end, seen) for (start, end), seen in zip(uprights, upright_seen, strict=True)]
+    for start, end, seen in sorted(lines, key=lambda line: line[2]):  # what is seen lies over what is not
+        count = 1 if seen else max(1, round(float(np.linalg.norm(end - start)) / (2 * _DASH_PX)))
+        for k in range(count):
+            part = [start + (end - start) * share for share in ((k, k + 1) if seen else (k / count, (k + 0.5) / count))]
+            one, other = (tuple(np.rint(point).astype(int).tolist()) for point in part)
+            cv2.line(layer, one, other, color, 2 if seen else 1, cv2.LINE_AA)
+
+
+def _area(ring: Float64) -> float:
+    """Area of a polygon, positive where it turns from the first axis to the second."""
+    x, y = ring.T
+    return float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)) / 2
+
+
 def _pixels(floor: Floor, points_mm: Float64, z_mm: float) -> Float64:
     return floor.pixels(np.column_stack([points_mm, np.full(len(points_mm), z_mm)]))
+
+
+def _frame(picture: UInt8, width: int, height: int, x: float, y: float) -> tuple[int, int, int, int]:
+    """Left, upper, right and lower end of a text of this size above a pixel, inside the picture."""
+    left = int(np.clip(x - width / 2, 4, picture.shape[1] - width - 4))
+    bottom = int(np.clip(y - 8, height + 4, picture.shape[0] - 6))
+    return left, bottom - height, left + width, bottom
 
 
 def _label(picture: UInt8, text: str, corners: Float64, color: Sequence[int], taken: list[int]) -> None:
     """Text above an object, inside the picture and below what was written before."""
     (width, height), _ = cv2.getTextSize(text, _FONT, _FONT_SCALE, 1)
-    x = int(np.clip(corners[:, 0].mean() - width / 2, 4, picture.shape[1] - width - 4))
-    y = int(np.clip(corners[:, 1].min() - 8, height + 4, picture.shape[0] - 6))
+    x, _, _, y = _frame(picture, width, height, float(corners[:, 0].mean()), float(corners[:, 1].min()))
     while any(abs(y - other) < height + 6 for other in taken):
         y += height + 6
     taken.append(y)

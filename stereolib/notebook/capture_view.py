@@ -128,6 +128,8 @@ def _said(session: CaptureSession, state: CaptureState) -> str:
     now = f"pair {state.name} is taken" if state.name else state.said
     lines = [f"<p class='stereolib-now{' stereolib-taken' * bool(state.name)}'>{escape(now)}</p>"]
     lines.append(f"<p>{state.taken} of {counted(session.wanted, 'pair')} taken</p>")
+    if state.stuck:
+        lines.append(f'<p>{escape(state.stuck)}. "{_FINISH}" ends it, with what was taken</p>')
     coverage = session.watch.coverage if session.watch is not None else None
     if coverage is not None:
         lines.append(f"<p>coverage: {escape(str(coverage))}</p>")

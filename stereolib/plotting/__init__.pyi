@@ -1,4 +1,4 @@
-from .board_sheet import PAPERS_MM, board_sheet, board_words, largest_square_mm
+from .board_sheet import BAR_MM, PAPERS_MM, board_sheet, board_words, largest_square_mm, measures
 from .calibration_report import lens_shift_px, write_calibration_report
 from .calibration_views import (
     plot_boards_in_space,
@@ -65,6 +65,7 @@ from .two_views import (
 )
 
 __all__ = [
+    "BAR_MM",
     "COLORS",
     "LASER",
     "OURS",
@@ -85,6 +86,7 @@ __all__ = [
     "largest_square_mm",
     "lens_shift_px",
     "mark_pixels",
+    "measures",
     "panels",
     "plot_arrows",
     "plot_bars",

@@ -119,6 +119,27 @@ def board_words(board: Board) -> str:
     return words
 
 
+def measures(board: Board) -> str:
+    """Say how large a whole board is to be, by a ruler.
+
+    Parameters
+    ----------
+    board : Checkerboard or Charuco
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> measures(Checkerboard(9, 6, 23))
+    '10 squares across are 230 mm, 7 squares down 161 mm'
+    """
+    across, down = board.columns + 1, board.rows + 1
+    edge = board.square_mm
+    return f"{across} squares across are {across * edge:g} mm, {down} squares down {down * edge:g} mm"
+
+
 def _sheet_mm(columns: int, rows: int, paper: str) -> tuple[float, float]:
     if paper not in PAPERS_MM:
         raise ValueError(f"unknown paper {paper!r}; choose one of {', '.join(PAPERS_MM)}")
@@ -159,10 +180,13 @@ def _add_foot(ax: Axes, board: Board, width: float, height: float) -> None:
     )
     ax.text(left, top + 2, f"{BAR_MM:g} mm from end to end: measure it", size=_POINTS, va="top")
     size = f"{board.columns}x{board.rows}"
+    counts, others = (board.columns + 1, board.rows + 1), (board.square_mm - 0.1, board.square_mm + 0.1)
+    what = " (width x height)" if isinstance(board, Checkerboard) else ", the mean of both,"
+    given = "x".join(f"{edge:g}" for edge in others[: 2 if isinstance(board, Checkerboard) else 1])
     lines = (
         f"{size} inner corners, squares of {board.square_mm:g} mm. Print in actual size, not fitted to the page.",
-        "Glue it onto something flat and stiff. Measure ten squares both ways; if they are not",
-        f"{10 * board.square_mm:g} mm, give what one is, as --square-mm 24.9x25.1 (width x height):",
+        f"Glue it onto something flat and stiff. Measure the board: {measures(board)}.",
+        f"If not, divide by {counts[0]} and by {counts[1]}, and give what one square is{what} as --square-mm {given}:",
         f"stereolib calibrate left right {board_words(board)}",
     )
     beside = width > height

@@ -123,7 +123,7 @@ def plot_top_view(
     ax : matplotlib.axes.Axes
     title : str
     times : float
-        Ellipses are so many standard deviations of an object's place, as one would not be visible.
+        Ellipses are so many standard deviations of an object's place, as one would not be visible; the legend says it.
     true_mm : list of (N, 2) arrays, optional
         True outlines, dotted.
 
@@ -132,7 +132,9 @@ def plot_top_view(
     matplotlib.axes.Axes
     """
     readings = room.readings_mm
-    ax.scatter(readings[:, 0], readings[:, 1], s=2, color="0.75", lw=0, zorder=1)
+    if len(readings):  # over the walls on which most of them lie
+        dots: dict[str, Any] = {"s": 4, "facecolor": "white", "edgecolor": "0.25", "lw": 0.4, "zorder": 3.5}
+        ax.scatter(readings[:, 0], readings[:, 1], **dots, label="the laser's readings")
     for wall in room.walls:
         ax.plot(*wall.ends_mm.T, color="0.25", lw=2.5, solid_capstyle="projecting", zorder=2)
     for k, (name, item) in enumerate(zip(room.names, room.measured, strict=True)):
@@ -158,8 +160,11 @@ def plot_top_view(
     for station, name in zip(room.stations, station_names(room.stations), strict=True):
         plot_station(station, ax, name)
     if room.objects:
+        label = f"ellipse: {times:g} standard\ndeviations of a place"
+        ax.plot([], [], "o", mfc="none", mec="0.25", label=label)
+    if room.objects or len(readings):
         ax.legend(
-            title="length x width x height",
+            title="length x width x height" if room.objects else "",
             loc="upper left",
             bbox_to_anchor=(1.01, 1.0),
             frameon=False,

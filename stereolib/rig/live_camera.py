@@ -302,6 +302,8 @@ def _why_not_open(source: str, name: str) -> str:
         return f"{head}: it is a folder; stereolib calibrate reads pictures that are taken already"
     if Path(source).is_file():
         return f"{head}: not a readable video; save it as MP4 or AVI (MJPG)"
+    if Path(source).suffix:
+        return f"{head}: no such file; check its name and folder. It is also a number from 0 on, a device, an address"
     known = sorted(glob.glob("/dev/video*"))
     if (device := f"/dev/video{source}" if source.isdecimal() else source) in known and not os.access(device, os.R_OK):
         return f"{head}: no permission; join the group video (sudo usermod -a -G video $USER) and log in again"

@@ -6,6 +6,7 @@ import math
 import time
 from collections import deque
 from collections.abc import Iterator
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +16,7 @@ from stereolib.rig.live_camera import CameraError, CameraWish, Frame, LiveCamera
 
 _FIRST_S = 5.0  # in which a camera that works sends its first picture
 _SILENT_S = 3.0  # and each later one
+_APART_S = 10.0  # in which one pair at least must be of one moment
 _NEARER = 0.5  # of the time between pictures: beyond it the next picture of the earlier camera is nearer
 _KEPT = 10_000  # skews of so many pairs
 _P95 = 95.0
@@ -58,8 +60,9 @@ class LiveRig:
     def __init__(self, left: str, right: str, wish: CameraWish | None = None, *, max_skew_ms: float = 50.0) -> None:
         if not max_skew_ms > 0:
             raise ValueError(f"the longest skew must be more than 0 ms, got {max_skew_ms:g}")
-        if left == right:
-            raise ValueError(f"{left} was given for both cameras: name the right one's, too")
+        if _place(left) == _place(right):
+            same = left if left == right else f"{left} and {right} are one camera: it"
+            raise ValueError(f"{same} was given for both cameras: name the right one's, too")
         self.max_skew_ms, self.dropped, self._skews_ms = max_skew_ms, 0, deque[float](maxlen=_KEPT)
         self.cameras: tuple[LiveCamera, ...] = ()
         self._wish = wish
@@ -107,18 +110,30 @@ class LiveRig:
         Raises
         ------
         CameraError
-            If a camera falls silent or has gone.
+            If a camera falls silent or has gone, or no pair is of one moment.
         """
+        near_s = time.monotonic()
         while (pair := self._recorded_pair() if self.recorded else self._live_pair()) is not None:
             if pair.skew_ms > self.max_skew_ms:
                 self.dropped += 1
+                if time.monotonic() - near_s > _APART_S:
+                    raise CameraError(self._apart())
             else:
                 yield pair
+                near_s = time.monotonic()
 
     def close(self) -> None:
         """Let both cameras go."""
         for camera in self.cameras:
             camera.close()
+
+    def _apart(self) -> str:
+        ms = float(np.median(self._skews_ms))
+        return (
+            f"the pictures of both cameras are {ms:.0f} ms apart in half of the pairs, and for {_APART_S:g} s none was "
+            f"within {self.max_skew_ms:g} ms: ask for more pictures a second (--fps), or allow it (--max-skew-ms "
+            f"{math.ceil(2 * ms)}) where nothing moves"
+        )
 
     def _open_beside(self, source: str) -> LiveCamera:
         """Open the right camera; if that fails while the left one runs, see whether it would go alone."""
@@ -178,6 +193,13 @@ class LiveRig:
         skew_ms = 1000 * abs(frames[0].at_s - frames[1].at_s)
         self._skews_ms.append(skew_ms)
         return LivePair(frames[0].image, frames[1].image, skew_ms)
+
+
+def _place(source: str) -> str:
+    """One name for a source that may be written in several ways."""
+    if "://" in source or "%" in source:
+        return source
+    return str(Path(f"/dev/video{source}" if source.isdecimal() else source).resolve())
 
 
 def _frame(camera: LiveCamera) -> Frame:

@@ -18,7 +18,7 @@ from .scene import (
     cube_scene,
     room,
 )
-from .staged import SCENES, Staged, draw_rig, stage, staged_rig
+from .staged import SCENES, Staged, draw_rig, stage, staged_laser, staged_rig
 from .texture import Tile
 from .webcam import Webcam
 
@@ -54,6 +54,7 @@ __all__ = [
     "render_truth",
     "room",
     "stage",
+    "staged_laser",
     "staged_rig",
     "walk",
     "walk_folder",

@@ -125,9 +125,9 @@ def show_boards(
     """
     from tqdm.auto import tqdm
 
-    if not 1 <= count <= _MOST_PLACES or not 0 < fps <= _MOST_FPS:
-        limits = f"1 to {_MOST_PLACES} places and up to {_MOST_FPS:g} pictures a second"
-        raise ValueError(f"a show has {limits}; got {count} and {fps:g}")
+    if not 1 <= count <= _MOST_PLACES:
+        raise ValueError(f"a show has 1 to {_MOST_PLACES} places, got {count}")
+    _check_rate(fps)
     rig, webcam = rig or paper_rig(), Webcam()
     poses = draw_board_poses(count, rng, BOARD, rig, progress=progress)
     held, moved = max(1, round(held_s * fps)), max(1, round(held_s * fps * _MOVED))
@@ -164,8 +164,7 @@ def show_scene(staged: Staged, rng: np.random.Generator, rig: StereoRig | None =
     ValueError
         If there are too many pictures a second, or none.
     """
-    if not 0 < fps <= _MOST_FPS:
-        raise ValueError(f"a show has up to {_MOST_FPS:g} pictures a second, got {fps:g}")
+    _check_rate(fps)
     rig, webcam = rig or paper_rig(), Webcam()
     seen = render_pair(staged.scene, rig, staged.T_left_world)
     left, right = (tuple(webcam.encode(webcam.expose(side, rng)) for _ in range(_STILL_PICTURES)) for side in seen)
@@ -354,6 +353,11 @@ def _has_left(reader: BaseHTTPRequestHandler) -> bool:
 
     ready, _, _ = select.select([reader.connection], [], [], 0)
     return bool(ready) and reader.connection.recv(1) == b""
+
+
+def _check_rate(fps: float) -> None:
+    if not 0 < fps <= _MOST_FPS:
+        raise ValueError(f"a show has up to {_MOST_FPS:g} pictures a second, got {fps:g}")
 
 
 def _between(here: Float64, there: Float64, share: float) -> Float64:

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from stereolib.base import Float64
+from stereolib.base import Float64, turn_2d, turn_about_z
 from stereolib.paper import paper_rig
-from stereolib.rig import Camera, StereoRig
+from stereolib.rig import Camera, StereoRig, rigid
 from stereolib.virtual import laser_boards, recordings, walk
 from stereolib.virtual.scene import Material, Scene, cube_scene, room
 
@@ -48,9 +48,15 @@ class Staged:
     laser_height_mm: float = _LASER_MM
     sizes_mm: tuple[tuple[float, float, float], ...] = ()
 
+    @property
+    def T_left_laser(self) -> Float64:
+        """Where the laser truly stands to the left camera, (4, 4)."""
+        x, y, yaw = self.laser_pose
+        return np.asarray(self.T_left_world @ rigid(turn_about_z(yaw), [x, y, self.laser_height_mm]))
 
-def stage(name: str, number: int = 1, *, distance_mm: float = 700.0) -> Staged:
-    """Set a scene.
+
+def stage(name: str, number: int = 1, *, distance_mm: float = 700.0, rig: int = 0) -> Staged:
+    """Set a scene before a rig, whose laser stands where `staged_laser` says.
 
     Parameters
     ----------
@@ -60,6 +66,8 @@ def stage(name: str, number: int = 1, *, distance_mm: float = 700.0) -> Staged:
         Which place, box or pose of it, from 1 on.
     distance_mm : float
         Of the cube.
+    rig : int
+        As `staged_rig` counts them.
 
     Returns
     -------
@@ -80,17 +88,43 @@ def stage(name: str, number: int = 1, *, distance_mm: float = 700.0) -> Staged:
     most, _ = SCENES[name]
     if not 1 <= number <= most:
         raise ValueError(f"{name} has the numbers 1 to {most}, got {number}" if most > 1 else f"there is one {name}")
-    here, pose = recordings.setup(), recordings.LASER_POSE
+    here, floor = recordings.setup(), (0.0, 0.0, 0.0)
     if name == "walk":
         station = f"room/{number}"
-        sizes = tuple(_long_first(box.size_mm) for box in walk.objects())
-        return Staged(walk.walk_scene(), recordings.setup(station), walk.POSES[station], sizes_mm=sizes)
-    if name == "laser-board":
-        return Staged(laser_boards.board_scene(laser_boards.POSES[number - 1], _BOARD_MM), here, pose)
-    if name == "room":
-        return Staged(Scene((room(),)), here, pose)
-    scene = cube_scene(distance_mm) if name == "cube" else _box(np.random.default_rng([number, _RIGS]))
-    return Staged(scene, here, pose, sizes_mm=(_long_first(scene.boxes[1].size_mm),))
+        here, floor = recordings.setup(station), walk.POSES[station]
+        scene, sizes = walk.walk_scene(), tuple(_long_first(box.size_mm) for box in walk.objects())
+    elif name == "laser-board":
+        scene, sizes = laser_boards.board_scene(laser_boards.POSES[number - 1], _BOARD_MM), ()
+    elif name == "room":
+        scene, sizes = Scene((room(),)), ()
+    else:
+        scene = cube_scene(distance_mm) if name == "cube" else _box(np.random.default_rng([number, _RIGS]))
+        sizes = (_long_first(scene.boxes[1].size_mm),)
+    return Staged(scene, here, _after(floor, staged_laser(rig)), sizes_mm=sizes)
+
+
+def staged_laser(number: int = 0) -> tuple[float, float, float]:
+    """Give the place of a rig's laser: below the left camera for 0, the paper's; else up to 25 mm and 2 degrees off.
+
+    Parameters
+    ----------
+    number : int
+        As `staged_rig` counts them.
+
+    Returns
+    -------
+    x_mm, y_mm, yaw_rad : float
+        Ahead, to the left, and counter-clockwise from above.
+
+    Examples
+    --------
+    >>> staged_laser(0), staged_laser(7) == staged_laser(7) != staged_laser(8)
+    ((0.0, 0.0, 0.0), True)
+    """
+    if number == 0:
+        return recordings.LASER_POSE
+    x_mm, y_mm, yaw_deg = np.random.default_rng([number, _RIGS, 1]).uniform([-25, -25, -2], [25, 25, 2])
+    return float(x_mm), float(y_mm), float(np.radians(yaw_deg))
 
 
 def staged_rig(number: int = 0) -> StereoRig:
@@ -146,6 +180,12 @@ def _box(rng: np.random.Generator) -> Scene:
     carton = Material((color[0], color[1], color[2]), 0.4, float(rng.uniform(4, 9)), int(rng.integers(1000)))
     size = float(length), float(width), float(height)
     return cube_scene(float(distance), size_mm=size, yaw_rad=float(yaw), lateral_mm=float(lateral), cube=carton)
+
+
+def _after(one: tuple[float, float, float], other: tuple[float, float, float]) -> tuple[float, float, float]:
+    """A place on the floor that is told from another place on it."""
+    x_mm, y_mm = one[:2] + turn_2d(one[2]) @ np.array(other[:2])
+    return float(x_mm), float(y_mm), one[2] + other[2]
 
 
 def _long_first(size_mm: tuple[float, float, float]) -> tuple[float, float, float]:

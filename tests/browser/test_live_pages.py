@@ -80,6 +80,7 @@ def test_a_capture_is_watched_ended_by_its_button_and_its_verdict_read(browser: 
                 "/[7-9] of 7 pairs/.test(document.querySelector('.stereolib-said').innerText)", timeout=60_000
             )
             assert page.locator(".stereolib-live canvas").count() == 3
+            assert page.title() == "stereolib: what cameras or laser see now" and "<title>spin" not in page.content()
             before = painted(page)
             page.wait_for_function(
                 f"document.querySelector('.stereolib-live .stereolib-pictures').dataset.painted > {before + 3}"

@@ -123,3 +123,32 @@ def test_a_charuco_board_may_leave_the_picture_in_part() -> None:
     assert found is not None and 8 <= np.isfinite(found[0][:, 0]).sum() < 40
     watch.add("1", *found)
     assert watch.look(sheet, sheet, 0.2).advice.startswith("this place is taken")
+
+
+def held(side: str) -> np.ndarray:
+    """Corners of a board half a metre away, turned by 25 degrees: its one side, as it is seen, is nearer."""
+    board_mm = recordings.BOARD.points_mm - recordings.BOARD.points_mm.mean(axis=0)
+    across, upright = {"left": (-25, 0), "right": (25, 0), "upper": (0, -25), "lower": (0, 25)}[side]
+    points = Rotation.from_euler("yx", [across, -upright], degrees=True).apply(board_mm) + np.array([0, 0, 500])
+    outer = points[np.argmax({"left": -1, "right": 1}.get(side, 0) * points[:, 0]
+                             + {"upper": -1, "lower": 1}.get(side, 0) * points[:, 1])]  # fmt: skip
+    assert outer[2] < 480, "y points down, z ahead: it is nearer"
+    return np.float32(550 * points[:, :2] / points[:, 2:] + [319.5, 239.5])
+
+
+@pytest.mark.parametrize("side", ["left", "right", "upper", "lower"])
+def test_the_side_that_was_never_nearer_is_named(watch: BoardWatch, monkeypatch: pytest.MonkeyPatch, side: str) -> None:
+    for other in {"left", "right", "upper", "lower"} - {side}:
+        watch.add(other, held(other), held(other))
+    monkeypatch.setattr(BoardWatch, "coverage", None)
+    assert f", its {side} side nearer: fewest boards were so" in watch.empty
+
+
+@pytest.mark.parametrize("part", range(9))
+def test_the_part_where_no_board_was_is_named(watch: BoardWatch, monkeypatch: pytest.MonkeyPatch, part: int) -> None:
+    names = [f"{row} {column}" for row in ("upper", "middle", "lower") for column in ("left", "centre", "right")]
+    names[4] = "centre"
+    centres = [((k % 3 + 0.5) / 3, (k // 3 + 0.5) / 3 * SIZE[1] / SIZE[0]) for k in range(9)]
+    watch._poses = [np.array([*at, 7.0, 0.3, 0.3]) for k, at in enumerate(centres) if k != part]
+    monkeypatch.setattr(BoardWatch, "coverage", None)
+    assert watch.empty.startswith(f"hold it in the {names[part]}, its ")

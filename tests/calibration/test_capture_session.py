@@ -12,7 +12,7 @@ import pytest
 from support.shows import small_show
 
 from stereolib.base import UInt8
-from stereolib.calibration import CaptureSession, Checkerboard, find_in_files
+from stereolib.calibration import BoardLook, CaptureSession, Checkerboard, find_in_files
 from stereolib.rig import CameraError, LiveRig, find_pairs
 from stereolib.virtual import recordings
 from stereolib.virtual.camera_emulator import write_show
@@ -111,6 +111,48 @@ def test_what_is_lacking_is_waited_for_up_to_twice_as_many_pairs(tmp_path: Path,
     hasty = CaptureSession(tmp_path / "hasty", LiveRig(*sources), recordings.BOARD, pairs=2, patience_s=0.25)
     list(hasty.run())
     assert hasty.taken == 2
+
+
+def test_where_nothing_new_comes_it_says_what_is_still_empty(tmp_path: Path, sources: tuple[str, str]) -> None:
+    first = session(tmp_path, sources)
+    assert not [state.stuck for state in first.run() if state.stuck]
+    assert first.ended == "since the recording ended"
+    again = CaptureSession(tmp_path, LiveRig(*sources), recordings.BOARD, patience_s=0.45)
+    stuck = [state.stuck for state in islice(again.run(), 7)]
+    assert not any(stuck[:5]) and all(stuck[5:]) and again.taken == PLACES
+    assert again.watch is not None and again.watch.coverage is not None and again.watch.coverage.missing
+    missing = again.watch.coverage.missing
+    assert stuck[-1].startswith(f"nothing new for 1 s, {PLACES} of 20 pairs taken; still empty: {missing[0]}")
+    assert all(text in stuck[-1] for text in missing)
+
+
+def test_a_board_that_is_never_seen_is_said_with_what_it_should_be(tmp_path: Path, sources: tuple[str, str]) -> None:
+    wrong = CaptureSession(tmp_path, LiveRig(*sources), Checkerboard(11, 8, 25.0), patience_s=0.5)
+    *_, last = (state.stuck for state in islice(wrong.run(), 7))
+    assert "no board of 11x8 inner corners is seen: count corners, not squares" in last
+
+
+@pytest.mark.parametrize("noise", [0, 1])
+def test_a_film_that_begins_again_ends_it_and_a_camera_that_sees_the_same_does_not(
+    tmp_path: Path, sources: tuple[str, str], noise: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    again = CaptureSession(tmp_path, LiveRig(*sources), recordings.BOARD, patience_s=1.0)
+    shown, rng = list(LiveRig(*sources).pairs()), np.random.default_rng(0)
+    look = BoardLook((None, None), 0.0, (1.0, 1.0), None, "this place is taken; so far, no views")
+    assert again.watch is not None
+    monkeypatch.setattr(again.watch, "look", lambda *_: look)
+    frozen = [shown[-1]] * 40 if noise else []
+
+    def pairs():
+        for pair in [*shown * 3, *frozen]:
+            yield pair._replace(left=pair.left + rng.integers(0, 2, pair.left.shape, np.uint8) * noise)
+
+    again.rig.pairs = pairs  # type: ignore[method-assign]
+    seen = sum(1 for _ in again.run())
+    if noise:
+        assert (seen, again.ended) == (len(shown) * 3 + 40, "since the recording ended")
+    else:
+        assert len(shown) < seen < 2 * len(shown) and again.ended.startswith("since the same pictures come again")
 
 
 def test_a_pair_is_taken_when_asked_though_the_board_moves(tmp_path: Path, sources: tuple[str, str]) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,9 @@ import pytest
 from support.shows import BOARD, small_show
 
 from stereolib import plotting
-from stereolib.cli import commands
+from stereolib.calibration import CaptureSession, CaptureState
+from stereolib.cli import capture, commands
+from stereolib.cli.errors import Ended
 from stereolib.rig import StereoRig, find_pairs
 from stereolib.virtual.camera_emulator import CameraFaults, serve_cameras, write_show
 
@@ -44,8 +47,40 @@ def test_too_few_pairs_are_kept_and_said(tmp_path: Path, capsys: pytest.CaptureF
     sources = write_show(tmp_path / "show", small_show())
     assert run(*sources, *BOARD, "--pairs", 1, "--patience-s", 0.3, "--output", tmp_path / "rig") == 1
     told = capsys.readouterr()
+    assert "1 pair in" in told.out and "fewer" not in told.out
     assert "too few for a calibration" in told.err and not (tmp_path / "rig" / "calibration.json").exists()
     assert (tmp_path / "rig" / "left" / "01.png").is_file()
+
+
+@pytest.mark.parametrize(
+    ("ending", "after", "code"), [(KeyboardInterrupt, 6, 0), (KeyboardInterrupt, 2, 130), (Ended, 6, 130)]
+)
+def test_ctrl_c_calibrates_what_was_taken_where_that_is_enough(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    ending: type[BaseException],
+    after: int,
+    code: int,
+) -> None:
+    runs, calibrated = CaptureSession.run, []
+
+    def until(session: CaptureSession) -> Iterator[CaptureState]:
+        for state in runs(session):
+            yield state
+            if state.taken == after:
+                raise ending
+
+    monkeypatch.setattr(CaptureSession, "run", until)
+    monkeypatch.setattr(capture, "_calibrated", lambda _, session: calibrated.append(session.taken) or 0)
+    sources = write_show(tmp_path / "show", small_show())
+    assert run(*sources, *BOARD, "--output", tmp_path / "rig") == code
+    told = capsys.readouterr()
+    if code:
+        assert not calibrated and "the pairs taken so far are kept" in told.err
+    else:
+        assert calibrated == [6] and "6 pairs in" in told.out
+        assert "fewer than the 20 wanted, as was asked" in told.out and "coverage: " in told.out
 
 
 def test_a_scene_without_a_board_is_one_pair(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:

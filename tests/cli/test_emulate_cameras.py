@@ -9,6 +9,7 @@ import pytest
 
 from stereolib.cli import commands, emulate_cameras
 from stereolib.rig import LiveRig
+from stereolib.virtual import emulator
 
 
 def test_the_addresses_that_it_says_are_two_cameras(
@@ -47,3 +48,27 @@ def test_bad_input_is_one_line(words: list[str], text: str, capsys: pytest.Captu
     assert commands.main(["emulate-cameras", *words]) == 2
     told = capsys.readouterr().err
     assert text in told and told.count("\n") == 1
+
+
+def test_the_laser_of_a_rig_is_told_the_same_truth(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def end(_: float) -> None:
+        raise KeyboardInterrupt
+
+    def told(*words: str) -> list[str]:
+        code = commands.main([*words, "--truth"])
+        assert code in (0, 130)
+        return [line for line in capsys.readouterr().out.splitlines() if line.startswith("true ")]
+
+    monkeypatch.setattr(emulate_cameras.time, "sleep", end)
+    monkeypatch.setattr(emulator.Served, "wait", lambda *_: True)
+    scene = ("--rig", "7", "--scene", "box", "--at", "3")
+    cameras = told("emulate-cameras", *scene, "--scale", "0.25")
+    laser = told("lrf", "emulate", *scene, "--link", "socket")
+    assert [line.partition(":")[0] for line in cameras] == [
+        "true focal lengths", "true distance of the lenses", "true place of the laser", "true sizes",
+    ]  # fmt: skip
+    assert laser == cameras[1:]
+    assert told("lrf", "emulate", "--rig", "8", *scene[2:], "--link", "socket")[:2] != laser[:2]
+    assert told("lrf", "emulate", *scene[:-1], "4", "--link", "socket")[2:] != laser[2:]

@@ -3,10 +3,16 @@
 from __future__ import annotations
 
 import importlib.util
+import io
 import json
+import os
+import signal
 import subprocess
+import sys
+import time
 
 import cv2
+import psutil
 import pytest
 
 from stereolib.base import data_path
@@ -22,7 +28,19 @@ def served(monkeypatch):
     """Instead of a server: the words and the environment that it would get."""
     calls = []
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: object())
-    monkeypatch.setattr(subprocess, "call", lambda words, env: calls.append((words, env)) or 0)
+
+    class Server(io.BytesIO):
+        def __init__(self, words, env, **_):
+            super().__init__()
+            self.stdin = io.BytesIO()
+            calls.append((words, env))
+
+        def wait(self, _=None):
+            return 0
+
+        terminate, poll = io.BytesIO.close, wait
+
+    monkeypatch.setattr(subprocess, "Popen", Server)
     return calls
 
 
@@ -79,7 +97,38 @@ def test_missing_voila_is_named_with_its_fix(monkeypatch, capsys):
     assert "make explore" in capsys.readouterr().err
 
 
+@pytest.mark.skipif(os.name != "posix", reason="signals")
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP", "SIGKILL"])
+def test_the_server_ends_with_the_command_however_that_ends(tmp_path, name):
+    (tmp_path / "voila").mkdir()
+    (tmp_path / "voila" / "__init__.py").touch()
+    forever = "import os, time\n\ndef main():\n    print(os.getpid(), flush=True)\n    time.sleep(600)\n"
+    (tmp_path / "voila" / "app.py").write_text(forever)
+    path = os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])
+    command = subprocess.Popen(
+        [sys.executable, "-m", "stereolib", "explore", "--no-browser"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        env=os.environ | {"PYTHONPATH": path},
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+    )
+    server = psutil.Process(int(command.stdout.readline()))
+    assert os.getsid(server.pid) != os.getsid(command.pid), "Ctrl-C in the terminal is the command's"
+    command.send_signal(getattr(signal, name))
+    until_s = time.monotonic() + 20
+    while server.is_running() and server.status() != psutil.STATUS_ZOMBIE and time.monotonic() < until_s:
+        time.sleep(0.02)
+    is_left = server.is_running() and server.status() != psutil.STATUS_ZOMBIE
+    if is_left:
+        server.kill()
+    told = command.communicate(timeout=20)[1]
+    assert not is_left
+    if name != "SIGKILL":
+        assert (command.returncode, told) == (130, "stereolib: interrupted\n")
+
+
 def test_help_has_an_example(capsys):
     with pytest.raises(SystemExit):
         run("--help")
-    assert "stereolib explore left.jpg right.jpg --calibration" in capsys.readouterr().out
+    assert "stereolib explore walk/3_left.jpg walk/3_right.jpg --calibration" in capsys.readouterr().out

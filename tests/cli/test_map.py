@@ -16,6 +16,7 @@ from support import walks
 from stereolib import paper
 from stereolib.base import data_path
 from stereolib.cli import commands
+from stereolib.cli import map as map_command
 from stereolib.virtual import walk
 
 
@@ -156,3 +157,27 @@ def test_pictures_of_another_size_than_the_calibration(made, tmp_path, capsys):
 def test_the_walk_is_not_written_over(made, capsys):
     assert run("data", "walk", made / "walk") == 2
     assert "1_left.jpg and 26 more would be overwritten: name another place with FOLDER" in capsys.readouterr().err
+
+
+def test_a_rig_folder_without_recordings_is_refused_with_both_places(tmp_path, capsys):
+    assert run("new", tmp_path) == 0
+    assert "lie in" not in capsys.readouterr().out
+    assert run("map", tmp_path, "--output", tmp_path / "out") == 2
+    said = capsys.readouterr().err
+    assert "holds no station: expected 1_left.png" in said and "where its rig.toml says" in said
+
+
+@pytest.mark.parametrize("pairs", ["*.jpg", "pairs"])
+def test_a_template_put_into_a_folder_of_stations_hinders_no_map(made, tmp_path, capsys, pairs):
+    """Its file names what lies there; if it does not, that is read all the same."""
+    for path in (made / "walk").glob("[13]_*"):
+        (tmp_path / path.name).write_bytes(path.read_bytes())
+    before = [(each.name, each.left, each.scan) for each in map_command._stations(tmp_path, None).stations]
+    assert run("new", tmp_path) == 0
+    assert "are taken for what is to be measured, as map takes them: *.jpg, *.bin" in capsys.readouterr().out
+    text = (tmp_path / "rig.toml").read_text()
+    scans = "scans" if pairs == "pairs" else "*.bin"
+    (tmp_path / "rig.toml").write_text(text.replace('"*.jpg"', f'"{pairs}"').replace('"*.bin"', f'"{scans}"'))
+    found = map_command._stations(tmp_path, None)
+    assert [(each.name, each.left, each.scan) for each in found.stations] == before and len(before) == 2
+    assert not found.unused

@@ -30,7 +30,7 @@ def capture(show: camera_emulator.Show, name: str, *words: object) -> int:
 
 
 def record(scene: str, number: int, seed: int, file: Path) -> int:
-    staged, rng = stage(scene, number), np.random.default_rng(seed)
+    staged, rng = stage(scene, number, rig=RIG), np.random.default_rng(seed)
     lidar = VirtualLidar(height_mm=staged.laser_height_mm)
     played = emulator.emulate(staged.scene, staged.laser_pose, lidar=lidar, rng=rng)
     with emulator.serve(played, "socket") as served:
@@ -58,7 +58,7 @@ def test_one_rig_leads_from_its_boards_to_the_height_of_a_box(
     assert found.baseline_mm == pytest.approx(true.baseline_mm, rel=0.01)
 
     for number, (scene, at) in enumerate((("box", BOX), ("walk", STATION)), start=1):
-        shown = camera_emulator.show_scene(stage(scene, at), rng, true)
+        shown = camera_emulator.show_scene(stage(scene, at, rig=RIG), rng, true)
         assert capture(shown, scene, "--output", "my_rig/pairs", "--pairs", number) == 0
         assert record(scene, at, number, tmp_path / "my_rig" / "scans" / f"{number}.bin") == 0
     pair = "my_rig/pairs/left/01.png", "my_rig/pairs/right/01.png"

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from support.measured import measured, the_cube
 
-from stereolib.measurement import OBJECT_RGB, add_caption, draw_objects
-from stereolib.measurement.overlay import size_text
+from stereolib.measurement import OBJECT_RGB, add_caption, draw_length, draw_objects
+from stereolib.measurement.overlay import _draw_edges, size_text
 from stereolib.virtual import recordings
 
 
@@ -36,3 +38,44 @@ def test_a_caption_leaves_the_pictures_pixels_where_they_are(width):
     np.testing.assert_array_equal(drawn[:60], picture)
     ink = np.flatnonzero((drawn[60:] < 128).any(axis=(0, 2)))
     assert len(ink) > 60 and ink.min() > 3 and ink.max() < width - 3  # all of its letters
+
+
+def rings(height_mm: float, camera_mm: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A box half a metre ahead, a corner towards the camera: its foot on the floor, and foot and top in the picture."""
+    around = np.radians([45, 135, 225, 315])
+    foot_mm = np.column_stack([600 + 100 * np.cos(around + 0.6), 100 * np.sin(around + 0.6)])
+    both = [
+        np.column_stack([320 - 500 * foot_mm[:, 1] / foot_mm[:, 0], 200 + 500 * (camera_mm - z) / foot_mm[:, 0]])
+        for z in (0.0, height_mm)
+    ]
+    return foot_mm, both[0], both[1]
+
+
+@pytest.mark.parametrize("turned", [1, -1])
+@pytest.mark.parametrize(("camera_mm", "seen"), [(250.0, 9), (80.0, 7)])
+def test_edges_that_the_box_hides_are_dashed(turned, camera_mm, seen):
+    """From above nine of twelve edges are seen, from below its top seven, as the top's far two are hidden then."""
+    foot_mm, foot, top = (ring[::turned] for ring in rings(150.0, camera_mm))
+    entry = replace(the_cube(measured()), outline_mm=foot_mm)
+    layer = np.zeros((480, 640, 3), np.uint8)
+    _draw_edges(layer, entry, foot, top, (255, 255, 255))
+    edges = [(ring[k - 1], ring[k]) for ring in (foot, top) for k in range(4)] + list(zip(foot, top, strict=True))
+    shares = []
+    for start, end in edges:  # between a fifth and four fifths of it, so that neighbours do not count
+        at = np.rint(start + np.linspace(0.2, 0.8, 60)[:, None] * (end - start)).astype(int)
+        shares.append((layer[at[:, 1], at[:, 0], 0] > 200).mean())
+    assert sum(share > 0.95 for share in shares) == seen, shares
+    far = int(np.argmax(foot_mm[:, 0]))
+    assert max(shares[far], shares[(far + 1) % 4], shares[8 + far]) < 0.8, "the three edges at the far foot"
+
+
+@pytest.mark.parametrize(
+    "ends", [((300.0, 200.0), (310.0, 170.0)), ((20.0, 20.0), (600.0, 25.0)), ((320.0, 5.0), (322.0, 470.0))]
+)
+def test_a_lengths_text_hides_neither_of_its_ends(ends):
+    plain = np.full((480, 640, 3), 127, np.uint8)
+    drawn = draw_length(plain, ends, "123.4 +- 5.6 mm")
+    for end in np.array(ends, int):
+        rows, columns = (np.clip(end[k] + np.arange(-6, 7), 0, (640, 480)[k] - 1) for k in (1, 0))
+        cross = [*drawn[rows, end[0]], *drawn[end[1], columns]]
+        assert sum(np.abs(pixel.astype(int) - OBJECT_RGB[1][::-1]).max() < 60 for pixel in cross) > 20

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from pathlib import Path
 
@@ -137,3 +138,9 @@ def test_without_a_command_the_page_says_so(
     monkeypatch.delenv(LINK, raising=False)
     assert open_live_page() is None
     assert "stereolib capture" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("name", ["live", "explore"])
+def test_a_page_has_a_title_for_readers(name: str) -> None:
+    told = json.loads((Path(capture_view.__file__).parent / f"{name}.ipynb").read_text(encoding="utf-8"))
+    assert told["metadata"]["title"].startswith("stereolib: "), "else the tab shows the file's name"

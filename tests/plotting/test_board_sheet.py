@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import cv2
 import numpy as np
 import pypdfium2
@@ -49,6 +51,21 @@ def test_the_bar_is_100_mm(name: str) -> None:
         for left, right in np.flatnonzero(np.diff(np.concatenate([[0], row.astype(int), [0]]))).reshape(-1, 2)
     )
     assert longest / 10 == pytest.approx(100, abs=0.1)
+
+
+@pytest.mark.parametrize("name", BOARDS)
+def test_what_is_to_be_measured_is_what_the_board_has(name: str) -> None:
+    board = BOARDS[name]
+    (page,) = pypdfium2.PdfDocument(board_sheet(board))
+    text = page.get_textpage().get_text_range()
+    found = re.search(r"(\d+) squares across are ([\d.]+) mm, (\d+) squares down ([\d.]+) mm", text)
+    assert found is not None, text
+    across, width, down, height = map(float, found.groups())
+    assert (across, down) == (board.columns + 1, board.rows + 1)
+    assert (width, height) == pytest.approx((across * board.square_mm, down * board.square_mm))
+    assert f"divide by {across:g} and by {down:g}" in text
+    picture = rasterised(board_sheet(board)) < 128
+    assert not any(rim.any() for rim in (picture[:60], picture[-60:], picture[:, :60], picture[:, -60:])), "6 mm"
 
 
 def test_the_same_board_makes_the_same_bytes() -> None:

@@ -17,6 +17,7 @@ from stereolib.rig import CameraError, CameraWish, LiveRig, live_camera, live_pa
 from stereolib.virtual.camera_emulator import CameraFaults, serve_cameras, write_show
 
 NEVER = 10**9
+NEVER_SO_MANY = 1000
 
 
 @dataclass
@@ -222,4 +223,29 @@ def test_wrong_sources_are_refused_by_name(tmp_path: Path, left: str, right: str
 def test_a_file_and_a_live_camera_share_no_moment(tmp_path: Path) -> None:
     left, _ = write_show(tmp_path, small_show())
     with serve_cameras(small_show()) as (_, right), pytest.raises(ValueError, match="one is a file, the other live"):
+        LiveRig(left, right)
+
+
+def test_a_rig_none_of_whose_pairs_is_of_one_moment_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    rig = LiveRig(*write_show(tmp_path, small_show(1)), max_skew_ms=50)
+    near, apart = (next(rig.pairs())._replace(skew_ms=ms) for ms in (20.0, 80.0))
+    told = iter([near, apart, apart, near, *[apart] * NEVER_SO_MANY])
+
+    def late() -> live_pair.LivePair:
+        time.sleep(0.01)
+        rig._skews_ms.append((pair := next(told)).skew_ms)
+        return pair
+
+    monkeypatch.setattr(rig, "_recorded_pair", late)
+    monkeypatch.setattr(live_pair, "_APART_S", 0.1)
+    pairs = rig.pairs()
+    assert [next(pairs).skew_ms, next(pairs).skew_ms] == [20.0, 20.0] and rig.dropped == 2
+    with pytest.raises(CameraError, match=r"80 ms apart .* within 50 ms: .*--fps.*--max-skew-ms 160"):
+        next(pairs)
+    rig.close()
+
+
+@pytest.mark.parametrize(("left", "right"), [("0", "/dev/video0"), ("a.mp4", "./a.mp4")])
+def test_one_camera_under_two_names_is_refused(left: str, right: str) -> None:
+    with pytest.raises(ValueError, match=f"{left} and {right} are one camera"):
         LiveRig(left, right)

@@ -74,7 +74,7 @@ def main(folder: Path) -> None:
     told = stereolib(folder, "data", "verify", code=2)
     assert "not the installed package: clone it" in told
     told = stereolib(folder, "reproduce", code=2)
-    assert "repository" in told or 'pip install "stereolib[notebooks]"' in told, told
+    assert "repository" in told or "pip install '.[notebooks]'" in told, told
     assert told.count("\n") == 1
     print("the installed package works")
 

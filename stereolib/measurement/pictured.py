@@ -282,7 +282,8 @@ def _with_far_end(views: Views, world: World, stretch: Stretch, rough: _Rough) -
     own[side.other.extent] = found[side][0]
     shown = {side.end: ends[side.other], Edge.CORNER: ends[side], side.top: stretch.high}
     shown[side.other.end] = End(np.nan, Past.OPEN, *[_FAR_END_PX] * 3)
-    shown[side.other.top] = End(np.nan, Past.OPEN)  # its slope tells how far a sliver goes back better than its width
+    # Its slope tells how far a sliver goes back better than its width; where nobody sees a top, none is looked for.
+    shown[side.other.top] = End(np.nan, stretch.high.past)
     again = replace(rough, own=own, first=side, ends=shown)
     return again, {} if side is first else again.expected((), {})
 

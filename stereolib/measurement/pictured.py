@@ -284,7 +284,8 @@ def _with_far_end(views: Views, world: World, stretch: Stretch, rough: _Rough) -
     own = rooted[side].own.copy()
     own[side.other.extent] = found[side][0]
     if side is not first:  # what was the corner is an end, and looked for anew from where the face was followed to
-        own[side.extent] = max(float(np.hypot(*(stretch.line.at(ends[side.other].at) - own[[Own.X, Own.Y]]))), _LEAST_MM)
+        followed_to = stretch.line.at(ends[side.other].at)
+        own[side.extent] = max(float(np.linalg.norm(followed_to - own[[Own.X, Own.Y]])), _LEAST_MM)
     shown = {side.end: ends[side.other], Edge.CORNER: ends[side], side.top: stretch.high}
     shown[side.other.end] = End(np.nan, Past.OPEN, *[_FAR_END_PX] * 3)
     # Its slope tells how far a sliver goes back better than its width; where nobody sees a top, none is looked for.

@@ -59,6 +59,11 @@ class End:
     outside_px: float = 0.0
     std_px: float = 0.0
 
+    @property
+    def spread_px(self) -> float:
+        """Standard deviation of a place anywhere from so far inside to so far outside."""
+        return (self.inside_px + self.outside_px) / 12**0.5
+
     @classmethod
     def of(cls, reach: Reach, where: Float64, *, second: bool = False) -> End:
         """Where a surface ends of which a reach tells.

@@ -22,10 +22,11 @@ from stereolib.measurement.scene_solver import COMMON_ERRORS, Solution
 Height = tuple[float, float]  # and its standard deviation, mm
 #: What `MeasuredObject.size_mm` holds, in its order.
 SIZE_NAMES = ("length", "width", "height")
-_WORST_STD = 0.05  # share of a side: one whose standard deviation is larger is not reported
+_WORST_STD = 0.04  # share of a side: one whose standard deviation is larger is not reported
 #: A size that is known no better is told with what makes it so.
 UNSURE_MM = 5.0
 _UNSURE_SHARE = 0.5  # of its variance, which one kind of observation must give to be named
+_BY_CHANCE = 1.4  # standard deviations by which what was seen of a box misses it: more, and these are too small
 _CIRCLE_CORNERS = 24
 _TOPS = (Edge.TOP_RIGHT, Edge.TOP_LEFT)
 _SIDES = (Side.RIGHT, Side.LEFT)
@@ -161,8 +162,19 @@ def from_box(solution: Solution, box: int, facts: BoxFacts, *, worst_std: float 
     Returns
     -------
     MeasuredObject
+
+    Notes
+    -----
+    Where something that was seen of the box misses it by more than chance, 1.4 of its own standard deviations as
+    `Solution.misfits` counts, the model or the deviations are wrong, nobody knows which: all are widened by as much
+    (Birge's ratio, of the worst observation).
+
+    References
+    ----------
+    Birge: The calculation of errors by the method of least squares. Phys. Rev. 40 (1932).
     """
     x, C = solution.of_box(box)
+    C = C * max(float(solution.misfits[box].max(initial=0.0)) / _BY_CHANCE, 1.0) ** 2
     at, J = derivatives(_sizes_and_places, x)
     spread = J @ C @ J.T
     sizes, std = at[:3], np.sqrt(np.diag(spread)[:3])

@@ -146,9 +146,9 @@ def see_box(views: Views, priors: Priors, region: ObjectRegion) -> Pictured:
             peaks = {edge: peak for edge, peak in peaks.items() if edge not in anew}
             stds = predicted_stds_px(rough.open, rough.first, priors, *solution.at(rough.own).of_box(0))
         found = _located(views, world, rough, peaks, rough.expected(peaks, stds) | anew)
+        lost, located = rough.edges(world, found, peaks), [each.seen for each in found.values()]
         peaks = {edge: each.peak for edge, each in found.items()}
-        located = [each.seen for each in found.values()]
-        known = [*rough.planes(faces), *weak_priors(rough.own, priors.laser.bias_mm), *rough.edges(world, found)]
+        known = [*rough.planes(faces), *weak_priors(rough.own, priors.laser.bias_mm), *lost]
         seen = Seen(rough.own + _move(found), (*known, *located))
         if solution is None:
             solution = solve(priors, [seen], tolerance=_ROUGHLY)
@@ -207,11 +207,14 @@ class _Rough:
         """Edges that the pictures show."""
         return [edge for edge, end in self.ends.items() if end.past is Past.OPEN]
 
-    def edges(self, world: World, found: Container[Edge] = ()) -> list[EdgeSeen]:
-        """Edges that were not found, as they are known from the following alone."""
-        rest = [edge for edge in self.open if edge not in found]
-        stds = [max(self.ends[edge].std_px, _UNLOCATED_PX) for edge in rest]
-        return [EdgeSeen.near(predicted(edge, world, self.own), std) for edge, std in zip(rest, stds, strict=True)]
+    def edges(self, world: World, found: Container[Edge], before: dict[Edge, Peak]) -> list[EdgeSeen]:
+        """Edges that were not found, as they are known from the following alone, or from where they were before."""
+        seen = list[EdgeSeen]()
+        for edge in (edge for edge in self.open if edge not in found):
+            end, was = self.ends[edge], before.get(edge)
+            std = max(end.std_px, end.spread_px, _UNLOCATED_PX, was.std_px if was else 0.0)
+            seen.append(EdgeSeen.near(predicted(edge, world, self.own), std))
+        return seen
 
 
 def _rough_box(stretch: Stretch, left: Corner | None, right: Corner | None) -> _Rough:
@@ -280,9 +283,13 @@ def _with_far_end(views: Views, world: World, stretch: Stretch, rough: _Rough) -
     side = max(found, key=lambda side: found[side][1].contrast)
     own = rooted[side].own.copy()
     own[side.other.extent] = found[side][0]
+    if side is not first:  # what was the corner is an end, and looked for anew from where the face was followed to
+        followed_to = stretch.line.at(ends[side.other].at)
+        own[side.extent] = max(float(np.linalg.norm(followed_to - own[[Own.X, Own.Y]])), _LEAST_MM)
     shown = {side.end: ends[side.other], Edge.CORNER: ends[side], side.top: stretch.high}
     shown[side.other.end] = End(np.nan, Past.OPEN, *[_FAR_END_PX] * 3)
-    shown[side.other.top] = End(np.nan, Past.OPEN)  # its slope tells how far a sliver goes back better than its width
+    # Its slope tells how far a sliver goes back better than its width; where nobody sees a top, none is looked for.
+    shown[side.other.top] = End(np.nan, stretch.high.past)
     again = replace(rough, own=own, first=side, ends=shown)
     return again, {} if side is first else again.expected((), {})
 

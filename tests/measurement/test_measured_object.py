@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.boxes import EDGES, FLOOR, OWN, PRIORS, STILL, everything, pictured, start
+from support.boxes import EDGE_PX, EDGES, FLOOR, OWN, PRIORS, STILL, everything, pictured, start
 
 from stereolib.measurement import MeasuredObject, ObjectRegion, Reason, Why
 from stereolib.measurement.agreement import Past
@@ -22,7 +22,7 @@ OPEN = dict.fromkeys(EDGES, Past.OPEN)
 def solution(own=OWN, spread=None):
     covariance = np.zeros((18, 18))
     covariance[10:, 10:] = np.diag(np.full(8, 1e-6) if spread is None else np.square(spread))
-    return Solution(STILL, (own,), covariance, 0.0, 0.0, (), 0.0, {}, np.zeros((len(covariance), COMMON_ERRORS)))
+    return Solution(STILL, (own,), covariance, 0.0, 0.0, (np.zeros(0),), 0.0, {}, np.zeros((len(covariance), COMMON_ERRORS)))
 
 
 def test_a_box_as_it_stands():
@@ -107,6 +107,25 @@ def test_a_solved_box_becomes_an_object():
     np.testing.assert_allclose(thing.size_mm, [300, 200, 250], atol=0.02)
     own = found.of_box(0)[1][len(Shared) :, len(Shared) :]
     assert thing.std_mm == pytest.approx(np.sqrt(np.diag(own))[[Own.RIGHT, Own.LEFT, Own.HEIGHT]])
+
+
+@pytest.mark.parametrize(("times", "least", "most"), [(1.0, 1.0, 1.06), (3.0, 1.2, 2.0)])
+def test_edges_farther_off_than_they_say_widen_the_deviations_and_chance_does_not(times, least, most):
+    rng, ours, plain = np.random.default_rng(12), [], []
+    for _ in range(60):
+        seen = [
+            replace(o, point_px=o.point_px + np.sqrt(times**2 - 1) * rng.normal(0, EDGE_PX) * o.across)
+            if isinstance(o, EdgeSeen)
+            else o
+            for o in everything(PRIORS.world(STILL), OWN, rng)
+        ]
+        found = solve(PRIORS, [Seen(start(), seen)])
+        thing = from_box(found, 0, BoxFacts(OPEN))
+        std = np.sqrt(np.diag(found.of_box(0)[1]))[len(Shared) :][[Own.RIGHT, Own.LEFT, Own.HEIGHT]]
+        ours.append((thing.size_mm - [300, 200, 250]) / thing.std_mm)
+        plain.append((thing.size_mm - [300, 200, 250]) / std)
+    rms = [float(np.sqrt(np.mean(np.square(z)))) for z in (plain, ours)]
+    assert least <= rms[0] / rms[1] < most
 
 
 def test_a_height_without_a_face_keeps_its_deviation():

@@ -78,6 +78,16 @@ def test_the_upper_edge_of_a_sliver_tells_its_depth_better_than_its_width(yaw_de
     assert abs(seen.own[depth] - 140) < 3 * std[depth] and std[depth] < 10
 
 
+@pytest.mark.parametrize(
+    ("distance", "size_mm", "yaw_deg"), [(600.0, (110.0, 220.0, 400.0), -3.0), (560.0, (190.0, 200.0, 380.0), -4.0)]
+)
+def test_no_upper_edge_of_a_sliver_is_looked_for_where_the_picture_ends_below_the_top(distance, size_mm, yaw_deg):
+    seen = rendered(distance, size_mm, yaw_deg, lateral=60.0).box()
+    assert seen.first.other.end in seen.edges and seen.past[seen.first.top] is Past.CUT
+    assert seen.past[seen.first.other.top] is Past.CUT and seen.first.other.top not in seen.edges
+    assert np.sqrt(np.diag(seen.solution.covariance))[len(Shared) + Own.HEIGHT] > 500  # nobody sees it
+
+
 def test_a_face_ends_no_nearer_than_its_upper_edge():
     """Beyond a line on it the pictures disagree, as glare and fine patterns make them; its top tells where it ends."""
     case = (700.0, (260.0, 260.0, 220.0), 30.0)

@@ -23,7 +23,7 @@ from stereolib.rig import check_pair, to_grey
 
 _COARSE_CENSUS_PX = (7, 7)  # of the half size
 _COARSE_BITS = 48
-_SHARES = np.uint16(64)  # the two costs are mixed in whole steps
+_SHARES, _FLOOR = 64, -0.49  # the two costs are mixed in whole steps, and rounded down
 _CELL_BYTES = 5  # a pixel and disparity: the cost, the sum of 16 bits, and both of a band that is turned
 _STRIP_BYTES = 2**30  # more than so much is matched in strips
 _BESIDE_ROWS = 64  # of a strip, that tell its own rows what lies above and below
@@ -216,10 +216,11 @@ def _free_bytes() -> float:
 def _cost(left: UInt8, right: UInt8, params: CensusSGM) -> UInt8:
     """Cost volume (H, D, W) uint8: those of the pictures and of the half size, mixed."""
     cost, coarse = _fine_cost(left, right, params), _coarse_cost(left, right, params.num_disparities)
-    share = np.uint16(round(params.coarse_share * _SHARES))  # whose 16 bits the products have
+    share = round(params.coarse_share * _SHARES) / _SHARES
     for y, row in enumerate(cost):
-        whole = np.repeat(coarse[y // 2], 2, axis=1)[:, : row.shape[1]]
-        row[:] = (row * (_SHARES - share) + whole * share) // _SHARES
+        if y % 2 == 0:
+            whole = cv2.resize(coarse[y // 2], None, fx=2, fy=1, interpolation=cv2.INTER_NEAREST)[:, : row.shape[1]]
+        cv2.addWeighted(row, 1 - share, whole, share, _FLOOR, dst=row)
     for d in range(params.num_disparities):
         cost[:, d, :d] = params.outside_cost
     return cost

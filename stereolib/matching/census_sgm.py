@@ -27,6 +27,7 @@ _SHARES, _FLOOR = 64, -0.49  # the two costs are mixed in whole steps, and round
 _CELL_BYTES = 5  # a pixel and disparity: the cost, the sum of 16 bits, and both of a band that is turned
 _STRIP_BYTES = 2**30  # more than so much is matched in strips
 _BESIDE_ROWS = 64  # of a strip, that tell its own rows what lies above and below
+_GUIDE_PX = 3  # median of the picture whose edges make steps cheap: its noise must not
 _FINER = 3  # steps a unit of cost, before it is averaged over the block
 
 
@@ -47,7 +48,7 @@ class CensusSGM:
     p1, p2 : int
         Penalties for a step of one and of more pixels.
     edge : float
-        Step of the image, in grey levels, at which ``p2`` has fallen to a half.
+        Step of the image (its 3 x 3 median), in grey levels, at which ``p2`` has fallen to a half.
     coarse_share : float
         Of the half size's cost.
     outside_cost : int
@@ -63,17 +64,17 @@ class CensusSGM:
     >>> CensusSGM(p1=30, p2=20)
     Traceback (most recent call last):
     ...
-    ValueError: need 0 < p1 < p2 and edge > 0, got p1=30, p2=20, edge=16.0
+    ValueError: need 0 < p1 < p2 and edge > 0, got p1=30, p2=20, edge=8.0
     """
 
     num_disparities: int = 128
     census_px: tuple[int, int] = (5, 5)
     color_weight: float = 1.0
     color_cap: float = 20.0
-    block_size: int = 3
+    block_size: int = 1
     p1: int = 20
     p2: int = 120
-    edge: float = 16.0
+    edge: float = 8.0
     coarse_share: float = 0.5
     outside_cost: int = 16
 
@@ -162,7 +163,8 @@ def match_census_sgm(left: UInt8, right: UInt8, params: CensusSGM | None = None)
         first = max(top - _BESIDE_ROWS, 0)
         seen, kept = slice(first, top + own + _BESIDE_ROWS), slice(top - first, top - first + own)
         cost = _cost(left[seen], right[seen], params)
-        found.append(read_off(aggregate(cost, to_grey(left[seen]), params.p1, params.p2, params.edge)[kept]))
+        guide = cv2.medianBlur(to_grey(left[seen]), _GUIDE_PX)
+        found.append(read_off(aggregate(cost, guide, params.p1, params.p2, params.edge)[kept]))
     return SGMResult(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
 
 

@@ -14,12 +14,13 @@ came out at 1.0 then, since it rescues the darkest scenes; but it reads fine tex
 the estimate passed the limit. The cost of the half size does what it did, without a limit; the knob stays here as one
 that was tried, and is no part of the library.
 
-How much of the cost the half size has, and what a match outside the right picture costs, came later: they are chosen
-in the same way, all else held, by both measures that the pipeline is judged by (bad-1 of what both cameras see and
-bad-2 of all), on the training scenes of ``layered_pairs.py``; the setting with least of the half size comes first.
-Their lines are in ``results/choose_coarse.csv``. A share between 0.2 and 0.5, by how distinct the whole size's match
-is, was tried as well: 5.71 % instead of 5.67 %, and matches on smooth surfaces were a quarter less exact. The sums now
-have 8 bits: windows and penalties of the grid that need more are refused, if the first file is ever begun anew.
+How much of the cost the half size has, and what a match outside the right picture costs, came later, and with them the
+block, the edges and the colour's cap are chosen anew, in the same way: all else held, by both measures that the
+pipeline is judged by (bad-1 of what both cameras see and bad-2 of all), on the scenes of `CHOSEN_ON` and the training
+scenes of ``layered_pairs.py``; the simplest value of each comes first. Their lines are in
+``results/choose_coarse.csv``. A share between 0.2 and 0.5, by how distinct the whole size's match is, was tried as well:
+5.71 % instead of 5.67 %, and matches on smooth surfaces were a quarter less exact. The sums now have 8 bits: windows
+and penalties of the grid that need more are refused, if the first file is ever begun anew.
 
 Every setting tried becomes a line of ``results/choose_best.csv`` as soon as it is measured; called again, the script
 goes on from there. The defaults of `CensusSGM` and the constants of `pipelines` are copied from what it prints; a
@@ -62,7 +63,10 @@ GRID: dict[str, tuple[Any, ...]] = {
 KNOBS = [("p2", "edge") if name == "p2" else (name,) for name in GRID if name != "edge"]
 COARSE: dict[str, tuple[Any, ...]] = {
     "coarse_share": (0.0, 0.2, 0.5),
-    "outside_cost": (16, 20, 24, 28),
+    "outside_cost": (16, 20, 24),
+    "block_size": (1, 3),
+    "edge": (16.0, 8.0, 5.0),
+    "color_cap": (20.0, 30.0),
 }
 COARSE_KNOBS = [(name,) for name in COARSE]
 PLATEAU = 1.01  # times the least
@@ -155,7 +159,7 @@ def choose(
     while True:
         before = dict(setting)
         for names in knobs:
-            if names == ("color_cap",) and not setting["color_weight"]:
+            if names == ("color_cap",) and not setting.get("color_weight", 1):
                 continue  # it caps nothing
             tries = [dict(zip(names, one, strict=True)) for one in itertools.product(*(grid[name] for name in names))]
             means = [mean({**setting, **one}) for one in tries]
@@ -168,5 +172,5 @@ if __name__ == "__main__":
     seeds, names = CHOSEN_ON
     scenes = [pair for seed in seeds for pair in cluttered(seed)] + [recorded(name) for name in names]
     print(choose(Tried(FILE, [pair.rows(*MIDDLE) for pair in scenes], GRID, measure).mean))
-    coarse = Tried(COARSE_FILE, layered_set("training"), COARSE, measure_coarse)
+    coarse = Tried(COARSE_FILE, scenes + layered_set("training"), COARSE, measure_coarse)
     print(choose(coarse.mean, COARSE, COARSE_KNOBS))

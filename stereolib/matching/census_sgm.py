@@ -23,10 +23,11 @@ from stereolib.rig import check_pair, to_grey
 
 _COARSE_CENSUS_PX = (7, 7)  # of the half size
 _COARSE_BITS = 48
-_SHARES = np.uint16(64)  # the two costs are mixed in whole steps
+_SHARES, _FLOOR = 64, -0.49  # the two costs are mixed in whole steps, and rounded down
 _CELL_BYTES = 5  # a pixel and disparity: the cost, the sum of 16 bits, and both of a band that is turned
 _STRIP_BYTES = 2**30  # more than so much is matched in strips
 _BESIDE_ROWS = 64  # of a strip, that tell its own rows what lies above and below
+_GUIDE_PX = 3  # median of the picture whose edges make steps cheap: its noise must not
 _FINER = 3  # steps a unit of cost, before it is averaged over the block
 
 
@@ -47,7 +48,7 @@ class CensusSGM:
     p1, p2 : int
         Penalties for a step of one and of more pixels.
     edge : float
-        Step of the image, in grey levels, at which ``p2`` has fallen to a half.
+        Step of the image (its 3 x 3 median), in grey levels, at which ``p2`` has fallen to a half.
     coarse_share : float
         Of the half size's cost.
     outside_cost : int
@@ -70,10 +71,10 @@ class CensusSGM:
     census_px: tuple[int, int] = (5, 5)
     color_weight: float = 1.0
     color_cap: float = 20.0
-    block_size: int = 3
+    block_size: int = 1
     p1: int = 20
     p2: int = 120
-    edge: float = 16.0
+    edge: float = 8.0
     coarse_share: float = 0.5
     outside_cost: int = 16
 
@@ -165,7 +166,8 @@ def match_census_sgm(left: UInt8, right: UInt8, params: CensusSGM | None = None)
         first = max(top - _BESIDE_ROWS, 0)
         seen, kept = slice(first, top + own + _BESIDE_ROWS), slice(top - first, top - first + own)
         cost = _cost(left[seen], right[seen], params)
-        found.append(read_off(aggregate(cost, to_grey(left[seen]), params.p1, params.p2, params.edge)[kept]))
+        guide = cv2.medianBlur(to_grey(left[seen]), _GUIDE_PX)
+        found.append(read_off(aggregate(cost, guide, params.p1, params.p2, params.edge)[kept]))
     return SGMResult(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
 
 
@@ -219,10 +221,11 @@ def _free_bytes() -> float:
 def _cost(left: UInt8, right: UInt8, params: CensusSGM) -> UInt8:
     """Cost volume (H, D, W) uint8: those of the pictures and of the half size, mixed."""
     cost, coarse = _fine_cost(left, right, params), _coarse_cost(left, right, params.num_disparities)
-    share = np.uint16(round(params.coarse_share * _SHARES))  # whose 16 bits the products have
+    share = round(params.coarse_share * _SHARES) / _SHARES
     for y, row in enumerate(cost):
-        whole = np.repeat(coarse[y // 2], 2, axis=1)[:, : row.shape[1]]
-        row[:] = (row * (_SHARES - share) + whole * share) // _SHARES
+        if y % 2 == 0:
+            whole = cv2.resize(coarse[y // 2], None, fx=2, fy=1, interpolation=cv2.INTER_NEAREST)[:, : row.shape[1]]
+        cv2.addWeighted(row, 1 - share, whole, share, _FLOOR, dst=row)
     for d in range(params.num_disparities):
         cost[:, d, :d] = params.outside_cost
     return cost

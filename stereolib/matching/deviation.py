@@ -10,12 +10,14 @@ import numpy as np
 import numpy.typing as npt
 
 from stereolib.base import Bools, Float32
+from stereolib.matching.census_sgm import SGMResult
+from stereolib.matching.disparity import left_right_difference
 from stereolib.matching.filling import neighbours
 
 _NEAR_PX, _AROUND_PX, _WIDE_PX = 5, 15, 31  # edges of the windows that are looked at
 _STEP_PX = 2.0  # neighbours farther apart are two surfaces
-_MOST_BENT_PX = 2.0  # more counts as so much
-_BENT_FLOOR_PX, _SPREAD_FLOOR_PX = 0.02, 0.1  # added before the logarithm is taken
+_MOST_BENT_PX, _MOST_APART_PX = 2.0, 4.0  # more counts as so much
+_BENT_FLOOR_PX, _SPREAD_FLOOR_PX, _APART_FLOOR_PX = 0.02, 0.1, 0.05  # added before the logarithm is taken
 
 
 class Kind(IntEnum):
@@ -35,7 +37,7 @@ class StdLaw(NamedTuple):
 
     Parameters
     ----------
-    weights : (4,) of float
+    weights : (5,) of float
         Of the signs of `signs`, in their order.
     score : (N,) of float
         Rising values of the sum.
@@ -51,41 +53,41 @@ class StdLaw(NamedTuple):
 #: As `benchmarks/bench_pipeline.py` finds them on virtual scenes.
 LAWS: dict[Kind, StdLaw] = {
     Kind.SMOOTH: StdLaw(
-        (-0.247, 0.397, -1.08, -0.035),
+        (-0.221, 0.211, -0.99, -0.003, 0.204),
         (
-            -3.413,
-            -3.363,
-            -3.326,
-            -3.293,
-            -3.257,
-            -3.218,
-            -3.176,
-            -3.129,
-            -3.075,
-            -3.008,
-            -2.92,
-            -2.809,
-            -2.674,
-            -2.515,
-            -2.299,
-            -1.888,
+            -3.083,
+            -3.029,
+            -2.991,
+            -2.958,
+            -2.926,
+            -2.894,
+            -2.859,
+            -2.819,
+            -2.773,
+            -2.717,
+            -2.643,
+            -2.54,
+            -2.405,
+            -2.249,
+            -2.038,
+            -1.656,
         ),
-        (0.102, 0.107, 0.112, 0.117, 0.122, 0.128, 0.136, 0.145, 0.158, 0.178, 0.21, 0.263, 0.34, 0.444, 0.662, 1.463),
+        (0.103, 0.111, 0.115, 0.118, 0.121, 0.125, 0.131, 0.139, 0.151, 0.169, 0.199, 0.253, 0.329, 0.429, 0.59, 1.199),
     ),
     Kind.STEP: StdLaw(
-        (-0.463, -0.284, -3.467, 0.182),
-        (-5.174, -4.928, -4.685, -4.357, -3.891, -3.154),
-        (1.685, 6.964, 11.869, 14.504, 16.713, 22.238),
+        (-0.428, -0.299, -2.07, 0.136, 0.576),
+        (-4.553, -4.219, -3.912, -3.548, -3.081, -2.377),
+        (0.423, 6.848, 11.652, 13.482, 16.552, 21.498),
     ),
     Kind.GAP: StdLaw(
-        (0.002, 1.005, -0.404, 0.226),
-        (-0.557, -0.125, 0.138, 0.36, 0.579, 0.91),
-        (6.729, 8.004, 12.834, 14.303, 17.098, 21.061),
+        (-0.021, 0.622, -1.969, 0.317, -0.647),
+        (-1.74, -1.289, -0.976, -0.657, -0.319, 0.185),
+        (3.792, 8.065, 11.12, 12.555, 14.712, 22.475),
     ),
     Kind.BORDER: StdLaw(
-        (-0.076, 0.525, -2.59, 0.157),
-        (-1.936, -1.237, -0.672, -0.271, -0.014, 0.248),
-        (1.067, 14.271, 19.947, 20.762, 20.944, 22.567),
+        (-0.148, 0.662, -2.04, 0.219, -0.158),
+        (-2.123, -1.381, -0.784, -0.404, -0.145, 0.186),
+        (0.494, 17.24, 18.87, 19.253, 19.562, 21.604),
     ),
 }
 
@@ -109,34 +111,35 @@ def kinds(disparity_px: Float32, kept_px: Float32) -> Kinds:
     return np.where(hole, filled, _spread(disparity_px, _NEAR_PX) > _STEP_PX).astype(np.int8)
 
 
-def signs(disparity_px: Float32, matched_px: Float32, margin: Float32, kept: Bools) -> Float32:
+def signs(disparity_px: Float32, matched: SGMResult, kept: Bools) -> Float32:
     """Gather what tells good matches from bad ones.
 
     Parameters
     ----------
     disparity_px : (H, W) float32, px
         The dense map.
-    matched_px : (H, W) float32, px
+    matched : SGMResult
         As it was matched, nothing removed.
-    margin : (H, W) float32
-        Of the sums' minima, as `SGMResult` has it.
     kept : (H, W) bool
         Whether the match was kept.
 
     Returns
     -------
-    (H, W, 4) float32
+    (H, W, 5) float32
         Logarithm of the margin; logarithm of how bent the matched map is, mean over 15 px; share of kept pixels, over
-        31 px; logarithm of the spread of the dense map over 15 px.
+        31 px; logarithm of the spread of the dense map over 15 px; logarithm of how far both views' disparities are
+        apart, mean over 5 px.
     """
-    bent = np.abs(cv2.Laplacian(matched_px, cv2.CV_32F)).clip(0, _MOST_BENT_PX)
+    bent = np.abs(cv2.Laplacian(matched.left_px, cv2.CV_32F)).clip(0, _MOST_BENT_PX)
     if not kept.any():
         bent[:] = _MOST_BENT_PX  # a smooth map of which nothing was kept is no better than a rough one
+    apart = np.nan_to_num(left_right_difference(matched.left_px, matched.right_px), nan=_MOST_APART_PX)
     parts = (
-        np.log(np.maximum(margin, 1)),
+        np.log(np.maximum(matched.margin, 1)),
         np.log(cv2.blur(bent, (_AROUND_PX, _AROUND_PX)) + _BENT_FLOOR_PX),
         cv2.blur(kept.astype(np.float32), (_WIDE_PX, _WIDE_PX)),
         np.log(_spread(disparity_px, _AROUND_PX) + _SPREAD_FLOOR_PX),
+        np.log(cv2.blur(apart.clip(0, _MOST_APART_PX), (_NEAR_PX, _NEAR_PX)) + _APART_FLOOR_PX),
     )
     return np.stack(parts, axis=-1).astype(np.float32)
 
@@ -147,7 +150,7 @@ def std_px(kind: Kinds, sign: Float32) -> Float32:
     Parameters
     ----------
     kind : (H, W) int8
-    sign : (H, W, 4) float32
+    sign : (H, W, 5) float32
 
     Returns
     -------

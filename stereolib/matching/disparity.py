@@ -131,8 +131,30 @@ def left_right_check(left_px: Floats, right_px: Floats, tolerance_px: float = 1.
     >>> left_right_check(left, right)
     array([[nan,  1., nan,  1.]])
     """
+    with np.errstate(invalid="ignore"):
+        return np.where(left_right_difference(left_px, right_px) <= tolerance_px, left_px, np.nan)
+
+
+def left_right_difference(left_px: Floats, right_px: Floats) -> Floats:
+    """How far the right view's disparity at the matched pixel is off the left one, ``|d_l(x) - d_r(x - d_l(x))|``.
+
+    Parameters
+    ----------
+    left_px, right_px : (H, W) float, px
+        Disparity of the left and of the right image, both positive.
+
+    Returns
+    -------
+    (H, W) float as `left_px`, px
+        NaN where either is, or the match lies outside the right image.
+
+    Examples
+    --------
+    >>> left_right_difference(np.full((1, 4), 1.0), np.array([[1.0, 5.0, 1.0, np.nan]]))
+    array([[nan,  0.,  4.,  0.]])
+    """
     width = left_px.shape[1]
     target = np.where(np.isfinite(left_px), np.rint(np.arange(width) - np.nan_to_num(left_px)), -1).astype(int)
     other = np.take_along_axis(right_px, np.clip(target, 0, width - 1), axis=1)
-    with np.errstate(invalid="ignore"):
-        return np.where((target >= 0) & (np.abs(other - left_px) <= tolerance_px), left_px, np.nan)
+    difference: Floats = np.where(target >= 0, np.abs(other - left_px), np.nan)
+    return difference

@@ -21,6 +21,7 @@ from stereolib.matching.disparity import compute_disparity, left_right_check
 from stereolib.matching.filling import fill_background, remove_speckles
 from stereolib.matching.filters import dilate
 from stereolib.matching.levels import evened
+from stereolib.matching.plane_fill import continue_background
 from stereolib.matching.rows import find_rows
 from stereolib.matching.sgbm import SGBMParams, check_window
 from stereolib.rig import check_pair, to_grey
@@ -60,7 +61,7 @@ class FilledMap(NamedTuple):
     disparity_px : (H, W) float32
     kind : (H, W) int8
         Of `deviation.Kind`.
-    signs : (H, W, 4) float32
+    signs : (H, W, 5) float32
         As `deviation.signs` gathers them.
     """
 
@@ -82,7 +83,7 @@ def stereo_pipeline(name: str = "best", num_disparities: int | None = 128) -> Pi
         - ``"fast"``: matched in half size from left and from right, checked, holes filled from the background, and
           enlarged. A quarter of the pixels, half of the disparities: several times faster than plain SGBM.
         - ``"best"``: rows and exposure corrected, `match_census_sgm`, checked from right to left, specks removed, holes
-          filled from the background, 5 x 5 median; a standard deviation for each pixel. Dense; some seconds.
+          filled by the planes behind them, 5 x 5 median; a standard deviation for each pixel. Dense; some seconds.
     num_disparities : int or None, px
         Disparities from 0 to this are looked for; a multiple of 16, of 32 for ``"fast"``. None takes what
         `search_range` tells of the pair.
@@ -147,7 +148,7 @@ def search_range(rough_px: Float32, width_px: int, step: int = 16) -> int:
 
 
 def fill_matched(matched: SGMResult, *, speckle_px: int = _SPECKLE_PX, median_px: int = _MEDIAN_PX) -> FilledMap:
-    """Make the dense map of ``"best"``: checked, specks removed, holes filled from the background, smoothed.
+    """Make the dense map of ``"best"``: checked, specks removed, holes filled by planes, smoothed.
 
     Parameters
     ----------
@@ -164,11 +165,11 @@ def fill_matched(matched: SGMResult, *, speckle_px: int = _SPECKLE_PX, median_px
     checked = left_right_check(matched.left_px, matched.right_px)
     checked[checked > np.arange(checked.shape[1])] = np.nan
     checked = remove_speckles(checked, speckle_px)
-    dense = fill_background(checked)
+    dense = continue_background(checked)
     if np.isnan(dense).any():  # nothing was accepted anywhere
         dense = matched.left_px
     disparity = cv2.medianBlur(dense, median_px)
-    signs = deviation.signs(disparity, matched.left_px, matched.margin, np.isfinite(checked))
+    signs = deviation.signs(disparity, matched, np.isfinite(checked))
     return FilledMap(disparity, deviation.kinds(disparity, checked), signs)
 
 

@@ -18,9 +18,9 @@ How much of the cost the half size has, and what a match outside the right pictu
 block, the edges and the colour's cap are chosen anew, in the same way: all else held, by both measures that the
 pipeline is judged by (bad-1 of what both cameras see and bad-2 of all), on the scenes of `CHOSEN_ON` and the training
 scenes of ``layered_pairs.py``; the simplest value of each comes first. Their lines are in
-``results/choose_coarse.csv``. A share between 0.2 and 0.5, by how distinct the whole size's match is, was tried as well:
-5.71 % instead of 5.67 %, and matches on smooth surfaces were a quarter less exact. The sums now have 8 bits: windows
-and penalties of the grid that need more are refused, if the first file is ever begun anew.
+``results/choose_coarse.csv``. A share between 0.2 and 0.5, by how distinct the whole size's match is, was tried as
+well: 5.71 % instead of 5.67 %, and matches on smooth surfaces were a quarter less exact. The sums now have 8 bits:
+windows and penalties of the grid that need more are refused, if the first file is ever begun anew.
 
 Every setting tried becomes a line of ``results/choose_best.csv`` as soon as it is measured; called again, the script
 goes on from there. The defaults of `CensusSGM` and the constants of `pipelines` are copied from what it prints; a

@@ -15,6 +15,7 @@ from .pipelines import (
     stereo_pipeline,
 )
 from .pixel_cost import PixelCost, pixel_cost
+from .plane_fill import continue_background
 from .rows import RowOffset, find_rows
 from .scenes import correlation_length_px, near_edge_mask, smallest_window
 from .scoring import RepairScore, Score, fattening_px, overreach_px, score, score_repair
@@ -44,6 +45,7 @@ __all__ = [
     "compare_filters",
     "compute_disparity",
     "compute_disparity_guided",
+    "continue_background",
     "correlation_length_px",
     "depth_to_disparity",
     "dilate",

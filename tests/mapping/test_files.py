@@ -290,7 +290,8 @@ def test_top_view_draws_what_the_map_holds(found):
     texts = {text.get_text() for text in ax.texts}
     assert texts >= {"A", "B", "C", "D", "E", "1", "5"}
     legend = [text.get_text() for text in ax.get_legend().get_texts()]
-    assert len(legend) == 5 and re.fullmatch(r"A  (19|20)\.\d x 1[56]\.\d x \d+\.\d cm", legend[0])
+    assert len(legend) == 7 and re.fullmatch(r"A  (19|20)\.\d x 1[56]\.\d x \d+\.\d cm", legend[1])
+    assert legend[0] == "the laser's readings" and "standard\ndeviations" in legend[6]
     assert len(ax.lines) >= len(found.walls)
     grid = occupancy_grid(found.stations, resolution_mm=50.0)
     shown = plot_occupancy(grid, axes[1]).images[0]

@@ -22,7 +22,9 @@ OPEN = dict.fromkeys(EDGES, Past.OPEN)
 def solution(own=OWN, spread=None):
     covariance = np.zeros((18, 18))
     covariance[10:, 10:] = np.diag(np.full(8, 1e-6) if spread is None else np.square(spread))
-    return Solution(STILL, (own,), covariance, 0.0, 0.0, (np.zeros(0),), 0.0, {}, np.zeros((len(covariance), COMMON_ERRORS)))
+    return Solution(
+        STILL, (own,), covariance, 0.0, 0.0, (np.zeros(0),), 0.0, {}, np.zeros((len(covariance), COMMON_ERRORS))
+    )
 
 
 def test_a_box_as_it_stands():

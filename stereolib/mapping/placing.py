@@ -227,7 +227,8 @@ def _check_not_opposed(place: _Place, where: str) -> None:
     if place.opposed > _MOST_OPPOSED * (place.agree + place.opposed):
         raise ValueError(
             f"its scan does not fit the map: {where}, {place.opposed} of its readings and theirs lie where the others' "
-            f"beams went through, and {place.agree} agree. Give its true pose, or scan again if something was moved"
+            f"beams went through, and {place.agree} agree. Give its true pose, add a station between, or scan again if "
+            f"something was moved"
         )
 
 

@@ -176,7 +176,9 @@ def list_stations(folder: Path, poses: Path | None = None) -> StationFolder:
             if is_scan:
                 raise ValueError(f"{path}: the scan of a station is {' or '.join(_SCANS)}; name it so, or move it away")
             pictures.append(path)
-        elif path.name not in (CALIBRATION, POSES):
+        elif (
+            path.name not in (CALIBRATION, POSES) and path.with_suffix("") not in scans
+        ):  # 1_scan.bin has 1_scan.bin.json
             unused.append(path.name)
     for path in (*pictures, *scans):
         check_name(path)

@@ -23,7 +23,8 @@ def test_the_addresses_that_it_says_are_two_cameras(
         rig = LiveRig(*re.findall(r"^(?:left|right) +(http://127\.0\.0\.1:\d+/\S+)$", told, re.MULTILINE))
         seen.extend(islice(rig.pairs(), 2))
         rig.close()
-        assert re.search(r"stereolib capture http://\S+ http://\S+ --board 9x6 --square-mm 25 --output rig", told)
+        words = "--board 9x6 --square-mm 25 --ruler-mm 93 --output rig"
+        assert re.search(rf"stereolib capture http://\S+ http://\S+ {words}", told)
         raise KeyboardInterrupt
 
     monkeypatch.setattr(emulate_cameras.time, "sleep", look)

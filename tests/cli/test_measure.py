@@ -13,7 +13,7 @@ from support.instruments import LIDAR, RECT, SENSOR
 
 from stereolib.base import data_path
 from stereolib.cli import commands
-from stereolib.cli.calibrate_laser import _paired, place_text
+from stereolib.cli.calibrate_laser import _paired, place_text, turn_text
 from stereolib.measurement import Instrument, draw_objects, floor_from_pose, measure_objects, save_laser_pose
 from stereolib.measurement.overlay import why_text
 from stereolib.paper import paper_rig
@@ -253,6 +253,11 @@ def test_a_thing_without_sizes_is_labelled_with_its_reason(room):
 def test_where_the_laser_stands_is_said_without_a_minus():
     assert place_text(-1.2, 24.0, -5.0) == "1 mm left of, 24 mm below and 5 mm behind"
     assert place_text(40.0, -3.0, 5.0) == "40 mm right of, 3 mm above and 5 mm before"
+
+
+def test_where_the_laser_points_is_said_without_a_minus():
+    assert turn_text(0.0, np.sin(np.radians(-1.25))) == "0.0 degrees right of and 1.2 degrees above"
+    assert LIDAR.T_left_lidar[2, 0] > 0.98  # its angle 0 is about where the cameras look
 
 
 def test_pictures_and_scans_are_paired_by_name_or_number_and_never_by_order(tmp_path):

@@ -31,7 +31,7 @@ def test_files_are_told_apart_by_their_names(folder):
     assert [s.name for s in found.stations] == ["1", "2", "10", "door"]
     kinds = [(s.left is not None, s.scan is not None) for s in found.stations]
     assert kinds == [(True, True), (False, True), (True, False), (True, False)]
-    assert found.unused == ("1_scan.bin.json", "notes.txt")
+    assert found.unused == ("notes.txt",)  # what `lrf record` writes beside a scan belongs to it
     assert found.stations[0].pose == pytest.approx((10, -20.5, np.pi / 2)) and found.stations[1].pose is None
     assert found.stations[0].read_pair((64, 48))[1].shape == (48, 64, 3) and found.stations[1].read_pair((1, 1)) is None
     assert list_stations(folder, _poses(folder, "2,1,2,3")).stations[1].pose == pytest.approx((1, 2, np.radians(3)))

@@ -155,7 +155,7 @@ def test_the_benchmark_says_what_the_library_uses():
     assert layered["mean"]["best_bad2_pct"] < 0.8 * layered["mean"]["rival_bad2_pct"]
     assert layered["ahead_of_rival"] >= 0.9 * layered["pairs"]
     for scenes in (layered, measured["rig"]):
-        assert 63 <= scenes["inside1_pct"] <= 75 and 91 <= scenes["inside2_pct"] <= 97
+        assert 63 <= scenes["inside1_pct"] <= 75 and 90 <= scenes["inside2_pct"] <= 97
         assert scenes["mean"]["area"] <= 0.15
     times = (datasets.ROOT / "benchmarks" / "results" / "pipeline_time.json").read_text(encoding="utf-8")
     assert json.loads(times)["fast_times_plain"] >= 2

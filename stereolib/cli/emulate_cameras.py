@@ -82,7 +82,6 @@ def _show(arguments: argparse.Namespace) -> tuple[Show, str, str]:
     scene = stage("room", rig=arguments.rig) if arguments.scene == _BOARD else staged(arguments)
     about = f"true focal lengths: {focal[0]:.2f}, {focal[1]:.2f} px\n{truth(arguments, scene)}"
     if arguments.scene == _BOARD:
-        print(f"drawing a board in {arguments.places} places", flush=True)
         progress = sys.stderr.isatty()
         show = camera_emulator.show_boards(arguments.places, rng, rig, fps=arguments.fps, progress=progress)
         board = f"--board {BOARD.columns}x{BOARD.rows} --square-mm {BOARD.square_mm:g}"

@@ -97,6 +97,12 @@ def test_missing_voila_is_named_with_its_fix(monkeypatch, capsys):
     assert "make explore" in capsys.readouterr().err
 
 
+def _heard():
+    """Let a command hear of the signals that a background shell or nohup keeps from its children."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
+
+
 @pytest.mark.skipif(os.name != "posix", reason="signals")
 @pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP", "SIGKILL"])
 def test_the_server_ends_with_the_command_however_that_ends(tmp_path, name):
@@ -111,7 +117,7 @@ def test_the_server_ends_with_the_command_however_that_ends(tmp_path, name):
         stderr=subprocess.PIPE,
         env=os.environ | {"PYTHONPATH": path},
         text=True,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+        preexec_fn=_heard,
     )
     server = psutil.Process(int(command.stdout.readline()))
     assert os.getsid(server.pid) != os.getsid(command.pid), "Ctrl-C in the terminal is the command's"

@@ -58,7 +58,8 @@ def run(session: nox.Session, *arguments: str) -> None:
 
 
 def borrow(session: nox.Session) -> None:
-    """Let a session's environment find what it lacks in ``.venv``."""
+    """Let a session's environment find what it lacks in ``.venv``: packages, and nbconvert's templates."""
+    session.env["JUPYTER_PATH"] = str(Path(sys.prefix) / "share" / "jupyter")
     where = "import sysconfig; print(sysconfig.get_path('purelib'), end='')"
     own = Path(str(session.run("python", "-c", where, silent=True)))
     shared = subprocess.check_output([sys.executable, "-c", where], text=True)
@@ -86,11 +87,7 @@ def tests_nbgrader(session: nox.Session) -> None:
     session.install("--no-deps", "-r", "requirements-nbgrader.txt")
     borrow(session)
     session.run("python", "-c", "import nbgrader")  # without it, the tests would be skipped
-    templates = Path(sys.prefix) / "share" / "jupyter"
-    session.run(
-        *("python", "-m", "pytest", "-q", "tests/exercises/test_nbgrader.py", *session.posargs),
-        env={"JUPYTER_PATH": str(templates)},
-    )
+    session.run("python", "-m", "pytest", "-q", "tests/exercises/test_nbgrader.py", *session.posargs)
 
 
 @nox.session(venv_backend="none", default=False)

@@ -53,6 +53,12 @@ def cluttered(seed: int, lights: tuple[float, ...] = LIGHTS) -> list[Pair]:
     return found
 
 
+def rig_set(chosen: tuple[tuple[int, ...], tuple[str, ...]]) -> list[Pair]:
+    """All pairs of a set."""
+    seeds, names = chosen
+    return [pair for seed in seeds for pair in cluttered(seed)] + [recorded(name) for name in names]
+
+
 def recorded(name: str) -> Pair:
     """A recording of the cube, rectified with the true rig."""
     pair = recordings.rectified().rectify(*recordings.load_pair(name))

@@ -225,6 +225,19 @@ def test_round_and_irregular_things_are_not_made_boxes():
     assert each.conflicts == ("station 1 sees a circle, the others a box",) or "sees a box" in each.conflicts[0]
 
 
+def test_an_irregular_outline_tells_a_face_its_height_alone():
+    rng, poses = np.random.default_rng(4), ((0, 0, 0), (900, -1100, np.pi / 2))
+    front, beside = (seen_from(pose, (240.0, 300.0, 180.0), (900.0, 0.0), 0.0, rng, walks.face) for pose in poses)
+    blob = replace(beside, shape="irregular", size_mm=np.array([np.nan, np.nan, beside.size_mm[2]]),
+                   covariance=np.diag([np.nan, np.nan, 4.0]), yaw_rad=np.nan, yaw_std_rad=np.nan)  # fmt: skip
+    for sightings in (order := [Sighting.of(k, each, np.array(pose, float), np.zeros((3, 3)))
+                                for k, (each, pose) in enumerate(zip((front, blob), poses, strict=True), 1)],
+                      order[::-1]):  # fmt: skip
+        found = merge_sightings(sightings).fused
+        assert found.shape == "face" and found.size_mm[1] == pytest.approx(front.size_mm[1])
+        assert found.size_mm[2] == pytest.approx((front.size_mm[2] + beside.size_mm[2]) / 2)
+
+
 def test_walls_of_the_room():
     """Four walls, meeting in the corners, each within its stated deviation and 4 mm (the laser's bias at 2 m)."""
     found = merged(walks.walked(np.random.default_rng(10)))

@@ -69,6 +69,7 @@ def test_an_error_that_all_stations_share_is_not_averaged_away(is_told):
         assert spread[0] > 1.15 and spread[1] > 1.6
 
 
+@pytest.mark.slow
 def test_stated_deviations_are_those_of_the_errors():
     """Over 150 noisy walks: sizes, places and the volume's sum, in units of their own standard deviations."""
     sizes, places, volumes, surfaces = [], [], [], []

@@ -285,15 +285,16 @@ def _solve(sightings: Sequence[Sighting]) -> _Solved:
 
 def _start(sightings: Sequence[Sighting]) -> Float64:
     """A first box: the surest sighting of two faces, or what the faces together make."""
-    whole = [s for s in sightings if s.measured.shape != "face" and np.isfinite(s.values[:2]).all()]
-    first = min(whole or sightings, key=lambda s: (np.isnan(s.values[3:]).sum(), s.spread_mm))
+    whole = [s for s in sightings if s.measured.shape in ("box", "circle") and np.isfinite(s.values[:2]).all()]
+    faces = [s for s in sightings if s.measured.shape == "face"]  # an irregular outline tells no direction
+    first = min(whole or faces or sightings, key=lambda s: (np.isnan(s.values[3:]).sum(), s.spread_mm))
     x = first.values.copy()
     if first.measured.shape == "circle":
         x[4] = np.nan  # the same diameter once more
     if first.measured.shape == "face":
         x[2] = _outward(first)  # side a is the hidden depth
         x[3] = np.nan
-        for other in sightings:
+        for other in faces:
             side = _side(other, x[2])
             if side % 2:
                 x[3] = other.values[4] if np.isfinite(other.values[4]) else x[3]
@@ -369,7 +370,7 @@ def _fused(kept: Sequence[Sighting], solved: _Solved) -> MeasuredObject:
     if len(kept) == 1:
         S = kept[0].covariance
         return replace(kept[0].measured, position_covariance=S[:2, :2], yaw_std_rad=float(np.sqrt(S[2, 2])))
-    shape = next((kind for kind in ("box", "circle", "irregular") if kind in shapes), "face")
+    shape = next(kind for kind in ("box", "circle", "face", "irregular") if kind in shapes)
     if shape == "face" and np.isfinite(x[3:5]).all():
         shape = "box"
     order, yaw = _BOX_ORDER, x[2]

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, TypeAlias
 
 import cv2
 import numpy as np
 
-from stereolib.base import Bools, Float32, Float64, Floats, Ints, UInt8, median
-from stereolib.rig import to_light
+from stereolib.base import Bools, Float32, Float64, Floats, Ints, median
+from stereolib.measurement.light import Light, light_at
 
 #: Neighbouring lines are so far apart in the picture, px.
 STEP_PX = 0.25
@@ -24,10 +23,6 @@ _APART, _BESIDE = 6, 16  # which is looked at so many lines from it, over so man
 _LEAST = 1e-3  # of a difference: what is less is none
 _NONE = np.zeros(1)
 _FLOOR = 0.03  # least standard deviation of an edge, of its width: what blur and staircase do to all of it alike
-
-
-#: Left and right picture, or the light that made them; None for one that is not looked at.
-Light: TypeAlias = tuple[UInt8 | Float32 | None, UInt8 | Float32 | None]
 
 
 @dataclass(frozen=True)
@@ -77,7 +72,7 @@ def locate_edge(light: Light, lines: ParallelLines, belief: Float64, *, samples:
 
     Parameters
     ----------
-    light : (left, right), each (H, W, 3) or (H, W) uint8 or float32, or None
+    light : (left, right), each (H, W, 3) or (H, W) uint8 or float32, RawPicture or None
         Rectified pictures, or their light (`stereolib.rig.to_light`); None for one that is not looked at.
     lines : ParallelLines
     belief : (lines,) float64
@@ -124,7 +119,6 @@ def locate_edge(light: Light, lines: ParallelLines, belief: Float64, *, samples:
 
 def _differences(light: Light, lines: ParallelLines, samples: int, half: int) -> list[Float32]:
     """How much neighbouring lines differ, in either picture that shows them: (lines - 2 half, groups)."""
-    height, width = next(picture.shape[:2] for picture in light if picture is not None)
     share = ((np.arange(samples, dtype=np.float32) + 0.5) / samples)[None]
 
     def along(ends: Float64) -> Float32:
@@ -136,6 +130,7 @@ def _differences(light: Light, lines: ParallelLines, samples: int, half: int) ->
     for picture, x in zip(light, (u, u - shift), strict=True):
         if picture is None:
             continue
+        height, width = picture.shape[:2]
         first, last = (np.array([c[k] for c in (x, v)]) for k in (0, -1))  # between them lie all others
         limits = np.array([[width - 2], [height - 2]])
         inside = np.all((np.minimum(first, last) > 1) & (np.maximum(first, last) < limits), axis=0)
@@ -146,25 +141,6 @@ def _differences(light: Light, lines: ParallelLines, samples: int, half: int) ->
         difference = cv2.absdiff(values[2 * half :], values[: -2 * half])
         found.append(cv2.resize(difference, (_GROUPS, len(difference)), interpolation=cv2.INTER_AREA))
     return found
-
-
-def light_at(picture: UInt8 | Float32, x: Float32, y: Float32) -> Float32:
-    """Light at places inside a picture; made of no more of it than they lie in.
-
-    Parameters
-    ----------
-    picture : (H, W, 3) or (H, W) uint8 or float32
-        Rectified, or its light (`stereolib.rig.to_light`).
-    x, y : (M, N) float32
-
-    Returns
-    -------
-    (M, N, 3) or (M, N) float32
-    """
-    left, top = int(x.min()), int(y.min())
-    part: Any = picture[top : int(y.max()) + 2, left : int(x.max()) + 2]
-    light = to_light(part) if picture.dtype == np.uint8 else part
-    return np.asarray(cv2.remap(light, x - left, y - top, cv2.INTER_LINEAR))
 
 
 def _width_px(strength: Float64, best: int) -> float:

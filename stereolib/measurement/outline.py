@@ -10,7 +10,8 @@ import numpy as np
 from stereolib.base import Float64
 from stereolib.measurement.agreement import agreement
 from stereolib.measurement.box import Box, Edge, Own, Shared, Side, World, derivatives
-from stereolib.measurement.edges import STEP_PX, Light, ParallelLines, Peak, locate_edge
+from stereolib.measurement.edges import STEP_PX, ParallelLines, Peak, locate_edge
+from stereolib.measurement.light import Light
 from stereolib.measurement.observations import EdgeSeen
 from stereolib.measurement.scene_solver import Priors
 from stereolib.measurement.views import Views
@@ -281,8 +282,8 @@ def find_far_end(light: Light, world: World, own: Float64, first: Side) -> tuple
 
     Parameters
     ----------
-    light : (left, right), each (H, W, 3) or (H, W) float32
-        Rectified pictures as light.
+    light : (left, right), each (H, W, 3) or (H, W) uint8 or float32, or RawPicture
+        Rectified pictures, or their light.
     world : World
     own : (8,) float64
         The box, in the order of `Own`; how far it goes back is not used.

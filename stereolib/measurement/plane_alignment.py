@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 
 from stereolib.base import Bools, Float32, Float64, Floats, Ints, UInt8, clustered_covariance, median
+from stereolib.measurement.light import Picture
 from stereolib.rig import check_pair, to_grey
 
 _MOST_PIXELS = 1500  # more add nothing but time
@@ -51,14 +52,14 @@ class AlignedPair:
     ----------
     levels : two of (left, right), (H / 2, W / 2, 2) and (H, W, 2) float32
         Brightness without its slow changes and of one deviation everywhere, and its slope along the row.
-    pictures : (left, right), (H, W) or (H, W, 3) uint8
-        As they came.
+    pictures : (left, right), (H, W) or (H, W, 3) uint8, or RawPicture
+        What edges are located in: as they came, or as the cameras gave them.
     rows_covariance : (3, 3) float64
         Of the row offset that may be left between them (`RowOffset.covariance`).
     """
 
     levels: tuple[tuple[Float32, Float32], ...]
-    pictures: tuple[UInt8, UInt8]
+    pictures: tuple[Picture, Picture]
     rows_covariance: Float64 = field(default_factory=lambda: np.zeros((3, 3)))
 
     @classmethod

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from stereolib.base import Float32, Float64, UInt8
+from stereolib.base import Float64
 from stereolib.measurement.box import Box, Own, Side, World
-from stereolib.measurement.edges import Light, light_at
+from stereolib.measurement.light import Light, Picture, light_at
 
 _ACROSS_PX, _STEPS = np.arange(-6.0, 6.5, 0.5), 3  # points that are compared across it are a webcam's edge apart
 _BESIDE_PX = 2.5  # from there on nothing of the edge is in it
@@ -23,7 +23,7 @@ def upper_edge_beyond(light: Light, world: World, own: Float64, side: Side) -> t
 
     Parameters
     ----------
-    light : (left, right), each (H, W, 3) or (H, W) uint8 or float32
+    light : (left, right), each (H, W, 3) or (H, W) uint8 or float32, or RawPicture
         Rectified pictures, or their light. The one that shows the face wider is looked at.
     world : World
         One, real.
@@ -73,7 +73,7 @@ def upper_edge_beyond(light: Light, world: World, own: Float64, side: Side) -> t
     return float(_FARTHEST_MM * at / (at + (1 - at) * ahead[2] / ahead[0])), float(total[best])
 
 
-def _strength(picture: UInt8 | Float32, line_px: Float64) -> Float64:
+def _strength(picture: Picture, line_px: Float64) -> Float64:
     """Differences across a line at its points (N, 2), as far as the picture shows it: (across, N)."""
     along = line_px[-1] - line_px[0]
     across = np.array([-along[1], along[0]]) / np.hypot(*along)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import cv2
@@ -11,6 +11,7 @@ import numpy as np
 
 from stereolib.base import Float32, UInt8
 from stereolib.matching import RowOffset, check_sides, find_rows
+from stereolib.measurement.light import RawPicture
 from stereolib.measurement.plane_alignment import AlignedPair
 from stereolib.rig import RectifiedRig, check_pair, to_grey
 
@@ -67,7 +68,10 @@ class Views:
         ValueError
             If pictures and calibration do not fit together.
         """
-        return cls.of_rectified(*rectified.rectify(left, right), lambda: rectified.rectify(right, left))
+        views = cls.of_rectified(*rectified.rectify(left, right), lambda: rectified.rectify(right, left))
+        warps = np.eye(2, 3), views.rows.warp
+        raw = [RawPicture(*each) for each in zip((left, right), rectified.maps, warps, strict=True)]
+        return replace(views, pair=replace(views.pair, pictures=(raw[0], raw[1])))
 
     @classmethod
     def of_rectified(

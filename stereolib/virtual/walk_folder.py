@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -61,9 +62,17 @@ def write_walk(folder: Path) -> list[Path]:
 
 
 def _write_boards(folder: Path) -> Iterator[Path]:
+    return (write_atomic(folder / name, data) for name, data in _boards())
+
+
+@cache
+def _boards() -> tuple[tuple[str, bytes], ...]:
+    """Names and contents of the boards' files: rendering them takes seconds, another folder has the same."""
     sensor, rng = VirtualLidar(height_mm=walk.LASER_HEIGHT_MM), np.random.default_rng(_SEED)
+    made = list[tuple[str, bytes]]()
     for name, pose in zip(_BOARDS, laser_boards.POSES, strict=True):
         scene = laser_boards.board_scene(pose, _BOARD_MM)
         light = render(scene, paper_rig().left, recordings.setup(), samples=1, light_samples=1)
-        yield write_atomic(folder / f"{name}.jpg", Webcam().encode(Webcam().expose(light, rng)))
-        yield write_atomic(folder / f"{name}.bin", sensor.scan(scene, recordings.LASER_POSE, rng, turns=5))
+        made.append((f"{name}.jpg", Webcam().encode(Webcam().expose(light, rng))))
+        made.append((f"{name}.bin", sensor.scan(scene, recordings.LASER_POSE, rng, turns=5)))
+    return tuple(made)

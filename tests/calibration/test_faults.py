@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from functools import cache
 
 import numpy as np
 import pytest
@@ -75,13 +76,18 @@ def test_what_a_bad_pair_would_have_done():
     assert abs(diagnose(bad.views).rig.baseline_mm - true) < 0.05 < abs(spoilt - true)
 
 
+@cache
+def twelve_pairs():
+    rng = np.random.default_rng(5)
+    rig = draw_rig(rng)
+    return tuple(photographed(rig, draw_poses(rig, 12, rng), Print(), Photo(), rng))
+
+
 @pytest.mark.parametrize(
     ("sides", "says"), [((0, 1), "both pictures are"), ((0,), "the left picture is"), ((1,), "the right picture is")]
 )
 def test_mirrored_pictures_of_some_pairs_are_named(sides, says):
-    rng = np.random.default_rng(5)
-    rig = draw_rig(rng)
-    pairs = photographed(rig, draw_poses(rig, 12, rng), Print(), Photo(), rng)
+    pairs = list(twelve_pairs())
     for k in (2, 5, 9):
         left, right = (p[:, ::-1].copy() if side in sides else p for side, p in enumerate(pairs[k]))
         pairs[k] = left, right

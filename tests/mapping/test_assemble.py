@@ -69,6 +69,7 @@ def test_an_error_that_all_stations_share_is_not_averaged_away(is_told):
         assert spread[0] > 1.15 and spread[1] > 1.6
 
 
+@pytest.mark.slow
 def test_stated_deviations_are_those_of_the_errors():
     """Over 150 noisy walks: sizes, places and the volume's sum, in units of their own standard deviations."""
     sizes, places, volumes, surfaces = [], [], [], []
@@ -223,6 +224,19 @@ def test_round_and_irregular_things_are_not_made_boxes():
     box = seen_from(poses[1], (150, 140, 150), (900, 0), 0.1, np.random.default_rng(9))
     (each,) = merged([bare(poses[0], tin(poses[0], 200.0)), bare(poses[1], box)]).objects
     assert each.conflicts == ("station 1 sees a circle, the others a box",) or "sees a box" in each.conflicts[0]
+
+
+def test_an_irregular_outline_tells_a_face_its_height_alone():
+    rng, poses = np.random.default_rng(4), ((0, 0, 0), (900, -1100, np.pi / 2))
+    front, beside = (seen_from(pose, (240.0, 300.0, 180.0), (900.0, 0.0), 0.0, rng, walks.face) for pose in poses)
+    blob = replace(beside, shape="irregular", size_mm=np.array([np.nan, np.nan, beside.size_mm[2]]),
+                   covariance=np.diag([np.nan, np.nan, 4.0]), yaw_rad=np.nan, yaw_std_rad=np.nan)  # fmt: skip
+    for sightings in (order := [Sighting.of(k, each, np.array(pose, float), np.zeros((3, 3)))
+                                for k, (each, pose) in enumerate(zip((front, blob), poses, strict=True), 1)],
+                      order[::-1]):  # fmt: skip
+        found = merge_sightings(sightings).fused
+        assert found.shape == "face" and found.size_mm[1] == pytest.approx(front.size_mm[1])
+        assert found.size_mm[2] == pytest.approx((front.size_mm[2] + beside.size_mm[2]) / 2)
 
 
 def test_walls_of_the_room():

@@ -208,6 +208,7 @@ def test_own_files_are_checked(tmp_path):
         offered.check_own((str(tmp_path / "other.png"), str(small), good[2], ""))
 
 
+@pytest.mark.slow
 def test_idle_knobs_change_nothing_and_the_others_are_offered():
     """Every knob is idle in one of these states, or none; where it is, its ends give the same pictures."""
     states = [State(half=True), replace(TEXTURE, half=True), State(source=MOTORCYCLE, half=True, matcher="fast")]

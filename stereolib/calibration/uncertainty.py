@@ -18,7 +18,7 @@ from stereolib.calibration.bundle_adjustment import (
     turn_derivatives,
     with_coefficients,
 )
-from stereolib.rig import RectifiedRig, StereoRig
+from stereolib.rig import Camera, RectifiedRig, StereoRig
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -310,8 +310,9 @@ def rectified_covariance(rectified: RectifiedRig, covariance: Float64, *, step_p
     -----
     Pixels stay, the parameters move: the inverse depth moves by ``a + b / Z`` over the image and depths of 6.5 to
     15 baselines, fitted by least squares. So disparities are ``f B / Z + offset`` with ``offset = -f B a`` and the
-    baseline changed by ``-b - df / f`` of itself. Taken from the whole covariance: the errors of cx and of the turn
-    about y, each of some tenths of a pixel, cancel but for their sum.
+    baseline changed by ``-b - df / f`` of itself. The focal length is that of the whole left picture, by
+    which all its rays zoom: what fx is off, the lens's distortion mostly makes good. Taken from the whole covariance:
+    the errors of cx and of the turn about y, each of some tenths of a pixel, cancel but for their sum.
     """
     rig, scale = rectified.rig, rectified.f_px * rectified.baseline_mm
     grids = [_grid(rig, k * rig.baseline_mm, step_px)[2:] for k in _BASELINES]
@@ -321,10 +322,24 @@ def rectified_covariance(rectified: RectifiedRig, covariance: Float64, *, step_p
     depth = points[:, 2]
     moves = -triangulation_jacobian(rig, points)[:, 2] / depth[:, None] ** 2
     constant, by_depth = np.linalg.lstsq(np.column_stack([np.ones_like(depth), 1 / depth]), moves, rcond=None)[0]
-    n, focal = 4 + rig.left.dist.size, np.zeros(len(covariance))
-    focal[[0, 1, n, n + 1]] = rectified.f_px / sum(camera.K[i, i] for camera in (rig.left, rig.right) for i in (0, 1))
+    focal = np.zeros(len(covariance))
+    focal[: 4 + rig.left.dist.size] = -rectified.f_px * _zoom(rig.left, points)
     rows = np.stack([focal, -rectified.baseline_mm * (by_depth + focal / rectified.f_px), -scale * constant])
     return np.asarray(rows @ covariance @ rows.T)
+
+
+def _zoom(camera: Camera, points_mm: Float64) -> Float64:
+    """Share by which the rays of pixels that see points (N, 3) spread for each parameter of a lens, (4 + n,).
+
+    Fitted to the rays of all pixels, which stay, beside a shift and a turn.
+    """
+    rays = points_mm / points_mm[:, 2:]
+    _, by_ray, by_lens = project_with_derivatives(camera, rays)
+    moves = -np.linalg.solve(by_ray[..., :2], by_lens)  # (N, 2, 4 + n)
+    (x, y, one), none = rays.T, np.zeros(len(rays))
+    like = np.stack([[x, y], [one, none], [none, one], [-y, x]], axis=-1)  # (2, N, 4)
+    found = np.linalg.lstsq(like.reshape(-1, 4), np.concatenate([moves[:, 0], moves[:, 1]]), rcond=None)[0]
+    return np.asarray(found[0])
 
 
 def error_map(

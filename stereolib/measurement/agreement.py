@@ -310,7 +310,8 @@ def _projected(views: Views, world: World, points_mm: Float64) -> tuple[list[Flo
 
 
 def _medians(values: Floats) -> Float64:
-    """Lower median of each row without its NaN; NaN where all are."""
+    """Lower median of each row without its NaN; NaN where most are: what few were matched with is no surface."""
     known = np.count_nonzero(values == values, axis=1)
     ordered = np.sort(values, axis=1)  # NaN last
-    return np.asarray(ordered[np.arange(len(known)), np.maximum(known - 1, 0) // 2], np.float64)
+    found = ordered[np.arange(len(known)), np.maximum(known - 1, 0) // 2]
+    return np.asarray(np.where(2 * known < values.shape[1], np.nan, found), np.float64)

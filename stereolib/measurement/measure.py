@@ -324,7 +324,7 @@ class _Scene:
         for name, edge in (("right end", Edge.RIGHT_END), ("left end", Edge.LEFT_END)):
             shown = pictured.past.get(edge, pictured.past.get(Edge.CORNER))
             sources[name] = Source.IMAGE if shown is Past.OPEN or not thing.scanned else Source.SCAN
-        return BoxFacts(pictured.past, sources, reasons, share, pictured.doubtful)
+        return BoxFacts(pictured.past, sources, reasons, share, pictured.doubtful, pictured.doubt)
 
 
 def _pictured(region: ObjectRegion, box: Pictured | CannotMeasure) -> _Thing:

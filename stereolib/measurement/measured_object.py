@@ -138,6 +138,8 @@ class BoxFacts:
     scan_share : float
     doubtful : frozenset of Edge
         Edges that contradict the others.
+    doubt : (8, 8) float64
+        Covariance of its parameters besides the solution's.
     """
 
     past: dict[Edge, Past] = field(default_factory=dict)
@@ -145,6 +147,7 @@ class BoxFacts:
     reasons: dict[str, Why] = field(default_factory=dict)
     scan_share: float = 0.0
     doubtful: frozenset[Edge] = frozenset()
+    doubt: Float64 = field(default_factory=lambda: np.zeros((len(Own), len(Own))))
 
 
 def from_box(solution: Solution, box: int, facts: BoxFacts, *, worst_std: float = _WORST_STD) -> MeasuredObject:
@@ -175,6 +178,7 @@ def from_box(solution: Solution, box: int, facts: BoxFacts, *, worst_std: float 
     """
     x, C = solution.of_box(box)
     C = C * max(float(solution.misfits[box].max(initial=0.0)) / _BY_CHANCE, 1.0) ** 2
+    C[len(Shared) :, len(Shared) :] += facts.doubt
     at, J = derivatives(_sizes_and_places, x)
     spread = J @ C @ J.T
     sizes, std = at[:3], np.sqrt(np.diag(spread)[:3])

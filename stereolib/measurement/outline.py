@@ -19,7 +19,7 @@ from stereolib.measurement.views import Views
 _CLEAR = 1.5  # least contrast of an edge that is looked for afar, against the lines around it
 _STILL_CLEAR = 1.15  # and of one whose place is known
 _AFAR_PX = 12.0  # the least stretch in which an edge is looked for afar
-_CLEAR_ALONE = 2.5  # and of one that ends a face about which nothing else is known
+_CLEAR_ALONE = 2.0  # and of one that ends a face about which nothing else is known
 _NEARER_PX = 20.0  # by so much nearer edges are e times as likely, where a surface ends in a plain part
 _BEFORE = 0.2  # how likely an edge is where it was located, if its face was followed elsewhere since
 _LEAST_PX_PER_MM = 1e-3

@@ -10,6 +10,7 @@ import numpy as np
 from stereolib.base import Float64
 from stereolib.measurement.agreement import Past, Samples
 from stereolib.measurement.box import Box, Edge, Own, Shared, Side, World
+from stereolib.measurement.contradictions import weigh_contradictions
 from stereolib.measurement.edges import Peak
 from stereolib.measurement.faces import Face, align_face, find_face
 from stereolib.measurement.follow import (
@@ -53,7 +54,6 @@ _LEANING_RAD = np.radians(1.5)
 _LEANING_ASIDE_RAD = np.radians(3.0)
 _LEANING_PX = 1.5  # over the length of an edge
 _SURE = 4.0  # standard deviations
-_CONTRADICTION = 2.7  # of an edge, as `Solution.misfits` counts: four standard deviations
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +75,9 @@ class Pictured:
     refused : Why or None
         Why it is no upright box on the floor.
     doubtful : frozenset of Edge
-        Edges that contradict the others.
+        Edges that contradict the others, whichever is left out.
+    doubt : (8, 8) float64
+        Covariance of its parameters besides the solution's: nobody knows which of two edges is mistaken.
     """
 
     seen: Seen
@@ -85,6 +87,7 @@ class Pictured:
     faces: tuple[Face, ...]
     refused: Why | None
     doubtful: frozenset[Edge]
+    doubt: Float64
 
     @property
     def own(self) -> Float64:
@@ -159,12 +162,9 @@ def see_box(views: Views, priors: Priors, region: ObjectRegion) -> Pictured:
     tilts = [upright_line(world, face, 0.0)[1:] for face in faces]
     refused = _cut_below(stretch) or _in_the_air(views, world, stretch) or _leaning(stretch, tilts, peaks)
     refused = refused or _unfollowed(stretch) or _too_narrow(rough, solution) or _without_edges(rough, peaks)
-    misfits = zip(seen.observations, solution.misfits[0].tolist(), strict=True)
-    doubtful = frozenset(o.edge for o, misfit in misfits if isinstance(o, EdgeSeen) and misfit > _CONTRADICTION)
-    doubtful |= {
-        side.end for side in Side if solution.boxes[0][side.extent] < _LEAST_MM
-    }  # no box is narrower than that
-    return Pictured(seen, solution, rough.past, rough.first, tuple(faces), refused, doubtful)
+    doubtful, doubt = weigh_contradictions(priors, seen, solution)
+    doubtful |= {side.end for side in Side if solution.boxes[0][side.extent] < _LEAST_MM}  # none is narrower
+    return Pictured(seen, solution, rough.past, rough.first, tuple(faces), refused, doubtful, doubt)
 
 
 @dataclass(frozen=True, eq=False)

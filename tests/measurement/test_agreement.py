@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -150,3 +152,19 @@ def test_a_part_of_the_samples_is_compared_as_if_alone(wall):
     assert Samples.of(views, world, points).part(slice(4)).agreement().contrast == pytest.approx(
         alone.contrast, rel=1e-5
     )
+
+
+@pytest.mark.parametrize(("shared", "past"), [(0.25, Past.OPEN), (1.0, Past.HIDDEN)])
+def test_what_few_pixels_beyond_an_end_were_matched_with_hides_nothing(wall, shared, past):
+    """Beside an end one camera alone sees what is behind: single pixels there are matched with anything."""
+    views, world, _ = wall
+    points = np.empty((160, 16, 3))
+    points[..., 0], points[..., 1] = 800.0, np.linspace(40.0, -120.0, 160)[:, None]  # over the wall's end
+    points[..., 2] = np.linspace(50, 250, 16)
+    seen = Samples.of(views, world, points)
+    ends = agreement(views, world, points).reach(40).last
+    matched = np.full_like(seen.matched_px, np.nan)
+    matched[: ends + 3] = seen.matched_px[: ends + 3]
+    matched[ends + 3 :, : round(shared * 16)] = seen.predicted_px[ends + 3 :, : round(shared * 16)] + 9.0
+    reach = replace(seen, matched_px=matched).agreement().reach(40)
+    assert reach.past is past and reach.last == ends

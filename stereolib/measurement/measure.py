@@ -18,7 +18,7 @@ from stereolib.measurement.box import Box, Edge, Own, Shared, Side
 from stereolib.measurement.floor import Floor
 from stereolib.measurement.hypotheses import Judged, judge
 from stereolib.measurement.instrument import Instrument
-from stereolib.measurement.laser_on_floor import LaserOnFloor
+from stereolib.measurement.laser_on_floor import LaserOnFloor, Lean
 from stereolib.measurement.measured_object import BoxFacts, MeasuredObject, from_box, from_region, from_scan
 from stereolib.measurement.pairing import Place, pair_up
 from stereolib.measurement.pictured import Pictured
@@ -135,6 +135,9 @@ def measure_standing(standing: Standing, scan: LaserScan | None) -> Measurement:
         warnings.append(f"{standing.no_floor}. What follows is the scan's alone")
     if scan is not None and instrument.lidar is None:
         warnings.append("the laser's pose is not known: it is taken to stand straight below the left camera")
+    if scan is not None:
+        scan = _above_floor(scan, priors.laser.lean)
+        warnings += _said_of_lean(priors.laser.lean)
     footprints, walls_mm, no_object = ([], _NOWHERE, "") if scan is None else _scanned(scan, priors.laser.bias_mm)
     warnings += [no_object] if no_object else []
     scene = _Scene(standing, bool(footprints), priors.laser.points_mm(walls_mm))
@@ -402,6 +405,24 @@ def _nearest_mm(judged: Judged, things: list[_Thing]) -> float:
     boxes, numbers = judged.solution.boxes, _numbers(things)
     pictured = (boxes[numbers[id(thing)]] for thing in things if thing.seen and thing.pictured)
     return min((float(np.hypot(*own[[Own.X, Own.Y]])) for own in pictured), default=np.inf)
+
+
+def _above_floor(scan: LaserScan, lean: Lean | None) -> LaserScan:
+    """A scan without what a leaning laser reads of the floor."""
+    if lean is None or not lean.is_sure:
+        return scan
+    with np.errstate(invalid="ignore"):
+        on_floor = lean.meets_floor(points_mm(scan, keep_invalid=True))
+    return replace(scan, ranges_mm=np.where(on_floor, np.nan, scan.ranges_mm))
+
+
+def _said_of_lean(lean: Lean | None) -> list[str]:
+    """That the laser's plane leans, if it does."""
+    if lean is None or not lean.is_sure:
+        return []
+    how = f"the laser's plane leans by {np.degrees(lean.angle_rad):.1f} degrees, down {lean.down}"
+    where = f"its beams meet the floor {lean.floor_at_mm / 1000:.1f} m off, what it reads of it is left out"
+    return [f"{how}: {where}; for objects and walls there level it over the floor, and run calibrate-laser again"]
 
 
 def _said_of_the_rig(views: Views, judged: Judged, nearest_mm: float, instrument: Instrument) -> list[str]:

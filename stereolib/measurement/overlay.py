@@ -225,7 +225,7 @@ def _label(picture: UInt8, text: str, corners: Float64, color: Sequence[int], ta
 
 def _larger(picture: UInt8) -> float:
     """How many times as large texts are as in a picture of 640 columns, so that they can be read in a smaller view."""
-    return max(1.0, picture.shape[1] / _WIDTH_PX)
+    return float(max(1.0, picture.shape[1] / _WIDTH_PX))
 
 
 def _pen(picture: UInt8) -> int:

@@ -30,6 +30,7 @@ _MAGNIFIED = 3.0  # times: rows err as many times more, and a ninth of each pict
 _LEAST_LEFT = 1 / _MAGNIFIED**2  # of each picture: where cropping fails, nothing is magnified but as little is left
 _FOLDED = 0.001  # of the image: less is worth a word and nothing more
 _SQUARES_MM = (5.0, 300.0)  # other sizes were hardly meant in millimetres
+_BASELINES_MM = (15.0, 500.0)  # lenses of two webcams stand no nearer, and hardly farther apart
 _LISTED = 4  # pairs of names in one sentence
 _ADVICE = 3  # lines: more are not read
 _NUMBERS = {2: "two", 3: "three", 4: "four"}
@@ -100,6 +101,7 @@ def judged(diagnosis: Diagnosis, moved_by: tuple[str, ...], ruler_mm: float | No
             *_corner_findings(diagnosis),
             *_board_findings(diagnosis),
             *_rectification_findings(diagnosis),
+            *_scale_findings(diagnosis, ruler_mm),
             *_lens_findings(diagnosis),
             *_coverage_findings(diagnosis),
             *check_findings(diagnosis),
@@ -136,17 +138,29 @@ def _moved_findings(diagnosis: Diagnosis, moved_by: tuple[str, ...]) -> list[Fin
 
 
 def _ruler_findings(diagnosis: Diagnosis, ruler_mm: float | None) -> list[Finding]:
-    """Whether the scale can be right."""
-    findings = []
+    """Whether a ruler between the lenses agrees."""
     baseline, square = diagnosis.rig.baseline_mm, diagnosis.views.board.square_mm
     if ruler_mm is not None and abs(baseline / ruler_mm - 1) > max(_RULER[0], _RULER[1] / ruler_mm):
         text = f"the baseline comes out {baseline:.1f} mm, the ruler says {ruler_mm:.1f} mm"
         squares = f"so the squares would be {square * ruler_mm / baseline:.2f} mm and not {square:g} mm"
-        findings.append(Finding(_BAD, f"the board or the ruler is measured wrong: {text}, {squares}"))
-    if not _SQUARES_MM[0] <= square <= _SQUARES_MM[1]:
+        return [Finding(_BAD, f"the board or the ruler is measured wrong: {text}, {squares}")]
+    return []
+
+
+def _scale_findings(diagnosis: Diagnosis, ruler_mm: float | None) -> list[Finding]:
+    """Whether the squares can be as large as they were said to be."""
+    baseline, square = diagnosis.rig.baseline_mm, diagnosis.views.board.square_mm
+    odd, likely = not _BASELINES_MM[0] <= baseline <= _BASELINES_MM[1], _SQUARES_MM[0] <= square <= _SQUARES_MM[1]
+    if odd and ruler_mm is None:
+        text = f"squares of {square:g} mm make the lenses stand {baseline:.3g} mm apart, as those of two webcams do not"
+        remedy = (
+            "all sizes are off alike if the square's edge is mistyped; measure it, in millimetres, or if it is right"
+        )
+        return [Finding(_BAD, f"{text}: {remedy} give the distance of the lenses by a ruler, as --ruler-mm")]
+    if not likely:
         text = f"squares of {square:g} mm and a baseline of {baseline:.3g} mm"
-        findings.append(Finding(_REMARK, f"{text}: was the square's edge given in millimetres?"))
-    return findings
+        return [Finding(_REMARK, f"{text}: was the square's edge given in millimetres?")]
+    return []
 
 
 def _pair_findings(diagnosis: Diagnosis) -> list[Finding]:

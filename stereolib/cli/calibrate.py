@@ -22,9 +22,10 @@ _NOTES = """verdict, by the errors of depth and of length at --at-mm (one standa
   usable  up to 2 %: measure with it, to 2 %; mend what is named for more
   bad     beyond that, or nothing can be said of the errors: do not measure with it
 What makes these errors untrue counts as well: a lens model too short, squares of boards left out that come out wrong
-or not as high as wide (by the same limits); a ruler that contradicts, a rig that moved, cameras that cannot be
-rectified or do not overlap there, a lens that folds where boards were seen (bad). All else is advice, at most three
-lines, to be followed in their order; --json has the rest.
+or not as high as wide (by the same limits); a ruler that contradicts, or, without one, squares by which the lenses
+stand nearer than 15 mm or farther apart than 500 mm; a rig that moved, cameras that cannot be rectified or do not
+overlap there, a lens that folds where boards were seen (bad). All else is advice, at most three lines, to be followed
+in their order; --json has the rest.
 
 exit code: 0 good or usable, 1 bad, 2 wrong input. Boards found are kept in .stereolib_corners beside the pictures, so
 that a second run does not search again; delete that folder at will."""

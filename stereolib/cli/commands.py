@@ -104,6 +104,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         if isinstance(stream, io.TextIOWrapper):  # a terminal that has no ± gets its code: no work ends for that
             stream.reconfigure(errors="backslashreplace")
     arguments, unknown = make_parser().parse_known_args(argv)
+    if empty := [word for word in (sys.argv[1:] if argv is None else argv) if not word.rpartition("=")[2].strip()]:
+        which = f"nothing stands behind {empty[0]}" if empty[0].strip() else "an argument is empty"
+        arguments.parser.error(f"{which}: give its value (a shell's variable that is not set leaves nothing)")
     if unknown:  # said by the command's own parser, whose help lists its options
         arguments.parser.error(f"unrecognized arguments: {' '.join(unknown)}")
     return guarded(lambda: arguments.run(arguments), arguments.interrupted)

@@ -46,9 +46,10 @@ and for all of them:
   rig.toml                 instead of all that, a folder as `stereolib new` makes it
   poses.csv                if poses are known: first line station,x_mm,y_mm,yaw_deg, then a line a station: the place on
                            the floor below its left camera and where that looks, counter-clockwise from x
-Without poses the first station with a scan is the origin, and the others are placed where their scans fit; given poses
-are taken as known to 50 mm and 3 degrees and refined by the scans. Who has neither pose nor scan, or fits in several
-places, is left out and named. Take stations a metre or so apart, each with a look at what the last one saw.
+Without poses the first station with a scan is the origin, and the others are placed where their scans fit; given
+poses are taken as known to 50 mm and 3 degrees and refined by the scans. Who has neither pose nor scan, fits in
+several places, or has a scan that shows other things than its pictures, is left out and named. Take stations a metre
+or so apart, each with a look at what the last one saw.
 
 written:
 """ + "\n".join(f"  {name:12} {what}" for name, what in _FILES.items()) + """

@@ -61,7 +61,7 @@ def _configure(parser: argparse.ArgumentParser) -> None:
         type=_pixel,
         metavar="X,Y",
         help="only this, without a floor: how far the points at two pixels, columns and rows, lie apart, pixels of "
-        "LEFT as the camera gave it, or with --rectified",
+        "LEFT as the camera gave it, or with --rectified; its ± holds half a pixel of picking in each",
     )
     parser.add_argument(
         "--rectified",

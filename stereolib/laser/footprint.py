@@ -238,14 +238,15 @@ def _rectangle(segment: Segment, fit: Lines, faces: tuple[FaceLine, FaceLine], m
 
 
 def _larger_face(segment: Segment, fit: Lines, faces: list[FaceLine], misfit: float) -> Footprint:
-    """A corner of which one face has a single beam: the other face alone."""
+    """A corner of which one face has a single beam: the other face alone, which ends before that beam."""
     n = len(segment.beams)
     best = int(fit.split < n - fit.split)
     kept = [0, 1 + best]
-    line = Lines(fit.parameters[kept] + [best * np.pi / 2, 0], fit.covariance[np.ix_(kept, kept)], fit.chi2, n)
+    line = Lines(fit.parameters[kept] + [best * np.pi / 2, 0], fit.covariance[np.ix_(kept, kept)], fit.chi2, n - 1)
     right, left = ("free" if kind == "corner" else kind for kind in faces[best].ends)
     why = "a single beam meets its other face, whose depth is hidden: turn the object"
-    return _single(segment, replace(faces[best], ends=(right, left)), line, misfit, why)
+    shorter = segment.without_last(0 if best else 1)
+    return _single(shorter, replace(faces[best], ends=(right, left)), line, misfit, why)
 
 
 def _single(segment: Segment, face: FaceLine, fit: Lines, misfit: float, reason: str) -> Footprint:

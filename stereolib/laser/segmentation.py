@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
@@ -77,6 +77,39 @@ class Segment:
     def distance_mm(self) -> float:
         """Distance of its nearest point from the sensor's axis, mm."""
         return float(np.linalg.norm(self.points_mm, axis=1).min())
+
+    def without_last(self, end: int) -> Segment:
+        """Leave out its last beam at one end, which met something beside or behind the rest.
+
+        Parameters
+        ----------
+        end : int
+            0: right, 1: left.
+
+        Returns
+        -------
+        Segment
+        """
+        kept, left_out = (slice(1, None), 0) if end == 0 else (slice(None, -1), -1)
+        rays, beams, before = self.rays[kept], self.rays, self.outwards[end]
+        last = [1, 0] if end == 0 else [-2, -1]
+        outwards, beyond, hidden = list(self.outwards), list(self.beyond_mm), list(self.hidden)
+        outwards[end] = Rays(
+            np.concatenate([beams.origins_mm[last], before.origins_mm[1:]]),
+            np.concatenate([beams.directions[last], before.directions[1:]]),
+        )
+        beyond[end] = np.concatenate([self.points_mm[left_out][None], beyond[end]])
+        hidden[end] = False
+        return replace(
+            self,
+            beams=self.beams[kept],
+            rays=rays,
+            points_mm=self.points_mm[kept],
+            sigma_mm=self.sigma_mm[kept],
+            outwards=(outwards[0], outwards[1]),
+            beyond_mm=(beyond[0], beyond[1]),
+            hidden=(hidden[0], hidden[1]),
+        )
 
 
 def find_segments(

@@ -14,10 +14,21 @@ from stereolib.mapping.placing import place_stations
 from stereolib.mapping.shapes import Cloud, colored_cloud, join_clouds
 from stereolib.mapping.station_folder import RecordedStation
 from stereolib.mapping.stations import Station
-from stereolib.measurement import CannotMeasure, Instrument, Measurement, Reason, Why, disagreement, measure_objects
+from stereolib.measurement import (
+    CannotMeasure,
+    Instrument,
+    Measurement,
+    Reason,
+    ScanFit,
+    Source,
+    Why,
+    disagreement,
+    measure_objects,
+)
 
 _CLOUD_STEP, _CLOUD_MM = 4, 2000.0  # every so many pixels; points farther ahead are left out
 _SEED = 8  # of the walls' search: the same recordings make the same map
+_OPPOSED = "its scan agrees with nothing that its pictures show"
 _NO_PICTURES = Why(Reason.NO_FLOOR, "the station has no pictures")
 
 
@@ -125,11 +136,15 @@ def map_recordings(
         except ValueError as error:
             raise ValueError(f"station {each.name}: {error}") from error
     known = {each.name: each.pose for each in stations if each.pose is not None}
-    somewhere = [Station.of(it, known.get(name, (0.0, 0.0, 0.0)), name=name) for name, it in measured.items()]
+    somewhere = [_station(it, known.get(name, (0.0, 0.0, 0.0)), name) for name, it in measured.items()]
+    opposed = {name for name, it in measured.items() if it.scan_fit is ScanFit.OPPOSES}
     if not somewhere:
         raise NothingToMap(f"no station could be measured. {_listed(left_out)}")
     placing = place_stations(somewhere, known)
-    left_out |= placing.left_out
+    lost = f"{_OPPOSED}, and nothing tells where it stood: take both again, at one place and moment, or give its pose"
+    left_out |= placing.left_out | dict.fromkeys(opposed & placing.left_out.keys(), lost)
+    bare = [station.name for station in placing.stations if station.name in opposed]
+    warnings = *placing.warnings, *(f"station {name}: {_OPPOSED}; the scan is left out of the map" for name in bare)
     try:
         room = merge_stations(placing.stations, rng=np.random.default_rng(_SEED))
     except NothingToMap as error:
@@ -137,7 +152,16 @@ def map_recordings(
         raise NothingToMap(f"{error}. {_listed(said | left_out)}") from None
     placed = {s.name: measured[s.name] for s in room.stations}
     apart = {name: it for name, it in measured.items() if name not in placed and it.objects}
-    return RecordedMap(room, placed, left_out, placing.warnings, apart)
+    return RecordedMap(room, placed, left_out, warnings, apart)
+
+
+def _station(measured: Measurement, pose: tuple[float, float, float], name: str) -> Station:
+    """A station; where its scan opposes its pictures it may be of another place: then of what the pictures show."""
+    station = Station.of(measured, pose, name=name)
+    if measured.scan_fit is not ScanFit.OPPOSES:
+        return station
+    pictured = tuple(item for item in measured.objects if item.sources.get("lines") is not Source.SCAN)
+    return replace(station, objects=pictured, scan_mm=np.zeros((0, 2)))
 
 
 def measure_station(pair: tuple[UInt8, UInt8] | None, scan: LaserScan | None, instrument: Instrument) -> Measurement:

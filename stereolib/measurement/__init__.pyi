@@ -11,7 +11,7 @@ from .measured_object import SIZE_NAMES, UNSURE_MM, MeasuredObject
 from .missing_floor import FLOOR_BY_HAND, NoFloor, find_floor, why_no_floor
 from .overlay import OBJECT_RGB, add_caption, draw_length, draw_objects
 from .plane_alignment import AlignedPair, CannotMeasure
-from .reasons import Reason, Source, Why
+from .reasons import Reason, ScanFit, Source, Why
 from .regions import ObjectRegion, find_objects
 from .standing import Standing, see_standing
 from .two_points import Between, SurfacePoint, find_surface, length_between, match_views, measure_between
@@ -38,6 +38,7 @@ __all__ = [
     "NoFloor",
     "ObjectRegion",
     "Reason",
+    "ScanFit",
     "Side",
     "Source",
     "Standing",

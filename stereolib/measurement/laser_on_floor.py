@@ -6,9 +6,59 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from stereolib.base import Float64, Floats, turn_2d
+from stereolib.base import Bools, Float64, Floats, turn_2d
 from stereolib.calibration import LidarCamera
 from stereolib.measurement.floor import Floor
+
+_LEAST_LEAN_RAD = np.radians(0.7)  # less costs a beam of 3 m a few centimetres of height, and floors err as much
+_ON_FLOOR_MM = 10.0  # above it, what a beam's width and an uneven floor make
+_LEAN_CHI2 = 16.0  # squared deviations of two slopes, which chance passes once in 3,000
+
+
+@dataclass(frozen=True, eq=False)
+class Lean:
+    """How the laser's plane leans over the floor: its beams are ``slope @ p_scan + height_mm`` above it.
+
+    Attributes
+    ----------
+    slope : (2,) float64
+        Ahead and to the left of the laser.
+    height_mm : float
+        At the laser.
+    covariance : (2, 2) float64
+        Of the slope, as the calibration knows it.
+    """
+
+    slope: Float64
+    height_mm: float
+    covariance: Float64
+
+    def meets_floor(self, points_mm: Float64) -> Bools:
+        """Which points of the scan, (N, 2) mm, lie on the floor or so near to it that nothing tells them from it."""
+        height_mm = points_mm @ self.slope + self.height_mm
+        std_mm = np.sqrt(np.einsum("nk,kl,nl->n", points_mm, self.covariance, points_mm))
+        return np.asarray(height_mm < _ON_FLOOR_MM + 2 * std_mm)
+
+    @property
+    def angle_rad(self) -> float:
+        """How much, from level."""
+        return float(np.arctan(np.hypot(*self.slope)))
+
+    @property
+    def is_sure(self) -> bool:
+        """More than a floor errs, and more than the calibration leaves open."""
+        chi2 = float(self.slope @ np.linalg.solve(self.covariance, self.slope))
+        return self.angle_rad > _LEAST_LEAN_RAD and chi2 > _LEAN_CHI2
+
+    @property
+    def floor_at_mm(self) -> float:
+        """How far off the beams that fall most meet the floor."""
+        return self.height_mm / max(float(np.hypot(*self.slope)), 1e-9)
+
+    @property
+    def down(self) -> str:
+        """The side to which they fall: ahead, left, behind or right."""
+        return ("ahead", "left", "behind", "right")[int(np.rint(2 * np.arctan2(*-self.slope[::-1]) / np.pi)) % 4]
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,12 +73,15 @@ class LaserOnFloor:
         Of (x, y, yaw), mm and rad.
     bias_mm : float
         Standard deviation of the error that all readings on one face share.
+    lean : Lean or None
+        How its plane leans over the floor, where that is known.
     """
 
     R: Float64
     t: Float64
     covariance: Float64
     bias_mm: float = 1.0
+    lean: Lean | None = None
 
     @classmethod
     def of(cls, lidar: LidarCamera, floor: Floor) -> LaserOnFloor:
@@ -47,7 +100,13 @@ class LaserOnFloor:
         R = turn_2d(np.arctan2(T[1, 0], T[0, 0]))
         J = np.zeros((3, 6))
         J[:2, 3:5], J[2, 2] = R, 1.0
-        return cls(R, T[:2, 3], J @ lidar.covariance @ J.T)
+        turned = lidar.covariance[:2, :2]  # about its x and y, which tilt its y and x
+        lean = Lean(
+            T[2, :2],
+            T[2, 3] + floor.camera_height_mm,
+            np.array([[turned[1, 1], -turned[0, 1]], [-turned[0, 1], turned[0, 0]]]),
+        )
+        return cls(R, T[:2, 3], J @ lidar.covariance @ J.T, lean=lean)
 
     @property
     def yaw_rad(self) -> float:

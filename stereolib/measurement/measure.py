@@ -18,12 +18,12 @@ from stereolib.measurement.box import Box, Edge, Own, Shared, Side
 from stereolib.measurement.floor import Floor
 from stereolib.measurement.hypotheses import Judged, judge
 from stereolib.measurement.instrument import Instrument
-from stereolib.measurement.laser_on_floor import LaserOnFloor
+from stereolib.measurement.laser_on_floor import LaserOnFloor, Lean
 from stereolib.measurement.measured_object import BoxFacts, MeasuredObject, from_box, from_region, from_scan
 from stereolib.measurement.pairing import Place, pair_up
 from stereolib.measurement.pictured import Pictured
 from stereolib.measurement.plane_alignment import CannotMeasure
-from stereolib.measurement.reasons import NOT_STANDING, Reason, Source, Why
+from stereolib.measurement.reasons import NOT_STANDING, Reason, ScanFit, Source, Why
 from stereolib.measurement.regions import OBJECTS_WITHIN_MM, ObjectRegion
 from stereolib.measurement.scanned import scan_observations, scanned_box
 from stereolib.measurement.scene_solver import COMMON_ERRORS, Priors, Seen, Solution
@@ -65,6 +65,8 @@ class Measurement:
         Rectified.
     disparity_px : (H, W) float32
         NaN where nothing was matched.
+    scan_fit : ScanFit
+        Whether the scan is of what the pictures show: where it opposes them, it tells no place of theirs.
     """
 
     objects: tuple[MeasuredObject, ...]
@@ -75,6 +77,7 @@ class Measurement:
     left: UInt8
     right: UInt8
     disparity_px: Float32
+    scan_fit: ScanFit = ScanFit.UNTOLD
 
 
 def measure_objects(
@@ -132,12 +135,17 @@ def measure_standing(standing: Standing, scan: LaserScan | None) -> Measurement:
         warnings.append(f"{standing.no_floor}. What follows is the scan's alone")
     if scan is not None and instrument.lidar is None:
         warnings.append("the laser's pose is not known: it is taken to stand straight below the left camera")
+    if scan is not None:
+        scan = _above_floor(scan, priors.laser.lean)
+        warnings += _said_of_lean(priors.laser.lean)
     footprints, walls_mm, no_object = ([], _NOWHERE, "") if scan is None else _scanned(scan, priors.laser.bias_mm)
     warnings += [no_object] if no_object else []
     scene = _Scene(standing, bool(footprints), priors.laser.points_mm(walls_mm))
     things, unlike = scene.things(footprints)
     judged, things = scene.solved(things)
-    judged, things, elsewhere = scene.without_phantoms(judged, things, sum(thing.disagrees for thing in things))
+    fit, everything = _scan_fit(things), len(things)
+    judged, things = scene.without_phantoms(judged, things, fit)
+    elsewhere = [f"{fit.value} What it alone shows is left out"] if len(things) < everything else []
     found = scene.measured(judged, things)
     apart = [f"{disagreement(item)}: {_PAIR_ALONE}" for item, t in zip(found, things, strict=True) if t.disagrees]
     objects = sorted(found, key=lambda thing: float(np.hypot(*thing.position_mm)))
@@ -148,7 +156,7 @@ def measure_standing(standing: Standing, scan: LaserScan | None) -> Measurement:
     readings = _NOWHERE if scan is None else laser.points_mm(points_mm(scan))
     warnings += [*unlike, *apart, *elsewhere, *_said_of_the_rig(views, judged, _nearest_mm(judged, things), instrument)]
     pictures = views.left, views.right, views.disparity_px
-    return Measurement(tuple(objects), tuple(warnings), standing.floor, laser, readings, *pictures)
+    return Measurement(tuple(objects), tuple(warnings), standing.floor, laser, readings, *pictures, fit)
 
 
 def disagreement(item: MeasuredObject) -> str:
@@ -263,23 +271,17 @@ class _Scene:
         changed = count != [len(t.seen.observations) if t.seen else 0 for t in kept]
         return (self._judged(kept) if changed else judged), kept if changed else things
 
-    def without_phantoms(
-        self, judged: Judged, things: list[_Thing], disagreements: int
-    ) -> tuple[Judged, list[_Thing], list[str]]:
-        """Leave out what the scan alone shows where it agrees with nothing in the pictures: it is of another place.
+    def without_phantoms(self, judged: Judged, things: list[_Thing], fit: ScanFit) -> tuple[Judged, list[_Thing]]:
+        """Leave out what the scan alone shows where it opposes the pictures: it is of another place.
 
-        It must disagree about several things, or show one that both cameras should see and do not. What stands beside
-        the pictures, or behind plain faces, counts for nothing.
+        It must disagree about several things, or show one that both cameras should see and do not: one thing may have
+        been moved.
         """
-        alone = [thing for thing in things if thing.region is None]
-        unseen = sum(thing.why is not None and thing.why.reason is Reason.NO_TEXTURE for thing in alone)
-        agree = any(thing.scanned and thing.pictured for thing in things)
-        shown = any(thing.pictured and thing.seen for thing in things)
-        if agree or not shown or not alone or not (unseen or disagreements > 1):
-            return judged, things, []
         kept = [thing for thing in things if thing.region is not None]
-        said = "the scan agrees with nothing that the pictures show: is it of this place and moment?"
-        return self._judged(kept), kept, [f"{said} What it alone shows is left out"]
+        moved_one = sum(thing.disagrees for thing in things) == 1 and not any(map(_should_be_seen, things))
+        if fit is not ScanFit.OPPOSES or moved_one or len(kept) == len(things):
+            return judged, things
+        return self._judged(kept), kept
 
     def _judged(self, things: list[_Thing]) -> Judged:
         both = any(thing.scanned and thing.pictured for thing in things)
@@ -331,6 +333,20 @@ def _pictured(region: ObjectRegion, box: Pictured | CannotMeasure) -> _Thing:
     if isinstance(box, CannotMeasure):
         return _Thing(region=region, why=Why(Reason.NO_TEXTURE))
     return _Thing(box, region, why=box.refused, seen=None if box.refused else box.seen)
+
+
+def _scan_fit(things: list[_Thing]) -> ScanFit:
+    """Whether a scan is of what the pictures show; what stands beside them, or behind plain faces, tells nothing."""
+    if any(thing.scanned and thing.pictured for thing in things):
+        return ScanFit.AGREES
+    shown = any(thing.pictured and thing.seen for thing in things)
+    opposed = shown and any(thing.disagrees or _should_be_seen(thing) for thing in things)
+    return ScanFit.OPPOSES if opposed else ScanFit.UNTOLD
+
+
+def _should_be_seen(thing: _Thing) -> bool:
+    """The scan alone shows it, and both cameras should."""
+    return thing.region is None and thing.why is not None and thing.why.reason is Reason.NO_TEXTURE
 
 
 def _numbers(things: list[_Thing]) -> dict[int, int]:
@@ -389,6 +405,24 @@ def _nearest_mm(judged: Judged, things: list[_Thing]) -> float:
     boxes, numbers = judged.solution.boxes, _numbers(things)
     pictured = (boxes[numbers[id(thing)]] for thing in things if thing.seen and thing.pictured)
     return min((float(np.hypot(*own[[Own.X, Own.Y]])) for own in pictured), default=np.inf)
+
+
+def _above_floor(scan: LaserScan, lean: Lean | None) -> LaserScan:
+    """A scan without what a leaning laser reads of the floor."""
+    if lean is None or not lean.is_sure:
+        return scan
+    with np.errstate(invalid="ignore"):
+        on_floor = lean.meets_floor(points_mm(scan, keep_invalid=True))
+    return replace(scan, ranges_mm=np.where(on_floor, np.nan, scan.ranges_mm))
+
+
+def _said_of_lean(lean: Lean | None) -> list[str]:
+    """That the laser's plane leans, if it does."""
+    if lean is None or not lean.is_sure:
+        return []
+    how = f"the laser's plane leans by {np.degrees(lean.angle_rad):.1f} degrees, down {lean.down}"
+    where = f"its beams meet the floor {lean.floor_at_mm / 1000:.1f} m off, what it reads of it is left out"
+    return [f"{how}: {where}; for objects and walls there level it over the floor, and run calibrate-laser again"]
 
 
 def _said_of_the_rig(views: Views, judged: Judged, nearest_mm: float, instrument: Instrument) -> list[str]:

@@ -22,6 +22,7 @@ _FAR_PX = 1e4  # what projects farther from the picture is not drawn: OpenCV's c
 _CROSS_PX, _DASH_PX = 12, 5  # half of a length's end with room around it; of an edge that is hidden
 _FONT, _FONT_SCALE = cv2.FONT_HERSHEY_SIMPLEX, 0.7
 _CAPTION_SCALE, _MARGIN_PX = 0.5, 6  # of a text below the picture, and around it
+_WIDTH_PX = 640  # of a picture with texts of these sizes; they grow with it
 
 
 def size_text(measured: MeasuredObject) -> str:
@@ -139,15 +140,24 @@ def add_caption(picture: UInt8, text: str) -> UInt8:
     """
     (wide, high), low = cv2.getTextSize(text, _FONT, 1.0, 1)
     width = picture.shape[1]
-    scale = min(_CAPTION_SCALE, (width - 2 * _MARGIN_PX) / wide)
+    scale = min(_CAPTION_SCALE * _larger(picture), (width - 2 * _MARGIN_PX) / wide)
     strip = np.full((round((high + low) * scale) + 2 * _MARGIN_PX, width, 3), 255, np.uint8)
-    cv2.putText(strip, text, (_MARGIN_PX, _MARGIN_PX + round(high * scale)), _FONT, scale, _LABEL_COLOR, 1, cv2.LINE_AA)
+    cv2.putText(
+        strip,
+        text,
+        (_MARGIN_PX, _MARGIN_PX + round(high * scale)),
+        _FONT,
+        scale,
+        _LABEL_COLOR,
+        _pen(picture),
+        cv2.LINE_AA,
+    )
     return np.vstack([picture, strip])
 
 
 def _beside(picture: UInt8, text: str, ends: Float64) -> Float64:
     """Where a text hides neither end of a line: above its middle, else above or below the whole line, else anywhere."""
-    (width, height), _ = cv2.getTextSize(text, _FONT, _FONT_SCALE, 1)
+    (width, height), _ = cv2.getTextSize(text, _FONT, _FONT_SCALE * _larger(picture), _pen(picture))
     x, above = ends.mean(axis=0)
     far = height + 8 + _CROSS_PX
     for y in (above, ends[:, 1].min() - far + height, ends[:, 1].max() + far + height, 0.0, picture.shape[0] - 1.0):
@@ -202,11 +212,22 @@ def _frame(picture: UInt8, width: int, height: int, x: float, y: float) -> tuple
 
 def _label(picture: UInt8, text: str, corners: Float64, color: Sequence[int], taken: list[int]) -> None:
     """Text above an object, inside the picture and below what was written before."""
-    (width, height), _ = cv2.getTextSize(text, _FONT, _FONT_SCALE, 1)
+    (width, height), _ = cv2.getTextSize(text, _FONT, _FONT_SCALE * _larger(picture), _pen(picture))
     x, _, _, y = _frame(picture, width, height, float(corners[:, 0].mean()), float(corners[:, 1].min()))
     while any(abs(y - other) < height + 6 for other in taken):
         y += height + 6
     taken.append(y)
     cv2.rectangle(picture, (x - 3, y - height - 4), (x + width + 3, y + 5), _LABEL_COLOR, -1)
     cv2.rectangle(picture, (x - 3, y - height - 4), (x + width + 3, y + 5), color, 2)
-    cv2.putText(picture, text, (x, y), _FONT, _FONT_SCALE, (255, 255, 255), 1, cv2.LINE_AA)
+    scale = _FONT_SCALE * _larger(picture)
+    cv2.putText(picture, text, (x, y), _FONT, scale, (255, 255, 255), _pen(picture), cv2.LINE_AA)
+
+
+def _larger(picture: UInt8) -> float:
+    """How many times as large texts are as in a picture of 640 columns, so that they can be read in a smaller view."""
+    return float(max(1.0, picture.shape[1] / _WIDTH_PX))
+
+
+def _pen(picture: UInt8) -> int:
+    """Width of their strokes, px."""
+    return round(_larger(picture))

@@ -59,6 +59,14 @@ class Why:
         return f"{self.seen}: {self.reason.value}" if self.seen else self.reason.value
 
 
+class ScanFit(Enum):
+    """Whether a scan is of what the pictures show."""
+
+    AGREES = "the scan shows an object where the pictures do"
+    OPPOSES = "the scan agrees with nothing that the pictures show: is it of this place and moment?"
+    UNTOLD = "no object is shown by both"
+
+
 class Source(Enum):
     """Which sensor something is known from."""
 

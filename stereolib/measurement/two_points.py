@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -25,7 +25,8 @@ _FIRST_OFF_PX = 3.0  # the same, before the plane is known: of steep faces
 _LEAST_SHARE = 0.5  # of a window's pixels that lie on its plane
 _LEAST_STD_PX = 0.04  # of a disparity: what neither the pictures nor the matcher show, as a surface that is not plane
 _MOST_STD_PX = 0.7  # beyond which nothing is said
-_CLICK_STD_PX = 1 / np.sqrt(12)  # of a pixel that was named by its whole column and row
+_CLICK_STD_PX = 0.5  # of the picked column and row: a hand and an eye hit a mark no better
+_STEP_PX = 3.0  # of disparity, between a near surface and a far one in a window
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,12 +41,16 @@ class SurfacePoint:
         Of the surface there, and its standard deviation.
     name : str
         What errors call it; by default its pixel in the rectified picture.
+    slope : (2,) float64
+        By how much the disparity grows with each column and row: a pixel picked beside the one that was meant lies
+        elsewhere on the surface.
     """
 
     pixel: Float64
     disparity_px: float
     std_px: float
     name: str = ""
+    slope: Float64 = field(default_factory=lambda: np.zeros(2))
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,8 +64,8 @@ class Between:
     disparity_px : (2,) float64
         Of both points.
     length_mm, std_mm : float
-        The standard deviation holds the matcher's scatter, a whole pixel's width in the clicks, and what the
-        calibration leaves open.
+        The standard deviation holds the matcher's scatter, 0.5 px of picking in each column and row (along the
+        surface, so that its depth changes with it), and what the calibration leaves open.
     """
 
     points_mm: Float64
@@ -94,7 +99,8 @@ def find_surface(views: Views, disparity_px: Float32, pixel: npt.ArrayLike, name
     Raises
     ------
     ValueError
-        If the pixel is outside the picture, nothing was matched there, or the pictures show too little to be sure.
+        If the pixel is outside the picture, nothing was matched there, or the pictures show too little to be sure; the
+        text says whether it is hidden from the right camera, outside of its picture, at a step, or too plain.
 
     Notes
     -----
@@ -117,20 +123,37 @@ def find_surface(views: Views, disparity_px: Float32, pixel: npt.ArrayLike, name
         )
     near = disparity_px[_around(v, _NEAREST_PX, height), _around(u, _NEAREST_PX, width)]
     if not np.isfinite(near).any():
-        raise ValueError(f"nothing was matched at {where}: choose one with texture that both cameras see")
+        raise ValueError(f"{where}: nothing was matched there: {_why_none(disparity_px, u, v)}")
     tried = (_fit_plane(disparity_px, at, shift, float(np.nanmax(near))) for shift in _SHIFTS)
     if not (planes := [plane for plane in tried if plane is not None]):
-        raise ValueError(f"hardly anything was matched around {where}: choose one on a larger surface")
+        raise ValueError(f"{where}: hardly anything was matched around it: {_why_none(disparity_px, u, v)}")
     best = min(planes, key=lambda plane: plane.rms_px)
     try:
         fit = align(views.pair, best.columns, best.rows, best.sides, best.parameters)
     except CannotMeasure as error:
-        raise ValueError(f"{where}: {error}") from None
+        raise ValueError(f"{where}: {error}: {_why_none(disparity_px, u, v)}") from None
     found = float(fit.parameters[2])
     std = float(np.sqrt(fit.covariance[2, 2] + (found - best.parameters[2]) ** 2 + _LEAST_STD_PX**2))
     if not std < _MOST_STD_PX:
-        raise ValueError(f"{where}: too little texture around it to tell its depth: choose another one, or more light")
-    return SurfacePoint(at, found, std, name)
+        raise ValueError(f"{where}: its depth is not sure: {_why_none(disparity_px, u, v)}")
+    return SurfacePoint(at, found, std, name, fit.parameters[:2])
+
+
+def _why_none(disparity_px: Float32, u: int, v: int) -> str:
+    """Why a pixel's depth is not told, as the disparities beside it in its row show, and what helps."""
+    row, columns = disparity_px[v], np.arange(disparity_px.shape[1])
+    known = np.isfinite(row)
+    beside = [*columns[known & (columns <= u)][-1:], *columns[known & (columns >= u)][:1]]
+    own = float(row[beside].min(initial=np.inf))  # a hole belongs to what is farther
+    around = row[_around(u, _AROUND_PX, len(row))]
+    covers = (columns > u) & (row > own + _STEP_PX) & (np.abs(row - own - (columns - u)) <= _OFF_PX)
+    if covers.any():  # it comes to lie on the same column of the right picture
+        return "the right camera does not see it, as something nearer stands before it: choose one that both see"
+    if np.isfinite(own) and u < own:
+        return "the right camera's picture does not reach so far: choose one farther to the right"
+    if np.isfinite(around).any() and np.nanmax(around) - np.nanmin(around) > _STEP_PX:
+        return "it lies at a step between something near and something far: choose one a few pixels inside a surface"
+    return "too little texture around it: choose another one, or more light"
 
 
 def _rectified_name(at: Float64) -> str:
@@ -216,6 +239,9 @@ def measure_between(
     covariance = np.zeros((9, 9))
     each = [_CLICK_STD_PX, _CLICK_STD_PX, one.std_px, _CLICK_STD_PX, _CLICK_STD_PX, other.std_px]
     covariance[:6, :6], covariance[6:, 6:] = np.diag(np.square(each)), known
+    for first, point in ((0, one), (3, other)):  # what is picked beside it lies on the same surface
+        moved = _CLICK_STD_PX * np.column_stack([np.eye(2), point.slope]).T  # of u, v and d
+        covariance[first : first + 3, first : first + 3] = moved @ moved.T + np.diag([0.0, 0.0, point.std_px**2])
     steps = 1e-3 * np.eye(9)
     slope = np.array([(length(at + step) - length(at - step)) / 2e-3 for step in steps])
     return Between(points(at), at[[2, 5]], length(at), float(np.sqrt(slope @ covariance @ slope)))

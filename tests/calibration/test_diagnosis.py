@@ -68,7 +68,8 @@ def test_a_lens_too_short_is_named_with_the_one_to_use(recorded):
 
 def test_errors_are_judged_where_one_works(recorded):
     """A larger board is the same set farther away; in per cent nothing changes."""
-    large = diagnose(replace(recorded.views, board=replace(recordings.BOARD, square_mm=250.0)), at_mm=10000)
+    views, ruler_mm = replace(recorded.views, board=replace(recordings.BOARD, square_mm=250.0)), 930.0
+    large = diagnose(views, at_mm=10000, ruler_mm=ruler_mm)
     assert (large.verdict, recorded.error_map.at_mm) == ("good", 1000)
     assert large.depth_pct == pytest.approx(recorded.depth_pct, rel=0.1)
     beyond = diagnose(recorded.views, at_mm=40)
@@ -117,12 +118,18 @@ def test_one_folder_twice_is_said():
         diagnose(replace(good, right_px=good.left_px))
 
 
-@pytest.mark.parametrize("square_mm", [2.5, 2500.0])
-def test_units_that_cannot_be_millimetres_are_asked_about(square_mm):
+@pytest.mark.parametrize("square_mm", [2.5, 250.0])
+def test_squares_that_no_pair_of_webcams_has_are_bad_unless_a_ruler_says_so(square_mm):
     good = corner_set(np.random.default_rng(4))
-    found = diagnose(replace(good, board=replace(good.board, square_mm=square_mm)), at_mm=40 * square_mm)
-    assert found.verdict == "good"
-    assert "given in millimetres?" in found.advice[0]
+    views = replace(good, board=replace(good.board, square_mm=square_mm))
+    found = diagnose(views, at_mm=40 * square_mm)
+    assert found.verdict == "bad" and len(found.reasons) == 1
+    assert f"squares of {square_mm:g} mm make the lenses stand" in found.reasons[0] and "ruler" in found.reasons[0]
+    # the limits lie far from where webcams stand
+    assert "make the lenses stand" not in " ".join(diagnose(good, at_mm=1000).warnings)
+    known = diagnose(views, at_mm=40 * square_mm, ruler_mm=found.rig.baseline_mm)
+    assert known.verdict == "good" and not known.reasons
+    assert any("given in millimetres?" in text for text in known.advice) == (square_mm < 5)
 
 
 def test_metres_are_refused():

@@ -67,6 +67,21 @@ def test_wrong_words_are_refused(words: list[str], capsys: pytest.CaptureFixture
     assert said.startswith("stereolib: error: ") and "--help" in said and said.count("\n") == 1
 
 
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [(["new", ""], "an argument is empty"), (["new", " "], "an argument is empty"),
+     (["map", "walk", "--output="], "nothing stands behind --output=")],
+)  # fmt: skip
+def test_an_empty_word_is_no_folder_of_that_name(
+    words: list[str], said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """``Path("")`` would be the folder one stands in."""
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SystemExit, match="2"):
+        commands.main(words)
+    assert said in capsys.readouterr().err and not list(tmp_path.iterdir())
+
+
 def test_an_unknown_option_leads_to_the_help_that_lists_them(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit, match="2"):
         commands.main(["data", "verify", "--ouput", "x"])

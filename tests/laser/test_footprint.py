@@ -16,6 +16,7 @@ ANGLES = np.radians(np.arange(360.0))
 BEAMS = np.stack([np.cos(ANGLES), np.sin(ANGLES)], axis=1)
 STARTS = 25 * np.stack([np.cos(ANGLES - np.radians(82)), np.sin(ANGLES - np.radians(82))], axis=1)  # an XV-11's
 LASER = VirtualLidar()
+CORNERS = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
 
 
 def find_footprints(scan, **how):
@@ -88,6 +89,29 @@ def test_rectangles_of_a_hundred_boxes_and_their_deviations():
     assert np.abs(scores).max() < 5
     assert (np.abs(yaws) < 1.96).mean() >= 0.85
     assert np.max(np.abs(yaws)) < 5
+
+
+def test_a_beam_on_the_other_face_is_none_of_a_face_s_own():
+    """Where one beam alone meets the other face, the readings are those of one line, which ends before that beam."""
+    seen = 0
+    for k in range(200):
+        _, _, scene = drawn(k)
+        (found,) = find_footprints(scan_of(scene, k))
+        if "single beam" not in found.reason:
+            continue
+        seen += 1
+        (face,), own = found.faces, found.segment
+        off = np.abs(own.points_mm @ face.normal - face.offset_mm)
+        assert (off < 5 * own.sigma_mm + 2).all() and found.fit.split == len(own.beams)
+        corners = scene.boxes[1].T_world_box[:2, :2] @ (np.array(scene.boxes[1].size_mm[:2]) / 2 * CORNERS).T
+        along = (corners.T + scene.boxes[1].T_world_box[:2, 3]) @ face.along
+        for side in (0, 1):
+            last, after = own.bounds[side].meet(face.normal, face.offset_mm) @ face.along
+            low, high = sorted((last, after))
+            assert np.any((low - 4 < along) & (along < high + 4))
+            assert own.points_mm[-side] @ face.along == pytest.approx(last, abs=4)
+            assert len(own.outwards[side]) == len(own.beyond_mm[side]) + 1
+    assert seen > 3
 
 
 def test_corner_seen_squarely_is_measured_to_the_beam_spacing():

@@ -18,7 +18,7 @@ from stereolib.mapping import (
     merge_stations,
     occupancy_grid,
 )
-from stereolib.measurement import Instrument, LaserOnFloor, Measurement, Reason, Source, disagreement
+from stereolib.measurement import Instrument, LaserOnFloor, Measurement, Reason, ScanFit, Source, disagreement
 from stereolib.paper import paper_rig
 from stereolib.virtual import (
     Material,
@@ -96,6 +96,25 @@ def test_given_poses_bring_pictures_alone_into_the_map(walked):
     thing = recorded.room.measured[boxes.index((400.0, 250.0, 300.0))]
     assert thing.size_mm == pytest.approx((400, 250, 300), abs=4)
     assert thing.sources["station 3"] is Source.IMAGE
+
+
+def test_pictures_whose_scan_is_of_another_place_add_nothing_unless_their_pose_is_given(walked):
+    """The scan of station 3 beside the pictures of 5: laid over the others it says where those never stood."""
+    remove(walked, *(f"{k}_{part}" for k in "24" for part in ("left.jpg", "right.jpg", "scan.bin")))
+    (walked / "5_scan.bin").write_bytes((walked / "3_scan.bin").read_bytes())
+    lost = mapped(walked)
+    assert [s.name for s in lost.room.stations] == ["1", "3"] and list(lost.left_out) == ["5"]
+    assert "agrees with nothing" in lost.left_out["5"] and "give its pose" in lost.left_out["5"]
+    assert lost.apart["5"].scan_fit is ScanFit.OPPOSES and lost.measured["3"].scan_fit is ScanFit.AGREES
+    assert all("5" not in {seen.name for seen in each.sightings} for each in lost.room.objects)
+    poses = walked / "true_poses.csv"
+    poses.write_text("\n".join(line for line in poses.read_text().splitlines() if line[0] in "s135"))
+    given = mapped(walked, poses)
+    assert not given.left_out and any("agrees with nothing" in text for text in given.warnings)
+    station = given.room.stations[2]
+    assert len(station.scan_mm) == 0 and all(item.sources["lines"] is not Source.SCAN for item in station.objects)
+    for thing, true in zip(given.room.measured, true_sizes(given, lambda p: p), strict=True):
+        assert (np.abs(thing.size_mm - true) < 4 * thing.std_mm)[np.isfinite(thing.size_mm)].all()
 
 
 @pytest.fixture

@@ -79,3 +79,16 @@ def test_a_lengths_text_hides_neither_of_its_ends(ends):
         rows, columns = (np.clip(end[k] + np.arange(-6, 7), 0, (640, 480)[k] - 1) for k in (1, 0))
         cross = [*drawn[rows, end[0]], *drawn[end[1], columns]]
         assert sum(np.abs(pixel.astype(int) - OBJECT_RGB[1][::-1]).max() < 60 for pixel in cross) > 20
+
+
+def test_texts_grow_with_the_picture():
+    """In a picture of three times the size they take the same share of it; small pictures keep theirs."""
+    marked = []
+    for width in (320, 640, 1920):
+        picture = np.full((width * 3 // 4, width, 3), 128, np.uint8)
+        strip = add_caption(picture, "its pixels")[len(picture) :]
+        ink = np.argwhere((strip < 128).any(axis=2))
+        label = np.argwhere(draw_length(picture, [(width / 4, 100), (width * 3 / 4, 100)], "123.4 mm") == 30)
+        marked.append([np.ptp(ink[:, 1]), np.ptp(label[:, 1])])
+    small, usual, large = np.array(marked)
+    assert np.abs(large / (3 * usual) - 1).max() < 0.2 and np.abs(small / usual - 1).max() < 0.02

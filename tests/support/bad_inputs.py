@@ -788,6 +788,7 @@ OTHERS = {
         Bad(f"measure {PAIR}", "--calibration"),
     ],
     "map": [
+        Bad("map walk --output=", "nothing stands behind --output="),
         Bad("map missing", "missing is no folder"),
         Bad("map good/left.jpg", "is no folder"),
         Bad("map map_bare", "holds no station"),

@@ -90,14 +90,15 @@ def test_one_of_a_thing_is_not_many(tmp_path, capsys):
 
 
 def test_a_walk_in_order_asks_of_no_station_when_it_was_taken(tmp_path, capsys):
-    """Some objects stand behind others there; with the scan of another station it is asked."""
+    """Some objects stand behind others there; with the scan of another station it is left out."""
     assert run("data", "walk", tmp_path / "walk") == 0
     assert run("map", tmp_path / "walk", "--output", tmp_path / "out", "--json") == 0
     _, made = capsys.readouterr().out.split("\n{", 1)
     assert "same time" not in made
     (tmp_path / "walk" / "1_scan.bin").write_bytes((tmp_path / "walk" / "4_scan.bin").read_bytes())
     assert run("map", tmp_path / "walk", "--output", tmp_path / "other", "--json") == 0
-    assert "same time" in capsys.readouterr().out
+    left_out = json.loads(capsys.readouterr().out)["left_out"]
+    assert list(left_out) == ["1"] and "at one place and moment" in left_out["1"]
 
 
 def test_text_names_sizes_stations_and_what_is_unknown(made, capsys):

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereolib.base import Bools, Float32
+from stereolib.base import Float32
 from stereolib.matching.census_sgm import SGMResult
 from stereolib.matching.disparity import left_right_difference
 from stereolib.matching.filling import neighbours
@@ -37,7 +37,7 @@ class StdLaw(NamedTuple):
 
     Parameters
     ----------
-    weights : (5,) of float
+    weights : (7,) of float
         Of the signs of `signs`, in their order.
     score : (N,) of float
         Rising values of the sum.
@@ -53,41 +53,41 @@ class StdLaw(NamedTuple):
 #: As `benchmarks/bench_pipeline.py` finds them on virtual scenes.
 LAWS: dict[Kind, StdLaw] = {
     Kind.SMOOTH: StdLaw(
-        (-0.221, 0.211, -0.99, -0.003, 0.204),
+        (-0.149, 0.226, -1.067, 0.014, 0.202, 0.0, 0.0),
         (
-            -3.083,
-            -3.029,
-            -2.991,
-            -2.958,
-            -2.926,
-            -2.894,
-            -2.859,
-            -2.819,
-            -2.773,
-            -2.717,
-            -2.643,
-            -2.54,
-            -2.405,
-            -2.249,
-            -2.038,
-            -1.656,
+            -2.778,
+            -2.72,
+            -2.679,
+            -2.642,
+            -2.605,
+            -2.565,
+            -2.521,
+            -2.466,
+            -2.397,
+            -2.309,
+            -2.198,
+            -2.074,
+            -1.938,
+            -1.781,
+            -1.575,
+            -1.223,
         ),
-        (0.103, 0.111, 0.115, 0.118, 0.121, 0.125, 0.131, 0.139, 0.151, 0.169, 0.199, 0.253, 0.329, 0.429, 0.59, 1.199),
+        (0.117, 0.117, 0.118, 0.12, 0.124, 0.128, 0.134, 0.15, 0.174, 0.209, 0.262, 0.331, 0.42, 0.539, 0.734, 1.252),
     ),
     Kind.STEP: StdLaw(
-        (-0.428, -0.299, -2.07, 0.136, 0.576),
-        (-4.553, -4.219, -3.912, -3.548, -3.081, -2.377),
-        (0.423, 6.848, 11.652, 13.482, 16.552, 21.498),
+        (-0.252, -0.309, -1.807, 0.252, 0.651, 0.0, 0.0),
+        (-3.041, -2.712, -2.442, -2.132, -1.718, -1.064),
+        (1.398, 5.234, 10.654, 14.086, 18.292, 23.795),
     ),
     Kind.GAP: StdLaw(
-        (-0.021, 0.622, -1.969, 0.317, -0.647),
-        (-1.74, -1.289, -0.976, -0.657, -0.319, 0.185),
-        (3.792, 8.065, 11.12, 12.555, 14.712, 22.475),
+        (-0.014, 0.249, -1.18, 0.335, -0.38, 0.101, 0.208),
+        (-0.609, -0.227, 0.12, 0.481, 0.868, 1.462),
+        (0.866, 4.134, 9.517, 13.393, 18.718, 23.594),
     ),
     Kind.BORDER: StdLaw(
-        (-0.148, 0.662, -2.04, 0.219, -0.158),
-        (-2.123, -1.381, -0.784, -0.404, -0.145, 0.186),
-        (0.494, 17.24, 18.87, 19.253, 19.562, 21.604),
+        (-0.174, 0.299, 0.618, 0.186, -0.145, 0.544, 0.421),
+        (1.699, 2.493, 3.042, 3.49, 3.909, 4.432),
+        (5.975, 19.95, 29.435, 30.841, 32.949, 41.163),
     ),
 }
 
@@ -111,7 +111,7 @@ def kinds(disparity_px: Float32, kept_px: Float32) -> Kinds:
     return np.where(hole, filled, _spread(disparity_px, _NEAR_PX) > _STEP_PX).astype(np.int8)
 
 
-def signs(disparity_px: Float32, matched: SGMResult, kept: Bools) -> Float32:
+def signs(disparity_px: Float32, matched: SGMResult, kept_px: Float32) -> Float32:
     """Gather what tells good matches from bad ones.
 
     Parameters
@@ -120,16 +120,18 @@ def signs(disparity_px: Float32, matched: SGMResult, kept: Bools) -> Float32:
         The dense map.
     matched : SGMResult
         As it was matched, nothing removed.
-    kept : (H, W) bool
-        Whether the match was kept.
+    kept_px : (H, W) float32, px
+        What was matched and kept; NaN is a hole.
 
     Returns
     -------
-    (H, W, 5) float32
+    (H, W, 7) float32
         Logarithm of the margin; logarithm of how bent the matched map is, mean over 15 px; share of kept pixels, over
         31 px; logarithm of the spread of the dense map over 15 px; logarithm of how far both views' disparities are
-        apart, mean over 5 px.
+        apart, mean over 5 px; ``ln(1 + r)``, r the distance to what was kept, px; ``ln(1 + w)``, w how much wider the
+        hole is in its row than the step it lies beside, px: what the right camera cannot see is as wide as the step.
     """
+    kept = np.isfinite(kept_px)
     bent = np.abs(cv2.Laplacian(matched.left_px, cv2.CV_32F)).clip(0, _MOST_BENT_PX)
     if not kept.any():
         bent[:] = _MOST_BENT_PX  # a smooth map of which nothing was kept is no better than a rough one
@@ -140,6 +142,8 @@ def signs(disparity_px: Float32, matched: SGMResult, kept: Bools) -> Float32:
         cv2.blur(kept.astype(np.float32), (_WIDE_PX, _WIDE_PX)),
         np.log(_spread(disparity_px, _AROUND_PX) + _SPREAD_FLOOR_PX),
         np.log(cv2.blur(apart.clip(0, _MOST_APART_PX), (_NEAR_PX, _NEAR_PX)) + _APART_FLOOR_PX),
+        np.log1p(cv2.distanceTransform((~kept).astype(np.uint8), cv2.DIST_L2, 3).clip(0, kept.shape[1])),
+        np.log1p(_wider_than_step(kept_px)),
     )
     return np.stack(parts, axis=-1).astype(np.float32)
 
@@ -150,7 +154,7 @@ def std_px(kind: Kinds, sign: Float32) -> Float32:
     Parameters
     ----------
     kind : (H, W) int8
-    sign : (H, W, 5) float32
+    sign : (H, W, 7) float32
 
     Returns
     -------
@@ -161,6 +165,16 @@ def std_px(kind: Kinds, sign: Float32) -> Float32:
         here = kind == each
         out[here] = np.interp(sign[here] @ np.asarray(law.weights, np.float32), law.score, law.std_px)
     return out
+
+
+def _wider_than_step(kept_px: Float32) -> Float32:
+    """Width of each pixel's hole in its row without the difference of disparity between its rims, px; 0 if kept."""
+    kept, width = np.isfinite(kept_px), kept_px.shape[1]
+    columns = np.arange(width, dtype=np.float32)
+    first, last = neighbours(np.where(kept, columns, np.float32(np.nan)))
+    before, after = neighbours(kept_px)
+    hole_px = np.nan_to_num(last, nan=width) - np.nan_to_num(first, nan=-1) - 1
+    return np.where(kept, 0, hole_px - np.nan_to_num(np.abs(before - after))).clip(0, None).astype(np.float32)
 
 
 def _spread(disparity_px: Float32, size_px: int) -> Any:

@@ -61,7 +61,7 @@ class FilledMap(NamedTuple):
     disparity_px : (H, W) float32
     kind : (H, W) int8
         Of `deviation.Kind`.
-    signs : (H, W, 5) float32
+    signs : (H, W, 7) float32
         As `deviation.signs` gathers them.
     """
 
@@ -169,7 +169,7 @@ def fill_matched(matched: SGMResult, *, speckle_px: int = _SPECKLE_PX, median_px
     if np.isnan(dense).any():  # nothing was accepted anywhere
         dense = matched.left_px
     disparity = cv2.medianBlur(dense, median_px)
-    signs = deviation.signs(disparity, matched, np.isfinite(checked))
+    signs = deviation.signs(disparity, matched, checked)
     return FilledMap(disparity, deviation.kinds(disparity, checked), signs)
 
 

@@ -9,7 +9,7 @@ from functools import cached_property
 import cv2
 import numpy as np
 
-from stereolib.base import Bools, Float32, Float64, Floats, quantile
+from stereolib.base import Bools, Float32, Float64, Floats, Ints, quantile
 from stereolib.measurement.box import World
 from stereolib.measurement.views import Views
 
@@ -25,6 +25,7 @@ _AGAIN = 2.0  # but where it goes on beyond: so many lines that agree outweigh e
 _EVEN, _WEIGHT = 0.5, 1.0  # correlation that speaks neither for nor against a surface; logarithm of odds to a unit
 _LEAST_POWER = 1e-12  # of two lines' slopes: a correlation of nothing with nothing is 0
 _BESIDE = 12  # lines past an end that tell what is there
+_SURFACE = 0.25  # less than this share of a line's samples matched is no surface
 
 
 class Past(Enum):
@@ -288,7 +289,7 @@ class Samples:
         alike, (_, _, _, slope_a, _, slope_b, slope, n) = self.correlations, np.moveaxis(self.sums, -1, 0)
         n = np.maximum(n, 1)
         contrast, relief = np.sqrt(np.minimum(slope_a, slope_b) / n), np.sqrt(slope / n)
-        matched = _medians(np.where(self.inside, self.matched_px, np.nan))
+        matched = _medians(np.where(self.inside, self.matched_px, np.nan), np.count_nonzero(self.inside, axis=1))
         whole = (alike[..., 0] + alike[..., 1]) / 2
         return Agreement(alike[..., 1], whole, contrast, relief, self.predicted_px.mean(axis=-1), matched)
 
@@ -309,9 +310,9 @@ def _projected(views: Views, world: World, points_mm: Float64) -> tuple[list[Flo
     return found, inside.reshape(shape)
 
 
-def _medians(values: Floats) -> Float64:
-    """Lower median of each row without its NaN; NaN where most are: what few were matched with is no surface."""
+def _medians(values: Floats, samples: Ints) -> Float64:
+    """Lower median of each row without its NaN; NaN where nearly all are: what few were matched with is no surface."""
     known = np.count_nonzero(values == values, axis=1)
     ordered = np.sort(values, axis=1)  # NaN last
     found = ordered[np.arange(len(known)), np.maximum(known - 1, 0) // 2]
-    return np.asarray(np.where(2 * known < values.shape[1], np.nan, found), np.float64)
+    return np.asarray(np.where(known < _SURFACE * samples, np.nan, found), np.float64)

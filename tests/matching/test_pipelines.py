@@ -64,6 +64,20 @@ def test_best_owns_up_to_its_guesses():
     assert (deviation.std_px(filled.kind, filled.signs) > 5).all()
 
 
+def test_signs_tell_holes_that_no_step_explains():
+    """As wide as the step beside it, a hole is what one camera cannot see; wider, it is a failure."""
+    kept = np.full((5, 60), 20, np.float32)
+    kept[:, :20] = 8
+    kept[:, 8:20] = np.nan  # 12 px wide beside a step of 12 px
+    kept[:, 40:50] = np.nan  # no step
+    kept[:, :4] = np.nan  # at the border: no step is known
+    dense = np.where(np.isnan(kept), 8, kept).astype(np.float32)
+    matched = census_sgm.SGMResult(dense, dense, np.full_like(dense, 100))
+    far_px, wider_px = np.expm1(deviation.signs(dense, matched, kept)[2, :, 5:].T)
+    np.testing.assert_allclose(wider_px[[2, 5, 12, 30, 45]], [4, 0, 0, 0, 10], atol=1e-3)
+    np.testing.assert_allclose(far_px[[0, 3, 5, 30, 40, 44]], [4, 1, 0, 0, 1, 5], rtol=0.06)
+
+
 def test_rows_that_disagree_are_corrected():
     """A roll of a third of a degree and an offset of most of a row, which cost plain matching far more."""
     pair, truth = recorded("conditions/texture")

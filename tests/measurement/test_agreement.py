@@ -154,7 +154,7 @@ def test_a_part_of_the_samples_is_compared_as_if_alone(wall):
     )
 
 
-@pytest.mark.parametrize(("shared", "past"), [(0.25, Past.OPEN), (1.0, Past.HIDDEN)])
+@pytest.mark.parametrize(("shared", "past"), [(0.2, Past.OPEN), (1.0, Past.HIDDEN)])
 def test_what_few_pixels_beyond_an_end_were_matched_with_hides_nothing(wall, shared, past):
     """Beside an end one camera alone sees what is behind: single pixels there are matched with anything."""
     views, world, _ = wall

@@ -38,33 +38,36 @@ def of(state: State) -> str:
     print(f"{recipe.height_mm:.0f} mm", f"{attempt.height_mm:.1f} ± {1.96 * attempt.std_mm:.1f} mm")
     """
     has_rig = chain.rectified_rig(state) is not None
-    lines = [*_pair_lines(state), *_map_lines(state)]
+    lines = [*_pair_lines(state, has_rig), *_map_lines(state)]
     reading = f"{paper.printed_value('scale.cm_per_px')!r}, {state.constant_rows}, tolerance_px={state.tolerance_px!r}"
     lines.append(f"recipe = height_by_maximum(disparity_px, {reading})")
     shown = ['f"{recipe.height_mm:.0f} mm"']
     if has_rig:
-        lines.append("attempt = attempt_height(left, right, rectified)")
+        lines.append("seen = see_standing(Views.of(*pictures, rectified), Instrument(rectified))")
+        lines.append("attempt = attempt_standing(seen)")
         shown.append('f"{attempt.height_mm:.1f} ± {1.96 * attempt.std_mm:.1f} mm"')
     lines.append(f"print({', '.join(shown)})")
     return "\n".join([*_imports("\n".join(lines)), "", *lines])
 
 
-def _pair_lines(state: State) -> list[str]:
+def _pair_lines(state: State, has_rig: bool) -> list[str]:
     first = State()
     taking = ("roll_deg", "row_px", "baseline_pct", "exposure_ev")
     is_usual = all(getattr(state, name) == getattr(first, name) for name in taking)
     if state.source in recordings.pairs() and is_usual:
-        loaded = f"left, right = rectified.rectify(*recordings.load_pair({state.source!r}))"
-        return ["rectified = recordings.rectified()", loaded]
+        loaded = f"pictures = recordings.load_pair({state.source!r})"
+        return ["rectified = recordings.rectified()", loaded, "left, right = rectified.rectify(*pictures)"]
     if state.source == OWN and is_usual:
         left, right, calibration, _ = state.own
         if not calibration:
             return [f"left, right = read_pair({left!r}, {right!r})"]
-        loaded = f"left, right = rectified.rectify(*read_pair({left!r}, {right!r}))"
-        return [f"rectified = Instrument.load({calibration!r}).rectified", loaded]
+        loaded = f"pictures = read_pair({left!r}, {right!r})"
+        rig = f"rectified = Instrument.load({calibration!r}).rectified"
+        return [rig, loaded, "left, right = rectified.rectify(*pictures)"]
     own = f", own={state.own!r}" if state.source == OWN else ""
     made = f"replace(from_text({to_text(state)!r}){own})" if own else f"from_text({to_text(state)!r})"
-    return [f"state = {made}", "rectified = chain.rectified_rig(state)", "left, right = chain.pair(state)"]
+    lines = [f"state = {made}", "rectified = chain.rectified_rig(state)", "left, right = chain.pair(state)"]
+    return [*lines, "pictures = chain.taken(state).left, chain.taken(state).right"] if has_rig else lines
 
 
 def _map_lines(state: State) -> list[str]:
@@ -100,7 +103,9 @@ _PLACES = {
     "smooth": "stereolib.matching",
     "stereo_pipeline": "stereolib.matching",
     "Instrument": "stereolib.measurement",
-    "attempt_height": "stereolib.measurement",
+    "Views": "stereolib.measurement",
+    "attempt_standing": "stereolib.measurement",
+    "see_standing": "stereolib.measurement",
     "chain": "stereolib.notebook",
     "from_text": "stereolib.notebook.knobs",
     "height_by_maximum": "stereolib.paper",

@@ -76,6 +76,7 @@ def _run(arguments: argparse.Namespace) -> int:
         find_in_files,
         save_calibration,
     )
+    from stereolib.mapping import beside_ruler
     from stereolib.plotting import write_calibration_report
     from stereolib.rig import find_pairs, formats
 
@@ -106,6 +107,9 @@ def _run(arguments: argparse.Namespace) -> int:
         print(json.dumps(calibration_facts(result), indent=1, allow_nan=False))
     else:
         print(calibration_text(result))
+        if arguments.ruler_mm is not None:
+            found_mm = result.rig.baseline_mm
+            print(f"distance of the lenses {found_mm:.1f} mm; {beside_ruler(found_mm, arguments.ruler_mm)}")
         print(f"written: {' '.join(map(str, written))}")
     return REFUSED if result.verdict == "bad" else DONE
 

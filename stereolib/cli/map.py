@@ -77,7 +77,7 @@ def _run(arguments: argparse.Namespace) -> int:
     if in_the_way := [path for path in (out, *out.parents) if path.is_file()]:
         raise ValueError(f"--output must name a folder, but {in_the_way[0]} is a file")
     check_outputs([out / name for name in _FILES], force=arguments.force, option="--output")
-    found = _stations(arguments.folder, arguments.poses)
+    found, absent = _stations(arguments.folder, arguments.poses)
     instrument = Instrument.load(arguments.calibration or arguments.folder / "calibration.json")
     try:
         recorded = map_recordings(found.stations, instrument, progress=sys.stderr.isatty())
@@ -90,19 +90,20 @@ def _run(arguments: argparse.Namespace) -> int:
         print(json.dumps(facts | {"written": [str(path) for path in written]}, indent=1, allow_nan=False))
         return DONE
     print(map_text(recorded))
+    print(wrapped(f"left out: {text}" for text in absent), end="\n" if absent else "")
     if found.unused:
         print(wrapped([f"not used, as they belong to no station: {', '.join(found.unused)}"]))
     print(f"written to {out}: {', '.join(path.name for path in written)}")
     return DONE
 
 
-def _stations(folder: Path, poses: Path | None) -> StationFolder:
-    """The stations of a folder; of a rig's folder those where its file says, else those in it."""
+def _stations(folder: Path, poses: Path | None) -> tuple[StationFolder, tuple[str, ...]]:
+    """The stations of a folder; of a rig's folder those that its file names, and what lacks; else those in it."""
     from stereolib.mapping import RIG_FILE, StationFolder, list_stations, load_rig_folder
 
     is_rig = (folder / RIG_FILE).is_file()
-    if poses is None and is_rig and (stations := load_rig_folder(folder, with_boards=False).stations):
-        return StationFolder(stations)
+    if poses is None and is_rig and (own := load_rig_folder(folder, with_boards=False)).stations:
+        return StationFolder(own.stations), own.absent
     try:
         found = list_stations(folder, poses)
     except ValueError as error:
@@ -110,7 +111,7 @@ def _stations(folder: Path, poses: Path | None) -> StationFolder:
             elsewhere = f"nor are there any where its {RIG_FILE} says"
             raise ValueError(f"{error}; {elsewhere}") from None
         raise
-    return StationFolder(found.stations, tuple(name for name in found.unused if name != RIG_FILE))
+    return StationFolder(found.stations, tuple(name for name in found.unused if name != RIG_FILE)), ()
 
 
 def map_facts(recorded: RecordedMap) -> dict[str, Any]:

@@ -131,7 +131,11 @@ def between(
 
     if pixels[0] == pixels[1]:
         raise ValueError(f"--between needs two pixels, got {pixels[0][0]:g},{pixels[0][1]:g} twice")
-    found = length_between(*pair, pixels, instrument, is_rectified=is_rectified)
+    try:
+        found = length_between(*pair, pixels, instrument, is_rectified=is_rectified)
+    except ValueError as error:
+        other = "" if is_rectified else "; pixels that were read off a rectified picture need --rectified"
+        raise ValueError(f"{error}{other}") from None
     left, frame = pair[0], "left, as the camera gave it"
     if is_rectified:
         left, frame = instrument.rectified.rectify(*pair)[0], "left, rectified"
@@ -140,6 +144,7 @@ def between(
     facts |= {"points_mm": found.points_mm.tolist(), "disparity_px": found.disparity_px.tolist()}
     depths = " and ".join(f"{depth:.0f} mm" for depth in found.depth_mm)
     told = f"{found.length_mm:.1f} ± {found.std_mm:.1f} mm (one standard deviation), at depths of {depths}"
+    told += "\nan edge that was left out is missing in it; without --between, things are told from edge to edge"
     told += f"\nthe pixels were taken for those of this picture: {frame}"
     drawn = draw_length(left, pixels, f"{found.length_mm:.1f} mm")
     return add_caption(drawn, _RECTIFIED if is_rectified else _AS_GIVEN), facts, told

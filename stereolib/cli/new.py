@@ -14,7 +14,8 @@ FOLDER gets
   boards/   for the pairs of the board: left01.jpg, right01.jpg, ... (as `stereolib calibrate` reads them)
   pairs/    for the pairs of what you measure: 1_left.jpg, 1_right.jpg, 2_left.jpg, ...
   scans/    for the laser's recordings of the same moments: 1.bin, 2.bin, ... (stereolib lrf record)
-Pairs and scans that lie in FOLDER itself, as `stereolib map` reads them, are entered as what is to be measured.
+Pairs and scans that lie in FOLDER itself, as `stereolib map` reads them, or pairs in FOLDER/left and FOLDER/right, as
+`stereolib capture` writes them, are entered as what is to be measured.
 What you have not got stays empty. Then: stereolib report FOLDER. A folder that is there keeps what is in it."""
 
 
@@ -39,8 +40,9 @@ def _run(arguments: argparse.Namespace) -> int:
     print(f"{folder}: {RIG_FILE}, {', '.join(f'{name}/' for name in RIG_FOLDERS)}")
     print(f"1. say in {folder / RIG_FILE} what your board is; 2. put your pictures there; 3. stereolib report {folder}")
     if found:
+        names = ", ".join("left/ and right/" if pattern == "." else pattern for pattern in found.values())
         print(f"pairs and scans that lie in {folder} itself are taken for what is to be measured, as map takes them: "
-              f"{', '.join(found.values())}")  # fmt: skip
+              f"{names}")  # fmt: skip
     return DONE
 
 
@@ -55,7 +57,9 @@ def _lying_there(folder: Path) -> dict[str, str]:
     kinds = {"pairs": [each.left for each in stations], "scans": [each.scan for each in stations]}
     files = {kind: [path for path in paths if path and path.parent == folder] for kind, paths in kinds.items()}
     ends = {kind: {path.suffix for path in paths} for kind, paths in files.items()}
-    return {kind: f"*{next(iter(known))}" for kind, known in ends.items() if len(known) == 1}
+    found = {kind: f"*{next(iter(known))}" for kind, known in ends.items() if len(known) == 1}
+    in_sides = any(each.left and each.left.parent.parent == folder for each in stations)
+    return found | ({"pairs": "."} if in_sides else {})
 
 
 NEW = Command(

@@ -1,4 +1,4 @@
-from .asked_length import AskedLength
+from .asked_length import AskedLength, beside_ruler
 from .assemble import Map, NothingToMap, merge_stations, size_table
 from .files import write_cloud, write_grid, write_mesh
 from .occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, occupancy_grid
@@ -43,6 +43,7 @@ __all__ = [
     "Solid",
     "Station",
     "StationFolder",
+    "beside_ruler",
     "colored_cloud",
     "disturb_poses",
     "join_clouds",

@@ -73,7 +73,27 @@ class AskedLength:
         text = f"{found.length_mm:.1f} ± {found.std_mm:.1f} mm"
         if self.ruler_mm is None:
             return text
-        off, most = found.length_mm - self.ruler_mm, _MOST_STD * found.std_mm
-        is_within = "within" if abs(off) <= most else "which is more than"
-        limit = f"{is_within} {_MOST_STD:g} standard deviations ({most:.1f} mm)"
-        return f"{text}; the ruler says {self.ruler_mm:.1f} mm: {off:+.1f} mm off, {limit}"
+        most = _MOST_STD * found.std_mm
+        is_within = abs(found.length_mm - self.ruler_mm) <= most
+        limit = f"{'within' if is_within else 'which is more than'} {_MOST_STD:g} standard deviations ({most:.1f} mm)"
+        ends = "" if is_within else ". Do the pixels lie at the ends that the ruler touched?"
+        return f"{text}; {beside_ruler(found.length_mm, self.ruler_mm)}, {limit}{ends}"
+
+
+def beside_ruler(length_mm: float, ruler_mm: float) -> str:
+    """Say how far a length is from what a ruler says.
+
+    Parameters
+    ----------
+    length_mm, ruler_mm : float
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> beside_ruler(73.1, 73)
+    'the ruler says 73.0 mm: +0.1 mm off'
+    """
+    return f"the ruler says {ruler_mm:.1f} mm: {length_mm - ruler_mm:+.1f} mm off"

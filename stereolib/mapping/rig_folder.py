@@ -21,10 +21,18 @@ from stereolib.calibration import (
     Diagnosis,
     diagnose,
     find_in_files,
+    save_calibration,
 )
 from stereolib.mapping.asked_length import AskedLength
-from stereolib.mapping.station_folder import POSES, RecordedStation, known_poses, name_scans, pair_stations
-from stereolib.measurement import Instrument, SystematicUncertainty
+from stereolib.mapping.station_folder import (
+    POSES,
+    RecordedStation,
+    known_poses,
+    list_stations,
+    name_scans,
+    pair_stations,
+)
+from stereolib.measurement import Instrument, SystematicUncertainty, save_laser_pose
 from stereolib.rig import PairFile, find_pairs, read_pair
 
 _Result = TypeVar("_Result")
@@ -142,6 +150,29 @@ class RigFolder:
             return None
         return Instrument(diagnosis.rig.rectify(), None, SystematicUncertainty(**diagnosis.rectified_std))
 
+    def save_calibration(self, path: Path, diagnosis: Diagnosis) -> Path:
+        """Write the calibration of the boards, with the laser's pose where the folder's own calibration knows it.
+
+        Parameters
+        ----------
+        path : Path
+        diagnosis : Diagnosis
+            From `calibrate`.
+
+        Returns
+        -------
+        Path
+
+        Raises
+        ------
+        ValueError
+            If the folder's own ``calibration.json`` cannot be used.
+        """
+        own = self.folder / CALIBRATION
+        lidar = Instrument.load(own).lidar if own.is_file() else None
+        save_calibration(path, diagnosis)
+        return path if lidar is None else save_laser_pose(path, lidar)
+
     def __str__(self) -> str:
         pairs, scans = (sum(bool(getattr(each, what)) for each in self.stations) for what in ("left", "scan"))
         boards = f"{counted(len(self.boards), 'pair')} of the board"
@@ -236,7 +267,9 @@ def load_rig_folder(folder: Path, *, with_boards: bool = True) -> RigFolder:
     at_mm, ruler = said.length("cameras", "at_mm", _USUALLY_AT_MM), said.length("cameras", "ruler_mm")
     board = said.board() if boards else None
     lonely = [station.scan.name for station in alone if station.scan] if pairs else []
-    absent = _absent(places, bool(boards), (folder / CALIBRATION).is_file(), stations, lonely)
+    absent = [*_absent(places, bool(boards) or not with_boards, (folder / CALIBRATION).is_file(), stations, lonely)]
+    if not pairs and (elsewhere := _pairs_beside(folder)):
+        absent.append(elsewhere)
     known = tuple(stations), lengths, tuple(absent)
     return RigFolder(folder, board, at_mm or _USUALLY_AT_MM, ruler, model, boards, *known)
 
@@ -254,6 +287,21 @@ def _absent(
         yield f"nothing in {places['scans']}: no word about the laser"
     if alone:
         yield f"no pair is named like {listed(alone)}: used by themselves"
+
+
+def _pairs_beside(folder: Path) -> str:
+    """Say that pairs lie in the folder itself, where its file does not look for them; "" where none do."""
+    try:
+        found = [each.left for each in list_stations(folder).stations if each.left]
+    except ValueError:
+        return ""
+    if not found:
+        return ""
+    lie, pattern = ("left/ and right/", ".") if found[0].parent != folder else (str(folder), f"*{found[0].suffix}")
+    return (
+        f'{counted(len(found), "pair")} in {lie}: write pairs = "{pattern}" into {folder / RIG_FILE}, or move '
+        f"them to where it says"
+    )
 
 
 def tried(work: Callable[..., _Result], *given: Any) -> tuple[_Result | None, str]:

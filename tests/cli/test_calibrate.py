@@ -213,6 +213,14 @@ def test_nothing_is_overwritten_unless_forced(
     assert {name: printed[name] for name in kept["calibration"]} == kept["calibration"]
 
 
+def test_a_ruler_that_agrees_is_told(
+    done: tuple[int, Path, list[str]], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folders = done[2][1:3]
+    assert commands.main(["calibrate", *folders, *WORDS, "--ruler-mm", "93", "--output", str(tmp_path / "rig")]) == 0
+    assert "distance of the lenses 93.1 mm; the ruler says 93.0 mm: +0.1 mm off\n" in capsys.readouterr().out
+
+
 @pytest.mark.slow
 def test_files_of_other_tools_hold_the_same_rig(done: tuple[int, Path, list[str]], tmp_path: Path) -> None:
     words = [

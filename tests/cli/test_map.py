@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import shutil
 from pathlib import Path
 
 import cv2
@@ -173,12 +174,35 @@ def test_a_template_put_into_a_folder_of_stations_hinders_no_map(made, tmp_path,
     """Its file names what lies there; if it does not, that is read all the same."""
     for path in (made / "walk").glob("[13]_*"):
         (tmp_path / path.name).write_bytes(path.read_bytes())
-    before = [(each.name, each.left, each.scan) for each in map_command._stations(tmp_path, None).stations]
+    before = [(each.name, each.left, each.scan) for each in map_command._stations(tmp_path, None)[0].stations]
     assert run("new", tmp_path) == 0
     assert "are taken for what is to be measured, as map takes them: *.jpg, *.bin" in capsys.readouterr().out
     text = (tmp_path / "rig.toml").read_text()
     scans = "scans" if pairs == "pairs" else "*.bin"
     (tmp_path / "rig.toml").write_text(text.replace('"*.jpg"', f'"{pairs}"').replace('"*.bin"', f'"{scans}"'))
-    found = map_command._stations(tmp_path, None)
+    found, _ = map_command._stations(tmp_path, None)
     assert [(each.name, each.left, each.scan) for each in found.stations] == before and len(before) == 2
     assert not found.unused
+
+
+def test_pairs_of_capture_are_entered_by_new_and_never_lost_in_silence(made, tmp_path, capsys):
+    """Its folders left/ and right/, with scans/ beside: a template between two maps changes nothing."""
+    for k in "13":
+        for side in ("left", "right"):
+            (tmp_path / side).mkdir(exist_ok=True)
+            shutil.copy(made / "walk" / f"{k}_{side}.jpg", tmp_path / side / f"{k}.jpg")
+        (tmp_path / "scans").mkdir(exist_ok=True)
+        shutil.copy(made / "walk" / f"{k}_scan.bin", tmp_path / "scans" / f"{k}.bin")
+    before, _ = map_command._stations(tmp_path, None)
+    assert run("new", tmp_path) == 0 and "as map takes them: left/ and right/\n" in capsys.readouterr().out
+    found, absent = map_command._stations(tmp_path, None)
+    assert [(each.name, each.left.name, each.scan.name) for each in found.stations] == [
+        (each.name, each.left.name, each.scan.name) for each in before.stations
+    ]
+    assert len(found.stations) == 2 and not absent
+    text = (tmp_path / "rig.toml").read_text()
+    (tmp_path / "rig.toml").write_text(text.replace('pairs = "."', 'pairs = "pairs"'))
+    shutil.copy(made / "walk" / "calibration.json", tmp_path)
+    assert run("map", tmp_path, "--output", tmp_path / "out") == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert 'left out: 2 pairs in left/ and right/: write pairs = "." into ' in said and "nothing in boards" not in said

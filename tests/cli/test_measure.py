@@ -105,6 +105,14 @@ def test_between_two_pixels_without_a_floor(files, capsys):
     assert "is not X,Y" in capsys.readouterr().err
 
 
+def test_pixels_that_may_be_of_the_other_picture_are_told_so(files, capsys):
+    hint = "pixels that were read off a rectified picture need --rectified"
+    for flags, said in (((), hint), (("--rectified",), "")):
+        assert run(files, "--between", "630,470", "320,240", *flags, "--force") == 2
+        error = capsys.readouterr().err
+        assert "pixel 630,470" in error and (hint in error) == bool(said)
+
+
 @pytest.mark.parametrize(("text", "why"), [("85", "is not HEIGHT,PITCH"), ("-3,8", "above 0 mm"), ("85,95", "between")])
 def test_a_floor_that_is_none_is_named(files, capsys, text, why):
     with pytest.raises(SystemExit) as ended:

@@ -7,16 +7,19 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
+from support.corners import corner_set
+from support.instruments import LIDAR
 
 from stereolib.base import data_path
-from stereolib.calibration import Charuco, Checkerboard
+from stereolib.calibration import Charuco, Checkerboard, diagnose
 from stereolib.mapping import RIG_FILE, RIG_FOLDERS, load_rig_folder, tried, write_demo_file, write_rig_file
-from stereolib.measurement import Between, Instrument
+from stereolib.measurement import Between, Instrument, save_laser_pose
 from stereolib.paper import paper_rig
 from stereolib.virtual import recordings, walk
 
 PICTURE = cv2.imencode(".png", np.zeros((8, 8), np.uint8))[1].tobytes()
 BOARDS = [f"boards/{side}{k}.png" for k in range(6) for side in ("left", "right")]
+SIDES = "1_left.png", "1_right.png"
 SQUARE = "[board]\ninner_corners = [9, 6]\nsquare_mm = 25\n"
 
 
@@ -121,6 +124,29 @@ def test_a_calibration_in_the_folder_tells_lengths(folder):
     assert own.absent[0] == "nothing in boards: no calibration and no verdict"
 
 
+def test_the_calibration_of_the_boards_keeps_where_the_laser_stands(folder):
+    own, diagnosis = load_rig_folder(folder), diagnose(corner_set(np.random.default_rng(1), pairs=8))
+    path = own.save_calibration(folder / "of_the_boards.json", diagnosis)
+    assert Instrument.load(path).lidar is None
+    save_laser_pose(paper_rig().save(folder / "calibration.json"), LIDAR)
+    found = Instrument.load(own.save_calibration(path, diagnosis))
+    np.testing.assert_allclose(found.lidar.T_left_lidar, LIDAR.T_left_lidar)
+    assert found.rectified.baseline_mm == pytest.approx(diagnosis.rig.baseline_mm)
+
+
+@pytest.mark.parametrize(("names", "pattern"), [(("left/1.png", "right/1.png"), "."), (SIDES, "*.png")])
+def test_pairs_beside_their_empty_folder_are_told_with_the_remedy(folder, names, pattern):
+    for name in names:
+        (folder / name).parent.mkdir(exist_ok=True)
+    fill(folder, *names)
+    *_, said = load_rig_folder(folder).absent
+    assert said.startswith("1 pair in ") and f'write pairs = "{pattern}" into {folder / RIG_FILE}' in said
+    (folder / RIG_FILE).write_text((folder / RIG_FILE).read_text().replace('"pairs"', f'"{pattern}"'))
+    own = load_rig_folder(folder)
+    assert [station.left.name for station in own.stations] == [names[0].rpartition("/")[2]]
+    assert not any("write pairs" in text for text in own.absent)
+
+
 def test_the_demo_rig_is_told_as_it_is():
     """Its rig.toml: the board, the lenses' distance by a ruler, and two lengths between true marks on boxes."""
     own, rig = load_rig_folder(data_path("virtual/rig.toml").parent), paper_rig()
@@ -148,7 +174,7 @@ def test_a_length_may_be_of_the_rectified_picture(folder):
     (flat,) = load_rig_folder(folder).lengths
     assert (raw.is_rectified, flat.is_rectified) == (False, True) and raw.pixels == flat.pixels
     found = Between(np.zeros((2, 3)), np.zeros(2), 236.9, 1.0)
-    assert raw.told(found).endswith("-3.1 mm off, which is more than 3 standard deviations (3.0 mm)")
+    assert "-3.1 mm off, which is more than 3 standard deviations (3.0 mm). Do the pixels" in raw.told(found)
     assert raw.told(replace(found, std_mm=1.1)).endswith("-3.1 mm off, within 3 standard deviations (3.3 mm)")
 
 

@@ -1,5 +1,5 @@
 from .board_sheet import BAR_MM, PAPERS_MM, board_sheet, board_words, largest_square_mm, measures
-from .calibration_report import lens_shift_px, write_calibration_report
+from .calibration_report import lens_shift_px, uncovered_text, write_calibration_report
 from .calibration_views import (
     plot_boards_in_space,
     plot_camera_matrix,
@@ -151,5 +151,6 @@ __all__ = [
     "save_figure",
     "save_table",
     "show_figure",
+    "uncovered_text",
     "write_calibration_report",
 ]

@@ -31,7 +31,7 @@ from .matches import (
     plot_strips,
 )
 from .measurements import plot_error_curves, plot_height_attempt, plot_intervals
-from .output import figure_to_image, save_figure, save_table, show_figure
+from .output import figure_to_image, picture_with_pixels, save_figure, save_table, show_figure
 from .pictures import plot_box, plot_corners, plot_crop, plot_height, plot_image, plot_mask, plot_points
 from .quantities import (
     ImageQuantity,
@@ -88,6 +88,7 @@ __all__ = [
     "mark_pixels",
     "measures",
     "panels",
+    "picture_with_pixels",
     "plot_arrows",
     "plot_bars",
     "plot_boards_in_space",

@@ -243,10 +243,13 @@ def _size_lines(measured: Measurement) -> list[tuple[str, str]]:
     from stereolib.measurement import OBJECT_RGB
 
     colors = (f"#{r:02x}{g:02x}{b:02x}" for r, g, b in itertools.cycle(OBJECT_RGB))
-    known = [
-        (item, color) for item, color in zip(measured.objects, colors, strict=False) if np.isfinite(item.size_mm).any()
-    ]
-    return [(object_title(str(k), item), color) for k, (item, color) in enumerate(known, start=1)]
+    things = [(item, color) for item, color in zip(measured.objects, colors, strict=False) if not _is_nameless(item)]
+    return [(object_title(str(k), item), color) for k, (item, color) in enumerate(things, start=1)]
+
+
+def _is_nameless(item: MeasuredObject) -> bool:
+    """Tell whether nothing of its size is known."""
+    return all(map(math.isnan, item.size_mm))
 
 
 def _why_none(item: MeasuredObject) -> str:

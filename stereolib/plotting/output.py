@@ -15,7 +15,7 @@ import matplotlib
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.ticker import AutoMinorLocator, MultipleLocator
+from matplotlib.ticker import AutoMinorLocator, FuncFormatter, MultipleLocator
 
 from stereolib.base import UInt8, figures_dir, write_atomic
 from stereolib.plotting.style import COLORS, DPI, REFUSED, default_style
@@ -130,8 +130,10 @@ def picture_with_pixels(image: UInt8, lines: Sequence[tuple[str, str]]) -> bytes
     ax.yaxis.tick_right()
     ax.yaxis.set_label_position("right")
     size = 72 / DPI * times  # points in a pixel
-    for along, px in ((ax.xaxis, wide), (ax.yaxis, high)):
-        along.set(major_locator=MultipleLocator(100 if px > _PLAIN_PX / 3 else 20), minor_locator=AutoMinorLocator(10))
+    step = next(px for power in range(1, 9) for px in (10**power, 2 * 10**power, 5 * 10**power) if wide <= 8 * px)
+    for along in (ax.xaxis, ax.yaxis):
+        along.set(major_locator=MultipleLocator(step), minor_locator=AutoMinorLocator(10))
+        along.set_major_formatter(FuncFormatter(lambda px, _: f"{px:g}" if px else ""))  # 0 would be cut in halves
         along.set_tick_params(which="both", width=size, pad=2 * size, labelsize=10 * size)
         along.set_tick_params(which="major", length=7 * size)
         along.set_tick_params(which="minor", length=4 * size)
@@ -140,8 +142,10 @@ def picture_with_pixels(image: UInt8, lines: Sequence[tuple[str, str]]) -> bytes
     for k, (words, color) in enumerate(lines):
         y = 1 - (high + axis + line * k) / full_high
         text = figure.text(6 * times / full_wide, y, words, color=color, fontsize=13 * size, va="top")
-        room = (full_wide - 12 * times) / text.get_window_extent(canvas.get_renderer()).width
-        text.set_fontsize(13 * size * min(1, room))
+        points = 13 * size
+        while text.get_window_extent(canvas.get_renderer()).x1 > full_wide - 6 * times and points > size:
+            points *= 0.97  # not at once: letters shrink by whole pixels
+            text.set_fontsize(points)
     canvas.draw()
     drawn: UInt8 = cv2.cvtColor(np.asarray(canvas.buffer_rgba()), cv2.COLOR_RGBA2BGR)
     drawn[:high, :wide] = image if image.ndim == 3 else image[..., None]

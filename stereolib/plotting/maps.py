@@ -236,7 +236,9 @@ def plot_scans(stations: Sequence[Station], ax: Axes, title: str = "") -> Axes:
 
 
 @default_style
-def plot_sightings(measured: Measurement, names: Sequence[str], ax: Axes, title: str = "") -> Axes:
+def plot_sightings(
+    measured: Measurement, names: Sequence[str], ax: Axes, title: str = "", *, pixels: bool = False
+) -> Axes:
     """Draw a station's picture with the boxes whose height the picture gave; what the laser alone saw is left out.
 
     Parameters
@@ -246,6 +248,8 @@ def plot_sightings(measured: Measurement, names: Sequence[str], ax: Axes, title:
         Of all its objects, from `Map.names_of`.
     ax : matplotlib.axes.Axes
     title : str
+    pixels : bool
+        Draw the axes, by which pixels can be read off.
 
     Returns
     -------
@@ -254,7 +258,8 @@ def plot_sightings(measured: Measurement, names: Sequence[str], ax: Axes, title:
     seen = [k for k, thing in enumerate(measured.objects) if np.isfinite(thing.size_mm[2])]
     pictured = replace(measured, objects=tuple(measured.objects[k] for k in seen))
     plot_image(draw_objects(pictured, names=[names[k] for k in seen]), ax, title)
-    ax.set_axis_off()
+    if not pixels:
+        ax.set_axis_off()
     return ax
 
 

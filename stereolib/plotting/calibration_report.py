@@ -271,7 +271,8 @@ def uncovered_text(diagnosis: Diagnosis) -> str:
 
 def _on_grid(cells: Bools, values: Float64) -> Bools:
     """Cells of the image on the grid of these values, bool."""
-    return cv2.resize(cells.astype(np.uint8), values.shape[::-1], interpolation=cv2.INTER_NEAREST) > 0
+    shown: Bools = cv2.resize(cells.astype(np.uint8), values.shape[::-1], interpolation=cv2.INTER_NEAREST) > 0
+    return shown
 
 
 def _largest_covered(values: Float64, hidden: Bools) -> float:

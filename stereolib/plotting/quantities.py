@@ -13,12 +13,13 @@ from matplotlib.colors import ListedColormap, LogNorm
 from matplotlib.patches import Rectangle
 from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator, NullLocator
 
-from stereolib.base import Bools, Floats, Ints, UInt8
+from stereolib.base import Bools, Float64, Floats, Ints, UInt8
 from stereolib.plotting.style import COLORS, NOTHING_GREY, default_style, image_axes
 
 _LONGEST_CELLS = 2  # of the arrow of one error
 _APART = 0.12  # of the image's width, between the labels of lines
 _EVEN_STEPS = 3.0  # colours whose ends are nearer than this ratio are cut at even steps, others at 1, 2, 5, 10 ...
+_TICKS_APART = 1.15  # at least, of the smallest value and the first round one
 _LOG_RANGE = 1000.0  # logarithmic colours end there, in units of the smallest value
 
 
@@ -207,17 +208,18 @@ def plot_quantity(
     if shown.count():
         low, most = np.percentile(shown.compressed(), [0, 95])
         high = float(most) if high is None or not np.isfinite(high) else high
-        levels = MaxNLocator(4).tick_values(low, high)[1:-1]  # round numbers
+        levels = np.asarray(MaxNLocator(4).tick_values(low, high))[1:-1]  # round numbers
         how: dict[str, Any] = {"vmin": low, "vmax": high}
-        if log:
+        if log and low > 0:
             high = min(float(shown.max()), _LOG_RANGE * low)
             levels, how = _round_levels(low, high), {"norm": LogNorm(low, high)}
         mesh = ax.pcolormesh(quantity.columns_px, quantity.rows_px, shown, cmap="viridis", shading="nearest", **how)
         if ax.figure is not None:
             ends_early = "max" if not log or shown.max() > high else "neither"
             bar = ax.figure.colorbar(mesh, ax=ax, label=quantity.label, shrink=0.85, extend=ends_early)
-            if log:
-                bar.ax.yaxis.set(major_locator=FixedLocator([low, *levels]), minor_locator=NullLocator())
+            if "norm" in how:
+                ticks = [low, *levels[levels > _TICKS_APART * low]]
+                bar.ax.yaxis.set(major_locator=FixedLocator(ticks), minor_locator=NullLocator())
                 bar.ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.2g}"))
         if lines and high > low and min(shown.shape) > 1:
             drawn = ax.contour(
@@ -235,15 +237,14 @@ def plot_quantity(
     return image_axes(quantity.size, ax, title)
 
 
-def _round_levels(low: float, high: float) -> Floats:
+def _round_levels(low: float, high: float) -> Float64:
     """Round numbers between the ends of logarithmic colours."""
     if high < _EVEN_STEPS * low:
-        levels = MaxNLocator(4).tick_values(low, high)
+        levels = np.asarray(MaxNLocator(4).tick_values(low, high))
     else:
         powers = np.arange(np.floor(np.log10(low)), np.ceil(np.log10(high)) + 1)
-        levels = (10.0 ** powers[:, None] * [1, 2, 5]).ravel()
-    within: Floats = levels[(levels > low) & (levels < high)]
-    return within
+        levels = (10.0 ** powers[:, None] * np.array([1.0, 2.0, 5.0])).ravel()
+    return levels[(levels > low) & (levels < high)]
 
 
 def _label_lines(drawn: Any, ax: Axes, apart_px: float) -> None:

@@ -43,10 +43,12 @@ For those who change the project:
   make setup          only make .venv, which each command makes if needed;  make clean  removes it and the caches
 With make PYTHON=python3.12 reproduce ARGS="03 --check"; without make: python bootstrap.py reproduce 03 --check
 """
+COMMAND = PYTHON.parent.relative_to(ROOT) / "stereolib"
+NEXT = f"Ready. Try first: {COMMAND} report data/virtual --output demo_report (what the demo rig measures, on one page)"
 COMMANDS = {  # what each hands to the environment's Python; nox's sessions stand in noxfile.py
     **{name: ["-m", "nox", "-s", name, "--"] for name in ("bench", "site", "lint", "format", "pins")},
     **{name: ["-m", "nox", "-s", name, "--"] for name in ("test-opencv4", "test-nbgrader")},
-    "setup": ["-c", "pass"],
+    "setup": ["-c", f"print({NEXT!r})"],
     "reproduce": ["-m", "stereolib", "reproduce"],
     "test": ["-m", "nox", "-s", "tests", "test-opencv4", "test-nbgrader", "notebooks", "--"],
     "data": ["-m", "stereolib", "data", "build"],

@@ -142,6 +142,14 @@ def test_failed_addition_says_what_to_do_and_is_tried_again(made: Path, monkeypa
             bootstrap.add("explore")
 
 
+def test_a_finished_set_up_says_what_to_try() -> None:
+    done = subprocess.run([sys.executable, *bootstrap.COMMANDS["setup"]], capture_output=True, text=True, check=True)
+    (said,) = done.stdout.splitlines()
+    tried = re.fullmatch(r"Ready\. Try first: (\S+) (.+) \(.+\)", said)
+    assert tried and Path(tried[1]) == Path(".venv") / ("Scripts" if os.name == "nt" else "bin") / "stereolib"
+    assert f"`stereolib {tried[2]}`" in (bootstrap.ROOT / "README.md").read_text(encoding="utf-8")  # tried there
+
+
 def test_unknown_command_shows_the_help(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit, match=r"no command 'nonsense'(.|\n)*make reproduce"):
         bootstrap.main(["nonsense"])

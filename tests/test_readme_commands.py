@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import re
 import shlex
 import shutil
+import subprocess
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -38,7 +41,7 @@ def typed() -> list[str]:
     for language, block, inline in _CODE.findall(text):
         if language == "python":
             found.append(block)
-        else:
+        elif language != "bash":  # a script, which is run as a whole
             found += [line for line in (inline or block).splitlines() if line.startswith("stereolib ")]
     return found
 
@@ -91,3 +94,31 @@ def test_every_command_can_be_typed_as_it_stands(
     page = (tmp_path / "demo_report" / "report.html").read_text(encoding="utf-8")
     assert page.count("<img") == 5 and "No description" not in page
     assert {"my_rig/rig.toml", "3_left_measured.png", "length.png", "walk_map/map.glb"} <= made
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(600)
+@pytest.mark.skipif(shutil.which("bash") is None, reason="it is a script for bash")
+def test_the_script_takes_a_pair_and_a_scan_at_each_place(tmp_path: Path) -> None:
+    """As it stands, but for fewer places, smaller pictures, and the rig that capture would have calibrated before."""
+    (script,) = (
+        block for language, block, _ in _CODE.findall((ROOT / "README.md").read_text("utf-8")) if language == "bash"
+    )
+    loop, last, after = script.partition("done\nrig=")
+    assert last and [words_of(line)[0] for line in after.splitlines()[1:]] == ["calibrate-laser", "map"]
+    for many, few in (("walk/{1..5} laser-board/{1..10}", "walk/{1..2} laser-board/1"), ("--scale 1", "--scale 0.25")):
+        assert loop.count(many) == 1
+        loop = loop.replace(many, few)
+    command = tmp_path / "bin" / "stereolib"
+    command.parent.mkdir()
+    command.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m stereolib "$@"\n')
+    command.chmod(0o755)
+    path = os.pathsep.join([str(command.parent), os.environ["PATH"]])
+    environment = os.environ | {"PATH": path, "PYTHONPATH": str(ROOT)}
+    done = subprocess.run(["bash", "-c", f"{loop}done"], cwd=tmp_path, env=environment, capture_output=True, text=True)
+    made = {
+        file.relative_to(tmp_path / "rig7").as_posix() for file in (tmp_path / "rig7").rglob("*.*") if file.is_file()
+    }
+    pairs = {f"{name}.png" for name in ("walk/left/01", "walk/right/02", "laser-board/left/01", "laser-board/right/01")}
+    scans = {f"{name}.bin" for name in ("walk/scans/01", "walk/scans/02", "laser-board/scans/01")}
+    assert pairs | scans <= made and not any("03" in name for name in made), done.stderr

@@ -3,35 +3,45 @@
 from __future__ import annotations
 
 import argparse
+import math
 import sys
 import time
 from typing import TYPE_CHECKING
 
+from stereolib.base import counted
 from stereolib.cli.command import Command
 from stereolib.cli.errors import INTERRUPTED
-from stereolib.cli.staging import SCENES_TOLD, add_scene, staged, truth
+from stereolib.cli.ranges import number, whole
+from stereolib.cli.staging import SCENES_TOLD, add_scene, place_folder, place_number, staged, truth, try_line
 
 if TYPE_CHECKING:
+    from stereolib.rig import StereoRig
     from stereolib.virtual.camera_emulator import Show
 
 _BOARD = "board"
+_S_PER_PLACE, _S_PER_SCENE = 1.2, 9.0  # to draw one at 640 x 480 on one core that has nothing else to do
+_MOST_PLACES, _LEAST_FPS, _MOST_FPS = 1000, 0.1, 120.0  # more are drawn for hours
 _NOTES = f"""somebody holds a board before a virtual rig, still in one place after the other, again and again; or the
 cameras see another scene, in which nothing moves. --rig 0 are the two cameras of the paper, every other number is a rig
 that nobody has described. What is true of rig and scene is printed with --truth only. With
 
-  stereolib emulate-cameras --rig 7 --scale 1              then: stereolib capture ..., to a calibration
-  stereolib emulate-cameras --rig 7 --scale 1 --scene box  then: stereolib capture ... --output my_box
-  stereolib lrf emulate --rig 7 --scene box                then: stereolib lrf record ... my_box.bin
+  stereolib emulate-cameras --rig 7 --scale 1              then: stereolib capture ..., to rig7/boards/calibration.json
+  stereolib emulate-cameras --rig 7 --scale 1 --scene box  then: stereolib capture ... --output rig7/box
+  stereolib lrf emulate --rig 7 --scene box                then: stereolib lrf record ... rig7/box/scans/01.bin
 
-one rig leads from its boards to the sizes of a box. The faults are the right camera's. Ctrl-C ends it.
+one rig leads from its boards to the sizes of a box; each prints the whole line.
+The faults are the right camera's. Ctrl-C ends it.
 
 {SCENES_TOLD}"""
 
 
 def _configure(parser: argparse.ArgumentParser) -> None:
     add_scene(parser, _BOARD)
-    parser.add_argument("--places", type=int, default=24, metavar="N", help="where the board is held (default: 24)")
-    parser.add_argument("--fps", type=float, default=10.0, metavar="N", help="pictures a second (default: 10)")
+    parser.add_argument(
+        "--places", type=whole(1, _MOST_PLACES), default=24, metavar="N", help="where the board is held (default: 24)"
+    )
+    fps = number(_LEAST_FPS, _MOST_FPS)
+    parser.add_argument("--fps", type=fps, default=10.0, metavar="N", help="pictures a second (default: 10)")
     parser.add_argument(
         "--scale", type=float, default=0.5, metavar="X", help="1 is 640x480 px, which takes longer (default: 0.5)"
     )
@@ -62,7 +72,8 @@ def _run(arguments: argparse.Namespace) -> int:
         print(f"left   {left}\nright  {right}")
         if arguments.truth:
             print(about)
-        print(f"try in another terminal: stereolib capture {left} {right} {words}", flush=True)
+        place = 1 if arguments.scene == _BOARD else place_number(arguments)
+        print(try_line(f"stereolib capture {left} {right} {words}", place), flush=True)
         try:
             while True:
                 time.sleep(0.5)
@@ -82,11 +93,22 @@ def _show(arguments: argparse.Namespace) -> tuple[Show, str, str]:
     scene = stage("room", rig=arguments.rig) if arguments.scene == _BOARD else staged(arguments)
     about = f"true focal lengths: {focal[0]:.2f}, {focal[1]:.2f} px\n{truth(arguments, scene)}"
     if arguments.scene == _BOARD:
+        _say_drawing(f"a board in {counted(arguments.places, 'place')}", rig, arguments.places * _S_PER_PLACE)
         progress = sys.stderr.isatty()
         show = camera_emulator.show_boards(arguments.places, rng, rig, fps=arguments.fps, progress=progress)
         board = f"--board {BOARD.columns}x{BOARD.rows} --square-mm {BOARD.square_mm:g}"
-        return show, about, f"{board} --ruler-mm {rig.baseline_mm:.0f} --output rig"
-    return camera_emulator.show_scene(scene, rng, rig, fps=arguments.fps), about, f"--output {arguments.scene}"
+        return show, about, f"{board} --ruler-mm {rig.baseline_mm:.0f} --output rig{arguments.rig}/boards"
+    _say_drawing(f"the scene {arguments.scene}, place {arguments.at}", rig, _S_PER_SCENE)
+    place = place_number(arguments)
+    words = f"--output {place_folder(arguments)}{f' --pairs {place}' * (place > 1)} --no-preview"
+    return camera_emulator.show_scene(scene, rng, rig, fps=arguments.fps), about, words
+
+
+def _say_drawing(what: str, rig: StereoRig, seconds: float) -> None:
+    """Say at once what keeps the addresses waiting, and for how long; also where no bar can be drawn."""
+    width, height = rig.left.size
+    said_s = math.ceil(seconds * width * height / (640 * 480) / 5) * 5
+    print(f"drawing {what}, {width}x{height}: about {said_s} s, longer on a busy machine", file=sys.stderr, flush=True)
 
 
 EMULATE_CAMERAS = Command(

@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
+import itertools
 import json
 import sys
 from pathlib import Path
 from typing import Any
 
-from stereolib.base import read_bytes
+from stereolib.base import check_target, read_bytes
 from stereolib.cli.command import Command
 from stereolib.cli.errors import DONE, INTERRUPTED
 from stereolib.cli.lrf_live import EXPORT, LIVE, NO_LASER
 from stereolib.cli.outputs import check_ending, check_outputs, default_name
 from stereolib.cli.ranges import FOR_EVER, number, whole
-from stereolib.cli.staging import SCENES_TOLD, add_scene, staged, truth
+from stereolib.cli.staging import SCENES_TOLD, add_scene, place_folder, place_number, staged, truth, try_line
 
+_SECONDS = 3  # of a recording that is proposed: 15 turns
 _EMULATE_NOTES = f"""it prints a port, which the other commands take, and plays when that is opened, until Ctrl-C.
 --rig 0 is the laser below the left camera of the paper's rig, every other number that of a rig which nobody has
 described: the one whose cameras stereolib emulate-cameras shows with the same --rig, --scene and --at.
@@ -86,11 +89,18 @@ def _record(arguments: argparse.Namespace) -> int:
         line = f"{state['seconds']:6.1f} s  {state['turns']} turns  {state['bytes']} bytes  {speed}"
         print(f"\r{line:70}", end="", file=sys.stderr, flush=True)
 
-    notes = laser.record_port(
-        arguments.port, arguments.file, force=arguments.force, seconds=arguments.seconds, progress=live
-    )
+    file = arguments.file
+    check_target(file)
+    missing = [folder for folder in file.parents if not folder.exists()]
+    file.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        notes = laser.record_port(arguments.port, file, force=arguments.force, seconds=arguments.seconds, progress=live)
+    finally:
+        for folder in missing:  # that nothing came into
+            with contextlib.suppress(OSError):
+                folder.rmdir()
     print(file=sys.stderr)
-    print(f"{arguments.file}: {notes['bytes']} bytes; ended: {notes['ended']}")
+    print(f"{file}: {notes['bytes']} bytes; ended: {notes['ended']}")
     return DONE
 
 
@@ -141,17 +151,23 @@ def _emulate(arguments: argparse.Namespace) -> int:
     shown, rng = staged(arguments), np.random.default_rng(arguments.seed)
     lidar = VirtualLidar(height_mm=shown.laser_height_mm)
     schedule = emulator.emulate(shown.scene, shown.laser_pose, lidar=lidar, rng=rng, seconds=arguments.seconds)
+    first = list(itertools.islice(schedule, 1))  # takes seconds on a busy machine: before somebody listens and gives up
+    schedule = itertools.chain(first, schedule)
     if given:
         schedule = emulator.with_faults(schedule, emulator.Faults(**given), rng)
-    return _serve(schedule, arguments.link, truth(arguments, shown) if arguments.truth else "")
+    place = place_number(arguments)
+    file = f"{place_folder(arguments)}/scans/{place:02d}.bin"
+    return _serve(schedule, arguments.link, truth(arguments, shown) if arguments.truth else "", file, place)
 
 
-def _serve(schedule: Any, link: Any, about: str = "") -> int:
+def _serve(schedule: Any, link: Any, about: str = "", file: str = "", place: int = 1) -> int:
+    """Play until Ctrl-C; `file` is where a recording of this place belongs."""
     from stereolib.virtual import emulator
 
     with emulator.serve(schedule, link) as served:
         example = f"plays when it is opened, for example: stereolib lrf show {served.port}"
-        print(*filter(None, (served.port, about, example)), sep="\n", flush=True)
+        record = file and try_line(f"stereolib lrf record {served.port} {file} --seconds {_SECONDS}", place)
+        print(*filter(None, (served.port, about, example, record)), sep="\n", flush=True)
         try:
             while not served.wait(0.5):
                 pass

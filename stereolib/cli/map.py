@@ -32,6 +32,7 @@ _FILES = {
     "grid.yaml": "free, taken and unknown cells, for ROS's map_server",
     "grid.pgm": "their picture",
 }
+_UNKNOWN = "red outline: not all of its sizes are known, and it is drawn thin or flat"
 _WIDTH_IN, _MAP_IN = 9.5, 6.0  # of the picture, and of the map beside its legend
 _NOTES = """\
 FOLDER holds, for each place where the rig stood (its station):
@@ -205,18 +206,21 @@ def _write(out: Path, recorded: RecordedMap, facts: dict[str, Any]) -> list[Path
 
     from stereolib.base import write_atomic
     from stereolib.mapping import map_solids, occupancy_grid, view_map, write_cloud, write_grid, write_mesh
+    from stereolib.measurement import add_caption
     from stereolib.plotting import panels, plot_top_view, show_figure
 
     room, solids, points = recorded.room, map_solids(recorded.room), recorded.cloud()
     figure, ax = panels(1, width_in=_WIDTH_IN)
-    low, high = zip(*(plot_top_view(room, ax[0]).get_xlim(), ax[0].get_ylim()), strict=True)
+    low, high = zip(*(plot_top_view(room, ax[0], times=None, in_mm=True).get_xlim(), ax[0].get_ylim()), strict=True)
     figure.set_size_inches(_WIDTH_IN, 1 + _MAP_IN * max((high[1] - low[1]) / (high[0] - low[0]), 0.5))
-    view = cv2.imencode(".png", view_map(room, solids))[1].tobytes()
+    view = view_map(room, solids)
+    if not all(solid.known for solid in solids):
+        view = add_caption(view, _UNKNOWN)
     written = [
         write_atomic(out / "map.json", json.dumps(facts, indent=1, allow_nan=False) + "\n"),
         write_atomic(out / "objects.csv", _table(facts["objects"])),
         write_atomic(out / "map.png", show_figure(None, figure).data),
-        write_atomic(out / "view.png", view),
+        write_atomic(out / "view.png", cv2.imencode(".png", view)[1].tobytes()),
         *(write_mesh(out / f"map.{kind}", solids, overwrite=True) for kind in ("glb", "ply")),
     ]
     if points is not None and len(points.points_mm):

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -27,6 +29,7 @@ _LAST_PX = 2**15  # no picture is larger
 _LEAST_MM = 1.0  # a lower camera was meant in metres
 _OTHER_FLOOR = 16.3  # squared deviations of three numbers, which chance passes once in 1,000
 #: Below a picture: whose pixels are its own.
+_BLACK = "#000000"
 _AS_GIVEN = "LEFT as the camera gave it: pixels for --between"
 _RECTIFIED = "rectified: its pixels are for --between ... --rectified, they are not those of LEFT"
 
@@ -78,12 +81,11 @@ def _configure(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    import cv2
-
     from stereolib.base import write_atomic
     from stereolib.mapping import read_scan
     from stereolib.matching import check_matchable
-    from stereolib.measurement import Instrument, add_caption, draw_objects, measure_objects
+    from stereolib.measurement import Instrument, draw_objects, measure_objects
+    from stereolib.plotting import picture_with_pixels
     from stereolib.rig import find_pair, read_pair
 
     own = Path(f"{arguments.left.stem}_measured.png")
@@ -98,10 +100,12 @@ def _run(arguments: argparse.Namespace) -> int:
     if arguments.between:
         with named(*files):
             drawn, facts, told = between(pair, arguments.between, instrument, is_rectified=arguments.rectified)
-        write_atomic(picture, cv2.imencode(".png", drawn)[1].tobytes())
+        caption = _RECTIFIED if arguments.rectified else _AS_GIVEN
+        lines = [(text, _BLACK) for text in (told.splitlines()[0], caption)]
+        write_atomic(picture, picture_with_pixels(drawn, lines))
         facts |= {"warnings": said_of(arguments.calibration), "picture": str(picture)}
-        lines = [told, *(f"warning: {text}" for text in facts["warnings"]), f"picture: {picture}"]
-        print(json.dumps(facts, indent=1, allow_nan=False) if arguments.json else "\n".join(lines))
+        said = [told, *(f"warning: {text}" for text in facts["warnings"]), f"picture: {picture}"]
+        print(json.dumps(facts, indent=1, allow_nan=False) if arguments.json else "\n".join(said))
         return DONE
     scan = None if arguments.scan is None else read_scan(arguments.scan)
     floor = None if arguments.floor is None else floor_by_hand(instrument.rectified, arguments.floor)
@@ -111,7 +115,7 @@ def _run(arguments: argparse.Namespace) -> int:
     if floor is not None and (text := otherwise_seen(pair, floor)):
         first.append(text)
     measured = replace(measured, warnings=(*first, *measured.warnings))
-    write_atomic(picture, cv2.imencode(".png", add_caption(draw_objects(measured), _RECTIFIED))[1].tobytes())
+    write_atomic(picture, picture_with_pixels(draw_objects(measured), [*_size_lines(measured), (_RECTIFIED, _BLACK)]))
     facts = measured_facts(measured) | {"picture": str(picture)}
     print(json.dumps(facts, indent=1, allow_nan=False) if arguments.json else measured_text(measured))
     if not arguments.json:
@@ -127,7 +131,7 @@ def between(
     is_rectified: bool = False,
 ) -> tuple[UInt8, dict[str, Any], str]:
     """A picture with the line between two pixels, its length as facts and as a sentence."""
-    from stereolib.measurement import add_caption, draw_length, length_between
+    from stereolib.measurement import draw_length, length_between
 
     if pixels[0] == pixels[1]:
         raise ValueError(f"--between needs two pixels, got {pixels[0][0]:g},{pixels[0][1]:g} twice")
@@ -146,8 +150,7 @@ def between(
     told = f"{found.length_mm:.1f} ± {found.std_mm:.1f} mm (one standard deviation), at depths of {depths}"
     told += "\nan edge that was left out is missing in it; without --between, things are told from edge to edge"
     told += f"\nthe pixels were taken for those of this picture: {frame}"
-    drawn = draw_length(left, pixels, f"{found.length_mm:.1f} mm")
-    return add_caption(drawn, _RECTIFIED if is_rectified else _AS_GIVEN), facts, told
+    return draw_length(left, pixels, f"{found.length_mm:.1f} +- {found.std_mm:.1f} mm"), facts, told
 
 
 def _pixel(text: str) -> tuple[float, float]:
@@ -225,9 +228,7 @@ def measured_facts(measured: Measurement) -> dict[str, Any]:
 
 def measured_text(measured: Measurement) -> str:
     """A block for each object: sizes with one standard deviation, place, and what is not known, and why."""
-    import numpy as np
-
-    lines, nameless = [], [item for item in measured.objects if np.isnan(item.size_mm).all()]
+    lines, nameless = [], [item for item in measured.objects if _is_nameless(item)]
     for k, item in enumerate((item for item in measured.objects if item not in nameless), start=1):
         details = object_details(item, f"at {_place(*item.position_mm)}")
         lines += [object_title(str(k), item), *(f"   {line}" for line in details)]
@@ -235,6 +236,20 @@ def measured_text(measured: Measurement) -> str:
         lines.append("also seen, but not measurable:")
         lines += [f"   {_place(*item.position_mm)}: {_why_none(item)}" for item in nameless]
     return wrapped([*lines, *(f"warning: {text}" for text in measured.warnings)])
+
+
+def _size_lines(measured: Measurement) -> list[tuple[str, str]]:
+    """What is written below the picture: sizes with their deviations, numbered as in the terminal, in its colours."""
+    from stereolib.measurement import OBJECT_RGB
+
+    colors = (f"#{r:02x}{g:02x}{b:02x}" for r, g, b in itertools.cycle(OBJECT_RGB))
+    things = [(item, color) for item, color in zip(measured.objects, colors, strict=False) if not _is_nameless(item)]
+    return [(object_title(str(k), item), color) for k, (item, color) in enumerate(things, start=1)]
+
+
+def _is_nameless(item: MeasuredObject) -> bool:
+    """Tell whether nothing of its size is known."""
+    return all(map(math.isnan, item.size_mm))
 
 
 def _why_none(item: MeasuredObject) -> str:

@@ -10,6 +10,7 @@ from stereolib.cli.ranges import MM, number, whole
 if TYPE_CHECKING:
     from stereolib.virtual import Staged
 
+_IN_TURN = ("walk", "laser-board")  # scenes whose places --at counts; the pictures of all make one set
 SCENES_TOLD = """scenes, the same for cameras and laser:
   cube          the paper's cube, --distance-mm away
   box           a box of sizes that nobody told you; --at 2 is another one, up to 1000
@@ -36,6 +37,23 @@ def staged(arguments: argparse.Namespace) -> Staged:
     from stereolib.virtual import stage
 
     return stage(arguments.scene, arguments.at, distance_mm=arguments.distance_mm, rig=arguments.rig)
+
+
+def place_folder(arguments: argparse.Namespace) -> str:
+    """Where the recordings of a place go: in a folder of the rig, all places of one set together."""
+    alone = arguments.at > 1 and arguments.scene not in _IN_TURN
+    return f"rig{arguments.rig}/{arguments.scene}{f'_{arguments.at}' * alone}"
+
+
+def place_number(arguments: argparse.Namespace) -> int:
+    """Which pair and which scan of that folder a place is."""
+    return int(arguments.at) if arguments.scene in _IN_TURN else 1
+
+
+def try_line(command: str, number: int = 1) -> str:
+    """The line of a command to be typed elsewhere; before that of a later place stands what has to be there first."""
+    earlier = "" if number == 1 else f", after the place{'s 1 to' * (number > 2)} {number - 1}"
+    return f"try in another terminal{earlier}: {command}"
 
 
 def truth(arguments: argparse.Namespace, shown: Staged) -> str:

@@ -1,5 +1,5 @@
 from .board_sheet import BAR_MM, PAPERS_MM, board_sheet, board_words, largest_square_mm, measures
-from .calibration_report import lens_shift_px, write_calibration_report
+from .calibration_report import lens_shift_px, uncovered_text, write_calibration_report
 from .calibration_views import (
     plot_boards_in_space,
     plot_camera_matrix,
@@ -31,7 +31,7 @@ from .matches import (
     plot_strips,
 )
 from .measurements import plot_error_curves, plot_height_attempt, plot_intervals
-from .output import figure_to_image, save_figure, save_table, show_figure
+from .output import figure_to_image, picture_with_pixels, save_figure, save_table, show_figure
 from .pictures import plot_box, plot_corners, plot_crop, plot_height, plot_image, plot_mask, plot_points
 from .quantities import (
     ImageQuantity,
@@ -88,6 +88,7 @@ __all__ = [
     "mark_pixels",
     "measures",
     "panels",
+    "picture_with_pixels",
     "plot_arrows",
     "plot_bars",
     "plot_boards_in_space",
@@ -151,5 +152,6 @@ __all__ = [
     "save_figure",
     "save_table",
     "show_figure",
+    "uncovered_text",
     "write_calibration_report",
 ]

@@ -74,6 +74,7 @@ def write_calibration_report(path: Path, diagnosis: Diagnosis, files: Files) -> 
         board=board_text(diagnosis.views.board),
         version=__version__,
         checks=check_rows(diagnosis),
+        uncovered=uncovered_text(diagnosis),
         results=[*parameter_rows(diagnosis), *meaning_rows(diagnosis)],
         refused=[f"left out: {names}: {reason}" for names, reason in diagnosis.left_out_by_reason],
         pictures={
@@ -236,7 +237,7 @@ def _uncertainty(diagnosis: Diagnosis) -> list[str]:
     ):
         where = errors.columns_px, errors.rows_px, diagnosis.views.size
         deviation = ImageQuantity(values, *where, "standard deviation (mm)", hidden)
-        plot_quantity(deviation, ax, what, high=_largest_covered(values, hidden))
+        plot_quantity(deviation, ax, what, log=True)
     return [_embedded(figure)]
 
 
@@ -246,8 +247,35 @@ def _uncovered(diagnosis: Diagnosis) -> list[Bools]:
     return [boards_per_cell(corners, views.size) == 0 for corners in (views.left_px, views.right_px)]
 
 
+def uncovered_text(diagnosis: Diagnosis) -> str:
+    """Say how much of the left image no board reached, which pictures hatch, and what that costs a depth there.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+
+    Returns
+    -------
+    str
+    """
+    errors, hidden = diagnosis.error_map, _uncovered(diagnosis)[0]
+    if not hidden.any():
+        return "boards were seen in all of the left picture"
+    boards, known = _on_grid(~hidden, errors.depth_mm), np.isfinite(errors.depth_mm)
+    there, elsewhere = (np.median(errors.depth_mm[known & part]) for part in (~boards, boards))
+    said = f"no board was seen in {100 * hidden.mean():.0f} % of the left picture, hatched"
+    if not np.isfinite([there, elsewhere]).all():
+        return said
+    return f"{said}: a depth there is unsure by {there:.2g} mm (median), elsewhere by {elsewhere:.2g} mm"
+
+
+def _on_grid(cells: Bools, values: Float64) -> Bools:
+    """Cells of the image on the grid of these values, bool."""
+    shown: Bools = cv2.resize(cells.astype(np.uint8), values.shape[::-1], interpolation=cv2.INTER_NEAREST) > 0
+    return shown
+
+
 def _largest_covered(values: Float64, hidden: Bools) -> float:
     """Largest value where boards were, but for the last twentieth; the colours end there."""
-    boards = cv2.resize((~hidden).astype(np.uint8), values.shape[::-1], interpolation=cv2.INTER_NEAREST) > 0
-    known = values[boards & np.isfinite(values)]
+    known = values[_on_grid(~hidden, values) & np.isfinite(values)]
     return float(np.percentile(known, 95)) if known.size else float("nan")

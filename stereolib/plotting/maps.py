@@ -18,6 +18,7 @@ from stereolib.plotting.pictures import plot_image
 from stereolib.plotting.style import LASER, OURS, RIVAL, as_written, default_style
 
 _DISC_MM, _HEADING_MM = 65, 330  # of a station: its radius, and how far its line reaches, beyond a neighbour's disc
+_TIMES, _LONGEST_MM = (100.0, 50.0, 20.0, 10.0, 5.0, 2.0), 250.0  # an ellipse is enlarged so, and is then no longer
 _OVER_RING: dict[str, Any] = {"facecolor": "white", "lw": 0, "pad": 1}
 _ROW_STEP = 0.34  # between the series of `plot_sizes`, in rows
 _SERIES_COLORS = (RIVAL, OURS, LASER)
@@ -113,7 +114,13 @@ def _free_angle_rad(angles_rad: Float64, ranges_mm: Float64, rings_mm: Floats) -
 
 @default_style
 def plot_top_view(
-    room: Map, ax: Axes, title: str = "", *, times: float = 10.0, true_mm: list[Float64] | None = None
+    room: Map,
+    ax: Axes,
+    title: str = "",
+    *,
+    times: float | None = 10.0,
+    true_mm: list[Float64] | None = None,
+    in_mm: bool = False,
 ) -> Axes:
     """Draw a map from above: walls, outlines with names and sizes, stations with their heading, errors as ellipses.
 
@@ -122,15 +129,19 @@ def plot_top_view(
     room : Map
     ax : matplotlib.axes.Axes
     title : str
-    times : float
+    times : float, optional
         Ellipses are so many standard deviations of an object's place, as one would not be visible; the legend says it.
+        With None as many, up to 100, as make the largest one no longer than a small box.
     true_mm : list of (N, 2) arrays, optional
         True outlines, dotted.
+    in_mm : bool
+        Sizes in mm, as the axes have them, in place of cm, and names at the right ends of their outlines.
 
     Returns
     -------
     matplotlib.axes.Axes
     """
+    times = _enlarged(room) if times is None else times
     readings = room.readings_mm
     if len(readings):  # over the walls on which most of them lie
         dots: dict[str, Any] = {"s": 4, "facecolor": "white", "edgecolor": "0.25", "lw": 0.4, "zorder": 3.5}
@@ -142,12 +153,14 @@ def plot_top_view(
         outline = item.outline_mm[np.isfinite(item.outline_mm).all(axis=1)]
         ax.add_patch(Polygon(outline, closed=len(outline) > 2, fc=(*color, 0.35), ec=color, lw=1.8, zorder=3))
         _ellipse(item.position_mm, times**2 * np.nan_to_num(item.position_covariance), ax, color)
-        sizes = " x ".join(f"{v / 10:.1f}" if np.isfinite(v) else "?" for v in item.size_mm)
-        ax.plot([], [], "s", color=color, label=f"{name}  {sizes} cm")
-        right = outline[:, 0].max() if len(outline) else item.position_mm[0]
+        sizes = " x ".join(
+            ("?" if not np.isfinite(v) else f"{v:.0f}" if in_mm else f"{v / 10:.1f}") for v in item.size_mm
+        )
+        ax.plot([], [], "s", color=color, label=f"{name}  {sizes} {'mm' if in_mm else 'cm'}")
+        end = outline[outline[:, 0].argmax()] if len(outline) else item.position_mm
         ax.annotate(
             name,
-            (float(right), float(item.position_mm[1])),
+            (float(end[0]), float(end[1] if in_mm else item.position_mm[1])),
             (3, 0),
             va="center",
             textcoords="offset points",
@@ -161,6 +174,9 @@ def plot_top_view(
         plot_station(station, ax, name)
     if room.objects:
         label = f"ellipse: {times:g} standard\ndeviations of a place"
+        if in_mm:
+            larger = f",\n{times:g} times enlarged" if times > 1 else ""
+            label = f"ellipse: standard\ndeviation of a place{larger}"
         ax.plot([], [], "o", mfc="none", mec="0.25", label=label)
     if room.objects or len(readings):
         ax.legend(
@@ -220,7 +236,9 @@ def plot_scans(stations: Sequence[Station], ax: Axes, title: str = "") -> Axes:
 
 
 @default_style
-def plot_sightings(measured: Measurement, names: Sequence[str], ax: Axes, title: str = "") -> Axes:
+def plot_sightings(
+    measured: Measurement, names: Sequence[str], ax: Axes, title: str = "", *, pixels: bool = False
+) -> Axes:
     """Draw a station's picture with the boxes whose height the picture gave; what the laser alone saw is left out.
 
     Parameters
@@ -230,6 +248,8 @@ def plot_sightings(measured: Measurement, names: Sequence[str], ax: Axes, title:
         Of all its objects, from `Map.names_of`.
     ax : matplotlib.axes.Axes
     title : str
+    pixels : bool
+        Draw the axes, by which pixels can be read off.
 
     Returns
     -------
@@ -238,7 +258,8 @@ def plot_sightings(measured: Measurement, names: Sequence[str], ax: Axes, title:
     seen = [k for k, thing in enumerate(measured.objects) if np.isfinite(thing.size_mm[2])]
     pictured = replace(measured, objects=tuple(measured.objects[k] for k in seen))
     plot_image(draw_objects(pictured, names=[names[k] for k in seen]), ax, title)
-    ax.set_axis_off()
+    if not pixels:
+        ax.set_axis_off()
     return ax
 
 
@@ -290,6 +311,13 @@ def plot_sizes(labels: Sequence[str], series: Mapping[str, tuple[Any, ...]], ax:
     ax.set(ylim=(len(labels) - 0.4, -0.6), xlabel="error (mm)")
     ax.grid(alpha=0.3, axis="x")
     return ax
+
+
+def _enlarged(room: Map) -> float:
+    """How many times ellipses are enlarged: a round number that leaves the largest no longer than a small box."""
+    covariances = [np.nan_to_num(item.position_covariance) for item in room.measured]
+    most_mm = 2 * np.sqrt(max((np.linalg.eigvalsh(each)[-1] for each in covariances), default=0.0))
+    return next((times for times in _TIMES if times * most_mm <= _LONGEST_MM), 1.0)
 
 
 def _ellipse(centre: Float64, covariance: Float64, ax: Axes, color: Any) -> None:

@@ -6,6 +6,7 @@ import base64
 import functools
 import io
 import tomllib
+from collections.abc import Sequence
 from importlib import resources
 from typing import Any, TypeVar
 
@@ -14,11 +15,13 @@ import matplotlib
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.ticker import AutoMinorLocator, FuncFormatter, MultipleLocator
 
 from stereolib.base import UInt8, figures_dir, write_atomic
 from stereolib.plotting.style import COLORS, DPI, REFUSED, default_style
 
 _Table = TypeVar("_Table")
+_PLAIN_PX, _RIGHT_PX, _AXIS_PX, _LINE_PX = 640, 54, 42, 18  # of a photograph with axes, px; texts grow with it
 _COLOURS, _COMMON = 256, 140  # of a figure, and those of them that are taken by how often they occur
 
 
@@ -94,6 +97,59 @@ def show_figure(name: str | None, figure: Figure) -> Picture:
         about.add_itxt("Description", alt)
     picture.save(stream, format="png", optimize=True, pnginfo=about)
     return Picture(stream.getvalue(), alt)
+
+
+@default_style
+def picture_with_pixels(image: UInt8, lines: Sequence[tuple[str, str]]) -> bytes:
+    """Encode a photograph with axes of its pixels, and lines of text below it.
+
+    The photograph stands unscaled in the upper left, so that whatever program shows the file tells its pixels; the axes
+    are to the right of it and below.
+
+    Parameters
+    ----------
+    image : (H, W) or (H, W, 3) uint8
+        Grey or blue-green-red.
+    lines : sequence of (text, colour)
+        In matplotlib's colours; long ones are written smaller.
+
+    Returns
+    -------
+    bytes
+        A PNG file.
+    """
+    high, wide = image.shape[:2]
+    times = max(1.0, wide / _PLAIN_PX)  # so that texts can be read in a smaller view
+    right, axis, line = (round(times * px) for px in (_RIGHT_PX, _AXIS_PX, _LINE_PX))
+    full_wide, full_high = wide + right, high + axis + line * len(lines)
+    figure = Figure(figsize=(full_wide / DPI, full_high / DPI), dpi=DPI)
+    canvas = FigureCanvasAgg(figure)
+    ax = figure.add_axes((0, 1 - high / full_high, wide / full_wide, high / full_high))
+    ax.imshow(image[..., ::-1] if image.ndim == 3 else image, cmap="gray", vmin=0, vmax=255, aspect="auto")
+    ax.spines[:].set_visible(False)
+    ax.yaxis.tick_right()
+    ax.yaxis.set_label_position("right")
+    size = 72 / DPI * times  # points in a pixel
+    step = next(px for power in range(1, 9) for px in (10**power, 2 * 10**power, 5 * 10**power) if wide <= 8 * px)
+    for along in (ax.xaxis, ax.yaxis):
+        along.set(major_locator=MultipleLocator(step), minor_locator=AutoMinorLocator(10))
+        along.set_major_formatter(FuncFormatter(lambda px, _: f"{px:g}" if px else ""))  # 0 would be cut in halves
+        along.set_tick_params(which="both", width=size, pad=2 * size, labelsize=10 * size)
+        along.set_tick_params(which="major", length=7 * size)
+        along.set_tick_params(which="minor", length=4 * size)
+    ax.set_xlabel("column (px)", fontsize=11 * size, labelpad=size)
+    ax.set_ylabel("row (px)", fontsize=11 * size, labelpad=size)
+    for k, (words, color) in enumerate(lines):
+        y = 1 - (high + axis + line * k) / full_high
+        text = figure.text(6 * times / full_wide, y, words, color=color, fontsize=13 * size, va="top")
+        points = 13 * size
+        while text.get_window_extent(canvas.get_renderer()).x1 > full_wide - 6 * times and points > size:
+            points *= 0.97  # not at once: letters shrink by whole pixels
+            text.set_fontsize(points)
+    canvas.draw()
+    drawn: UInt8 = cv2.cvtColor(np.asarray(canvas.buffer_rgba()), cv2.COLOR_RGBA2BGR)
+    drawn[:high, :wide] = image if image.ndim == 3 else image[..., None]
+    return bytes(cv2.imencode(".png", drawn)[1])
 
 
 @functools.cache

@@ -9,11 +9,18 @@ import cv2
 import numpy as np
 from matplotlib import colormaps
 from matplotlib.axes import Axes
-from matplotlib.colors import ListedColormap
-from matplotlib.ticker import MaxNLocator
+from matplotlib.colors import ListedColormap, LogNorm
+from matplotlib.patches import Rectangle
+from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator, NullLocator
 
-from stereolib.base import Bools, Floats, Ints, UInt8
+from stereolib.base import Bools, Float64, Floats, Ints, UInt8
 from stereolib.plotting.style import COLORS, NOTHING_GREY, default_style, image_axes
+
+_LONGEST_CELLS = 2  # of the arrow of one error
+_APART = 0.12  # of the image's width, between the labels of lines
+_EVEN_STEPS = 3.0  # colours whose ends are nearer than this ratio are cut at even steps, others at 1, 2, 5, 10 ...
+_TICKS_APART = 1.15  # at least, of the smallest value and the first round one
+_LOG_RANGE = 1000.0  # logarithmic colours end there, in units of the smallest value
 
 
 @default_style
@@ -98,7 +105,8 @@ def plot_arrows(
 ) -> Axes:
     """Draw small errors on an image as magnified arrows: each one grey, their means over cells in colour.
 
-    Arrows of chance point everywhere and their means vanish; what a lens model misses stays.
+    Arrows of chance point everywhere and their means vanish; what a lens model misses stays. A grey arrow is drawn no
+    longer than two cells, and room is left for those that point out of the image.
 
     Parameters
     ----------
@@ -123,14 +131,21 @@ def plot_arrows(
     key = max(float(np.sqrt(np.mean(arrows**2))), 1e-9) if len(arrows) else 1.0
     unit = float(f"{key:.0e}")  # one digit
     how: dict[str, Any] = {"angles": "xy", "scale_units": "xy", "scale": 1.6 * key / cell}
-    ax.quiver(*at.T, *arrows.T, color="0.8", width=0.0012, **how)
+    most = _LONGEST_CELLS * 1.6 * key
+    shown = arrows * np.minimum(1, most / np.maximum(np.hypot(*arrows.T), 1e-9))[:, None]
+    ax.quiver(*at.T, *shown.T, color="0.8", width=0.0012, **how)
     _, which = np.unique(np.floor(at / cell).astype(int), axis=0, return_inverse=True)
     count = np.bincount(which.ravel())
     enough = count >= 5
     means = [np.bincount(which.ravel(), v)[enough] / count[enough] for v in (*at.T, *arrows.T)]
     drawn = ax.quiver(*means, color=COLORS[1], width=0.004, **how)
     ax.quiverkey(drawn, 0.86, 1.03, unit, f"{unit:g} px", labelpos="E", coordinates="axes")
-    return image_axes(size, ax, title)
+    image_axes(size, ax, title)
+    ends = np.concatenate([at + shown / how["scale"], np.array([[0, 0], size])])
+    (left, top), (right, bottom) = ends.min(axis=0), ends.max(axis=0)
+    ax.add_patch(Rectangle((-0.5, -0.5), *size, fill=False, ec="0.4", lw=0.8))
+    ax.set(xlim=(min(left, -0.5), max(right, size[0] - 0.5)), ylim=(max(bottom, size[1] - 0.5), min(top, -0.5)))
+    return ax
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,7 +176,13 @@ class ImageQuantity:
 
 @default_style
 def plot_quantity(
-    quantity: ImageQuantity, ax: Axes, title: str = "", *, lines: bool = True, high: float | None = None
+    quantity: ImageQuantity,
+    ax: Axes,
+    title: str = "",
+    *,
+    lines: bool = True,
+    high: float | None = None,
+    log: bool = False,
 ) -> Axes:
     """Draw a quantity over an image in colours.
 
@@ -174,6 +195,9 @@ def plot_quantity(
         Draw labelled contour lines as well.
     high : float, optional
         Where the colours end; by default at the largest twentieth, which would leave the rest without contrast.
+    log : bool
+        Logarithmic colours from the smallest value to the largest one, both positive, so that a rim of large values
+        and the even middle are both told apart; `high` then has no meaning.
 
     Returns
     -------
@@ -184,18 +208,24 @@ def plot_quantity(
     if shown.count():
         low, most = np.percentile(shown.compressed(), [0, 95])
         high = float(most) if high is None or not np.isfinite(high) else high
-        mesh = ax.pcolormesh(
-            quantity.columns_px, quantity.rows_px, shown, cmap="viridis", shading="nearest", vmin=low, vmax=high
-        )
+        levels = np.asarray(MaxNLocator(4).tick_values(low, high))[1:-1]  # round numbers
+        how: dict[str, Any] = {"vmin": low, "vmax": high}
+        if log and low > 0:
+            high = min(float(shown.max()), _LOG_RANGE * low)
+            levels, how = _round_levels(low, high), {"norm": LogNorm(low, high)}
+        mesh = ax.pcolormesh(quantity.columns_px, quantity.rows_px, shown, cmap="viridis", shading="nearest", **how)
         if ax.figure is not None:
-            ax.figure.colorbar(mesh, ax=ax, label=quantity.label, shrink=0.85, extend="max")
+            ends_early = "max" if not log or shown.max() > high else "neither"
+            bar = ax.figure.colorbar(mesh, ax=ax, label=quantity.label, shrink=0.85, extend=ends_early)
+            if "norm" in how:
+                ticks = [low, *levels[levels > _TICKS_APART * low]]
+                bar.ax.yaxis.set(major_locator=FixedLocator(ticks), minor_locator=NullLocator())
+                bar.ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.2g}"))
         if lines and high > low and min(shown.shape) > 1:
-            levels = MaxNLocator(4).tick_values(low, high)[1:-1]  # round numbers
             drawn = ax.contour(
                 quantity.columns_px, quantity.rows_px, shown, levels=levels, colors="white", linewidths=0.8
             )
-            for text in ax.clabel(drawn, fontsize=8, fmt="%g", colors="black"):
-                text.set_bbox({"facecolor": "white", "alpha": 0.75, "lw": 0, "pad": 0.6})
+            _label_lines(drawn, ax, _APART * quantity.size[0])
     unseen = quantity.unseen
     if unseen is not None and unseen.any():
         edges = (np.linspace(0, n - 1, k) for n, k in zip(quantity.size, unseen.shape[::-1], strict=True))
@@ -205,6 +235,28 @@ def plot_quantity(
         grey = ListedColormap([NOTHING_GREY])  # no hatches where there is no value
         ax.pcolormesh(quantity.columns_px, quantity.rows_px, nothing, cmap=grey, shading="nearest", zorder=1.5)
     return image_axes(quantity.size, ax, title)
+
+
+def _round_levels(low: float, high: float) -> Float64:
+    """Round numbers between the ends of logarithmic colours."""
+    if high < _EVEN_STEPS * low:
+        levels = np.asarray(MaxNLocator(4).tick_values(low, high))
+    else:
+        powers = np.arange(np.floor(np.log10(low)), np.ceil(np.log10(high)) + 1)
+        levels = (10.0 ** powers[:, None] * np.array([1.0, 2.0, 5.0])).ravel()
+    return levels[(levels > low) & (levels < high)]
+
+
+def _label_lines(drawn: Any, ax: Axes, apart_px: float) -> None:
+    """Write their values onto contour lines, and leave out those that would lie over another one."""
+    written: list[tuple[float, float]] = []
+    for text in ax.clabel(drawn, fontsize=8, fmt="%g", colors="black"):
+        x, y = text.get_position()
+        if any(np.hypot(x - u, y - v) < apart_px for u, v in written):
+            text.remove()
+            continue
+        written.append((x, y))
+        text.set_bbox({"facecolor": "white", "alpha": 0.75, "lw": 0, "pad": 0.6})
 
 
 def color_disparity(disparity_px: Floats, low: float, high: float) -> UInt8:

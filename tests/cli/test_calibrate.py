@@ -16,12 +16,12 @@ import numpy as np
 import pytest
 
 from stereolib.base import datasets, plus_minus
-from stereolib.calibration import LENS_MODELS, Charuco, wording
+from stereolib.calibration import LENS_MODELS, Charuco, boards_per_cell, wording
 from stereolib.cli import commands
 from stereolib.cli.boards import parse_board
 from stereolib.cli.calibrate import CALIBRATE
 from stereolib.paper import paper_rig
-from stereolib.plotting import lens_shift_px, write_calibration_report
+from stereolib.plotting import lens_shift_px, uncovered_text, write_calibration_report
 from stereolib.rig import Camera, formats
 from stereolib.virtual.recordings import BOARD
 
@@ -293,6 +293,18 @@ def test_facts_are_json_even_where_something_is_unknown(diagnosis: Any) -> None:
     told = json.loads(json.dumps(wording.calibration_facts(unknown), allow_nan=False))
     assert told["errors"]["square_pct"] is None and told["pairs_refused"] == {"x": "y"}
     np.testing.assert_array_equal(told["K"]["right"], diagnosis.rig.right.K)
+
+
+def test_what_the_rim_costs_is_told_beside_what_is_covered(diagnosis: Any) -> None:
+    size = diagnosis.views.size
+    cells = [boards_per_cell(diagnosis.views.left_px, size) == 0, diagnosis.error_map.depth_mm]
+    said = re.fullmatch(
+        r"no board was seen in (\d+) % of the left picture, hatched: a depth there is unsure by (\S+) mm \(median\), "
+        r"elsewhere by (\S+) mm",
+        uncovered_text(diagnosis),
+    )
+    assert said and int(said[1]) == round(100 * cells[0].mean()) and float(said[2]) > float(said[3])
+    assert cells[1][np.isfinite(cells[1])].min() < float(said[3]) < float(said[2]) < np.nanmax(cells[1])
 
 
 def test_report_escapes_names_and_does_without_pictures(diagnosis: Any, tmp_path: Path) -> None:

@@ -93,3 +93,12 @@ def test_bad_input_is_one_line_that_says_what_to_do(
     assert hint in error
     assert error.count("\n") == 1
     assert not list(tmp_path.iterdir())
+
+
+def test_folders_of_a_recording_are_made_and_left_only_with_it(tmp_path: Path) -> None:
+    assert commands.main(["lrf", "record", "socket://127.0.0.1:1", str(tmp_path / "walk" / "scans" / "01.bin")]) == 2
+    assert not list(tmp_path.iterdir())
+    with emulator.serve(emulator.replay(recordings.load_laser("lrf/room")), "socket") as served:
+        words = ["lrf", "record", served.port, str(tmp_path / "walk" / "scans" / "01.bin"), "--seconds", "0.3"]
+        assert commands.main(words) == 0
+    assert len(list((tmp_path / "walk" / "scans").iterdir())) == 2

@@ -47,8 +47,13 @@ def test_command_prints_json_and_draws(files, capsys):
     for name in ("length", "width", "height"):
         assert cube[f"{name}_mm"] == pytest.approx(300, abs=3) and 0 < cube[f"{name}_std_mm"] < 3
     assert cube["volume_l"] == pytest.approx(27, abs=0.6) and cube["shape"] == "box"
-    height, width, _ = cv2.imread(str(files / "out.png")).shape
-    assert width == 640 and 490 < height < 520  # a line below it says that its pixels are rectified
+    drawn, left = cv2.imread(str(files / "out.png")), cv2.imread(str(files / "left.png"))
+    flat = RECT.rectify(left, cv2.imread(str(files / "right.png")))[0]
+    assert (drawn[:480, :640] == flat).all(axis=2).mean() > 0.5  # its own pixels stay where they are
+    right, below = drawn[:480, 640:], drawn[480:, :640]
+    assert all((part < 128).any() and part.mean() > 200 for part in (right, below))
+    marks = (below[2, :, 0] < 128).nonzero()[0]
+    np.testing.assert_allclose(marks[marks % 100 < 2][:6] // 100, [0, 1, 2, 3, 4, 5])
     assert run(files) == 2 and "would be overwritten" in capsys.readouterr().err
     assert run(files, "--force") == 0 and "± one standard deviation" in capsys.readouterr().out
 

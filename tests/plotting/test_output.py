@@ -5,8 +5,10 @@ from __future__ import annotations
 import base64
 import io
 
+import cv2
 import numpy as np
 import pandas as pd
+import pytest
 from PIL import Image
 
 from stereolib import plotting
@@ -79,3 +81,15 @@ def test_colours_of_small_things_stay(figures_in_temporary_folder):
     for color in (*COLORS, REFUSED):
         wanted = np.array([int(color[k : k + 2], 16) for k in (1, 3, 5)])
         assert (np.abs(shown - wanted).max(axis=2) < 12).sum() > 20, color
+
+
+@pytest.mark.parametrize("size", [(160, 120), (1920, 1080)])
+def test_a_photograph_with_axes_keeps_its_pixels_and_the_whole_text(size):
+    image = np.random.default_rng(0).integers(0, 256, (size[1], size[0]), dtype=np.uint8)
+    text = "a line that is much too long for a picture as small as this one, ± its end " * 3
+    data = plotting.picture_with_pixels(image, [(text, "#000000")])
+    drawn = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+    np.testing.assert_array_equal(drawn[: size[1], : size[0]], np.repeat(image[..., None], 3, axis=2))
+    below = drawn[size[1] + (drawn.shape[0] - size[1]) // 2 :]
+    columns = (below < 200).any(axis=(0, 2)).nonzero()[0]
+    assert 0 < columns[0] < 0.1 * size[0] and 0.7 * size[0] < columns[-1] < drawn.shape[1] - 1

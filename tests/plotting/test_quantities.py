@@ -57,14 +57,32 @@ def test_map_hatches_what_was_not_seen_and_ends_its_colours_where_told(ax):
     assert 20 < outline.vertices[:, 0].max() < 35 and hatched.hatches == ["///"]
 
 
-@pytest.mark.parametrize("values", [np.full((3, 3), np.nan), np.zeros((3, 3))])
-def test_map_of_nothing_and_of_a_constant(ax, values):
-    plotting.plot_quantity(plotting.ImageQuantity(values, np.arange(3), np.arange(3), (3, 3), "px"), ax, "map")
+def test_logarithmic_colours_reach_from_the_middle_to_the_rim_and_no_label_lies_over_another(ax):
+    column, row = np.meshgrid(np.linspace(0, 639, 32), np.linspace(0, 479, 24))
+    values = 0.2 * np.exp((np.hypot(column - 320, row - 240) / 180) ** 4)
+    values[0, 0] = np.nan
+    quantity = plotting.ImageQuantity(values, column[0], row[:, 0], (640, 480), "mm")
+    plotting.plot_quantity(quantity, ax, "map", log=True)
+    low, high = ax.collections[0].get_clim()
+    assert low == np.nanmin(values) and high == pytest.approx(1000 * low)  # the corners are beyond
+    told = [float(text.get_text()) for text in ax.texts]
+    assert set(told) <= {0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0} and len(set(told)) > 1
+    plotting.show_figure(None, ax.figure)
+    boxes = [text.get_window_extent() for text in ax.texts]
+    assert not any(one.overlaps(other) for k, one in enumerate(boxes) for other in boxes[:k])
+
+
+@pytest.mark.parametrize("log", [False, True])
+@pytest.mark.parametrize("values", [np.full((3, 3), np.nan), np.zeros((3, 3)), np.full((3, 3), 0.25)])
+def test_map_of_nothing_and_of_a_constant(ax, values, log):
+    quantity = plotting.ImageQuantity(values, np.arange(3), np.arange(3), (3, 3), "px")
+    plotting.plot_quantity(quantity, ax, "map", log=log)
     plotting.show_figure(None, ax.figure)
     assert ax.get_title() == "map" and ax.get_xlim() == (-0.5, 2.5) and not ax.texts
     viridis = [33, 145, 140]  # its middle: the colours end where they begin
     inside = rendered(ax)[10:-10, 10:-10].reshape(-1, 3)
-    assert np.unique(inside, axis=0).tolist() == [[0xD9] * 3 if np.isnan(values).all() else viridis]
+    (color,) = np.unique(inside, axis=0)
+    np.testing.assert_allclose(color, [0xD9] * 3 if np.isnan(values).all() else viridis, atol=5)
 
 
 def test_arrows_are_drawn_where_they_are_and_their_means_stay(ax):
@@ -77,5 +95,8 @@ def test_arrows_are_drawn_where_they_are_and_their_means_stay(ax):
     assert len(each.U) == 1999 and len(means.U) == 12 * 8
     np.testing.assert_allclose(np.mean(means.U), 0.1, atol=0.005)
     np.testing.assert_allclose(np.mean(means.V), 0.0, atol=0.005)
+    ends = np.column_stack([each.X + each.U / each.scale, each.Y + each.V / each.scale])
+    (left, right), (bottom, top) = ax.get_xlim(), ax.get_ylim()
+    assert ends[:, 0].max() > 620 and (ends >= [left, top]).all() and (ends <= [right, bottom]).all()
     plotting.plot_arrows(at[:1], np.full((1, 2), np.nan), (600, 400), ax)  # nothing to draw is no error
     plotting.show_figure(None, ax.figure)

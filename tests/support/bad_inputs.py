@@ -624,8 +624,8 @@ OTHERS = {
     ],
     "emulate-cameras": [
         Bad("emulate-cameras --no-such-option", "unrecognized|no-such-option"),
-        Bad("emulate-cameras --places 0", "1 to 1000 places"),
-        Bad("emulate-cameras --places 100000000", "1 to 1000 places"),
+        Bad("emulate-cameras --places 0", "from 1 to 1000"),
+        Bad("emulate-cameras --places 100000000", "from 1 to 1000"),
         Bad("emulate-cameras --scale nan", "scale"),
         Bad("emulate-cameras --late-ms -5", "late"),
         Bad("emulate-cameras --drop-rate nan", "drop"),
@@ -639,7 +639,7 @@ OTHERS = {
         Bad("emulate-cameras --scene cube --at 2", "there is one cube"),
         Bad("emulate-cameras --scene box --at 0", "--at"),
         Bad("emulate-cameras --scene box --scale 9", "a scale of 0.1 to 4"),
-        Bad("emulate-cameras --scene box --fps 0", "pictures a second"),
+        Bad("emulate-cameras --scene box --fps 0", "from 0.1 to 120"),
         Bad("emulate-cameras --scene cube --distance-mm nan", "--distance-mm"),
     ],
     "handout": [

@@ -1,7 +1,7 @@
 """Where stations stand that nobody told the pose of: each scan is tried everywhere on the map (Olson 2009).
 
-A place is good if readings fall onto what the other scans saw, and bad if they fall where a beam went through; and the
-same the other way round, so that a room turned by half a turn is told from itself by what stands in it.
+A place is good if readings fall onto what the other scans saw from the same side, and bad if they fall where a beam
+went through; and the same the other way round: what stands in a room tells it from itself turned by half a turn.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _AGREES_MM = 50.0  # from what is taken, at most
 _SIDE_MM = 150.0  # before and behind a reading: which side of what is taken the others saw
 _OPPOSES_MM = 100.0  # within the free, at least: beams that pass along a face free the cells before it
 _OPPOSED = 3.0  # what a reading where a beam went through counts against one that agrees
-_LEAST_AGREEING = 0.25  # share of a scan's readings that lie on what others saw, from the same side
+_LEAST_AGREEING = 0.35  # share of a scan's readings that lie on what others saw, from the same side
 _MOST_OPPOSED = 0.05  # share of two scans' common readings: what was moved between them, and mixed readings
 _BY_NOISE = 0.01  # the same share where nothing was moved
 _RIVAL = 0.7  # share of the best place's votes that makes another one its rival
@@ -77,7 +77,9 @@ def place_stations(stations: Sequence[Station], known: Collection[str] = ()) -> 
     Notes
     -----
     Stations are placed one after the other, each where it fits those that are placed and nowhere else nearly as well;
-    who does not fit yet is tried again when more are placed. In the end all poses are refined together.
+    who does not fit yet is tried again when more are placed. Beams that went through rule a place out, however much
+    agrees there; the next best is taken only if next to nothing opposes it. In the end all poses are refined together,
+    without those, last ones first, that leave them open.
     """
     if not stations:
         raise ValueError("a map needs at least one station, none was given")
@@ -219,11 +221,15 @@ def _held(placed: Sequence[Station], ground: _Ground, station: Station) -> Stati
 
 
 def _found(placed: Sequence[Station], ground: _Ground, lost: Station) -> Station:
-    """Put a station where it fits the others, and nowhere else nearly as well."""
+    """Put a station where it fits the others, and nowhere else nearly as well.
+
+    Most may agree in a place that is opposed: the walls of a room the wrong way round. Either that place is false, or
+    it is true and something was moved; the next best one is taken only if noise alone opposes it.
+    """
     own = _own_ground(lost)
     places = [_tried(placed, ground, own, replace(lost, pose=pose)) for pose in _candidates(ground, own)]
     places.sort(key=lambda place: -place.votes)
-    most = _BY_NOISE if places[0].is_opposed() else _MOST_OPPOSED  # or something was moved, and that place is true
+    most = _BY_NOISE if places[0].is_opposed() else _MOST_OPPOSED
     fitting = [place for place in places if place.share >= _LEAST_AGREEING and not place.is_opposed(most)]
     if not fitting:
         _check_not_opposed(places[0], "in the best place", _HELP)

@@ -1,7 +1,7 @@
 """Where stations stand that nobody told the pose of: each scan is tried everywhere on the map (Olson 2009).
 
-A place is good if readings fall onto what the other scans saw, and bad if they fall where a beam went through; and the
-same the other way round, so that a room turned by half a turn is told from itself by what stands in it.
+A place is good if readings fall onto what the other scans saw from the same side, and bad if they fall where a beam
+went through; and the same the other way round: what stands in a room tells it from itself turned by half a turn.
 """
 
 from __future__ import annotations
@@ -23,12 +23,15 @@ _BESIDE = 0.6  # what a reading beside a taken cell counts
 _PLACES_A_TURN, _PLACES = 3, 6  # best places of each direction, and of all that are refined
 _APART_MM, _APART_RAD = 250.0, np.deg2rad(10.0)  # places that are farther apart are not the same
 _AGREES_MM = 50.0  # from what is taken, at most
+_SIDE_MM = 150.0  # before and behind a reading: which side of what is taken the others saw
 _OPPOSES_MM = 100.0  # within the free, at least: beams that pass along a face free the cells before it
 _OPPOSED = 3.0  # what a reading where a beam went through counts against one that agrees
-_LEAST_AGREEING = 0.35  # share of a scan's readings that lie on what others saw
+_LEAST_AGREEING = 0.35  # share of a scan's readings that lie on what others saw, from the same side
 _MOST_OPPOSED = 0.05  # share of two scans' common readings: what was moved between them, and mixed readings
+_BY_NOISE = 0.01  # the same share where nothing was moved
 _RIVAL = 0.7  # share of the best place's votes that makes another one its rival
 _DECIDE = 12  # readings: places that are opposed by so many more are wrong; noise and moved things make fewer
+_HELP = "add a station between, or give its pose, to 50 mm and 3 degrees"
 _PARTNERS = 4  # nearest stations that a place is refined with
 
 
@@ -74,7 +77,9 @@ def place_stations(stations: Sequence[Station], known: Collection[str] = ()) -> 
     Notes
     -----
     Stations are placed one after the other, each where it fits those that are placed and nowhere else nearly as well;
-    who does not fit yet is tried again when more are placed. In the end all poses are refined together.
+    who does not fit yet is tried again when more are placed. Beams that went through rule a place out, however much
+    agrees there; the next best is taken only if next to nothing opposes it. In the end all poses are refined together,
+    without those, last ones first, that leave them open.
     """
     if not stations:
         raise ValueError("a map needs at least one station, none was given")
@@ -88,8 +93,10 @@ def place_stations(stations: Sequence[Station], known: Collection[str] = ()) -> 
     placed, given, loose = _grown(given[:1], given[1:], _held)
     stays += given
     placed, lost, why = _grown(placed, lost, _found)
-    if len(placed) > 1:
-        placed = list(refine_poses(placed).stations)
+    placed, apart = _refined_together(placed)
+    why |= apart
+    loose |= {name: text for name, text in apart.items() if name in known}
+    stays += [s for s in stations if s.name in apart and s.name in known]
     poses = {s.name: s for s in (*placed, *stays)}
     warnings = [f"station {name} stays at the pose that was given for it: {text}" for name, text in loose.items()]
     left_out = {s.name: why.get(s.name, _untied(s)) for s in stations if s.name not in poses}
@@ -130,6 +137,17 @@ def _refined(placed: Sequence[Station], station: Station) -> Station:
     return refine_poses([*near[:_PARTNERS], station]).stations[-1]
 
 
+def _refined_together(placed: Sequence[Station]) -> tuple[list[Station], dict[str, str]]:
+    """All stations at the poses that all scans hold; who was placed last goes until they do: these, and why."""
+    placed, apart = list(placed), dict[str, str]()
+    while len(placed) > 1:
+        try:
+            return list(refine_poses(placed).stations), apart
+        except ValueError as error:
+            apart[placed.pop().name] = str(error)
+    return placed, apart
+
+
 @dataclass(frozen=True, eq=False)
 class _Ground:
     """What some scans saw taken and free, in their frame."""
@@ -138,6 +156,7 @@ class _Ground:
     taken_mm: Float64  # distance of each cell from what is taken
     free_mm: Float64  # and from what is not free
     readings_mm: Float64
+    beams: Float64  # of the readings, away from the laser
 
     @classmethod
     def of(cls, stations: Sequence[Station]) -> _Ground:
@@ -145,7 +164,9 @@ class _Ground:
         masks = (grid.cells != OCCUPIED).astype(np.uint8), (grid.cells == FREE).astype(np.uint8)
         taken, free = (cv2.distanceTransform(mask, cv2.DIST_L2, cv2.DIST_MASK_PRECISE) * _CELL_MM for mask in masks)
         readings = np.concatenate([station.to_map(station.scan_mm) for station in stations])
-        return cls(grid, taken.astype(float), free.astype(float), readings)
+        way = readings - np.concatenate([np.broadcast_to(s.to_map(s.laser_mm), s.scan_mm.shape) for s in stations])
+        beams = way / np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1.0)
+        return cls(grid, taken.astype(float), free.astype(float), readings, beams)
 
     @property
     def votes(self) -> Float64:
@@ -153,13 +174,14 @@ class _Ground:
         near = np.where(self.taken_mm <= 1.5 * _CELL_MM, _BESIDE, np.where(self.grid.cells == FREE, -1.0, 0.0))
         return np.where(self.taken_mm == 0, 1.0, near)
 
-    def judge(self, readings_mm: Float64) -> tuple[Bools, Bools]:
-        """Which readings lie on what is taken, and which where beams went through."""
+    def judge(self, readings_mm: Float64, beams: Float64) -> tuple[Bools, Bools]:
+        """Which readings lie on what is taken, seen from the same side, and which where beams went through."""
         cell = np.floor((readings_mm - self.grid.origin_mm) / _CELL_MM).astype(int)
         inside = np.asarray(((cell >= 0) & (cell < self.grid.cells.shape[::-1])).all(axis=1))
         column, row = np.where(inside[:, None], cell, 0).T
         on_taken, in_free = self.taken_mm[row, column] <= _AGREES_MM, self.free_mm[row, column] >= _OPPOSES_MM
-        return inside & on_taken, inside & in_free
+        before, behind = (self.grid.at(readings_mm + side * beams) == FREE for side in (-_SIDE_MM, _SIDE_MM))
+        return inside & on_taken & (before | ~behind), inside & in_free
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,6 +199,10 @@ class _Place:
         """What speaks for the place."""
         return self.agree - _OPPOSED * self.opposed
 
+    def is_opposed(self, most: float = _MOST_OPPOSED) -> bool:
+        """Whether too many readings lie where the other side's beams went through."""
+        return self.opposed > most * (self.agree + self.opposed)
+
     def rivals(self, best: _Place) -> bool:
         """Another place that may be the true one: nearly as good as the best one, or not opposed as that one is."""
         if not _differ(self.station.pose, best.station.pose):
@@ -190,22 +216,29 @@ def _held(placed: Sequence[Station], ground: _Ground, station: Station) -> Stati
     place = _tried(placed, ground, _own_ground(station), station)
     if place.open_:
         raise ValueError(place.open_)
-    _check_not_opposed(place, "there")
+    _check_not_opposed(place, "there", "give its true pose")
     return place.station
 
 
 def _found(placed: Sequence[Station], ground: _Ground, lost: Station) -> Station:
-    """Put a station where it fits the others, and nowhere else nearly as well."""
+    """Put a station where it fits the others, and nowhere else nearly as well.
+
+    Most may agree in a place that is opposed: the walls of a room the wrong way round. Either that place is false, or
+    it is true and something was moved; the next best one is taken only if noise alone opposes it.
+    """
     own = _own_ground(lost)
     places = [_tried(placed, ground, own, replace(lost, pose=pose)) for pose in _candidates(ground, own)]
-    best, *others = sorted(places, key=lambda place: -place.votes)
-    _check_not_opposed(best, "in the best place")
-    if best.share < _LEAST_AGREEING:
+    places.sort(key=lambda place: -place.votes)
+    most = _BY_NOISE if places[0].is_opposed() else _MOST_OPPOSED
+    fitting = [place for place in places if place.share >= _LEAST_AGREEING and not place.is_opposed(most)]
+    if not fitting:
+        _check_not_opposed(places[0], "in the best place", _HELP)
         raise ValueError(
-            f"its scan fits nowhere on the map: in the best place {best.share:.0%} of its readings lie on what other "
-            f"scans saw. Give its pose, or add a station between"
+            f"its scan fits nowhere on the map: in the best place {places[0].share:.0%} of its readings lie on what "
+            f"other scans saw. Scan where it sees more of that, {_HELP}"
         )
-    rivals = [place for place in others if place.rivals(best)]
+    best = fitting[0]
+    rivals = [place for place in places if place.rivals(best)]
     if rivals:
         at = " and ".join(_told(place.station.pose) for place in (best, *rivals[:1]))
         raise ValueError(
@@ -222,13 +255,12 @@ def _own_ground(station: Station) -> _Ground:
     return _Ground.of([replace(station, pose=np.zeros(3))])
 
 
-def _check_not_opposed(place: _Place, where: str) -> None:
+def _check_not_opposed(place: _Place, where: str, remedy: str) -> None:
     """Refuse a place where too many readings lie where the other side's beams went through."""
-    if place.opposed > _MOST_OPPOSED * (place.agree + place.opposed):
+    if place.is_opposed():
         raise ValueError(
             f"its scan does not fit the map: {where}, {place.opposed} of its readings and theirs lie where the others' "
-            f"beams went through, and {place.agree} agree. Give its true pose, add a station between, or scan again if "
-            f"something was moved"
+            f"beams went through, and {place.agree} agree. Scan again if something was moved; else {remedy}"
         )
 
 
@@ -238,9 +270,10 @@ def _tried(placed: Sequence[Station], ground: _Ground, own: _Ground, station: St
         station = _refined(placed, station)
     except ValueError as error:
         open_ = str(error)
-    agree, opposed = ground.judge(station.to_map(own.readings_mm))
-    theirs = (ground.readings_mm - station.pose[:2]) @ turn_2d(station.pose[2])
-    also, against = own.judge(theirs)
+    to_map = turn_2d(station.pose[2])
+    agree, opposed = ground.judge(station.to_map(own.readings_mm), own.beams @ to_map.T)
+    theirs = (ground.readings_mm - station.pose[:2]) @ to_map
+    also, against = own.judge(theirs, ground.beams @ to_map)
     count = min(int(also.sum()), int(agree.sum()))
     return _Place(station, int(agree.sum()) + count, int(opposed.sum() + against.sum()), float(agree.mean()), open_)
 

@@ -71,7 +71,7 @@ def _configure(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from stereolib.mapping import NothingToMap, map_recordings
+    from stereolib.mapping import CALIBRATION, NothingToMap, map_recordings
     from stereolib.measurement import Instrument
 
     out = arguments.output or default_name(Path(f"{arguments.folder.resolve().name}_map"), force=arguments.force)
@@ -79,7 +79,9 @@ def _run(arguments: argparse.Namespace) -> int:
         raise ValueError(f"--output must name a folder, but {in_the_way[0]} is a file")
     check_outputs([out / name for name in _FILES], force=arguments.force, option="--output")
     found, absent = _stations(arguments.folder, arguments.poses)
-    instrument = Instrument.load(arguments.calibration or arguments.folder / "calibration.json")
+    if arguments.calibration is None and not (arguments.folder / CALIBRATION).is_file():
+        raise ValueError(f"{arguments.folder} has no {CALIBRATION}: say with --calibration where the rig's is")
+    instrument = Instrument.load(arguments.calibration or arguments.folder / CALIBRATION)
     try:
         recorded = map_recordings(found.stations, instrument, progress=sys.stderr.isatty())
     except NothingToMap as error:

@@ -16,7 +16,8 @@ FOLDER gets
   scans/    for the laser's recordings of the same moments: 1.bin, 2.bin, ... (stereolib lrf record)
 Pairs and scans that lie in FOLDER itself, as `stereolib map` reads them, or pairs in FOLDER/left and FOLDER/right, as
 `stereolib capture` writes them, are entered as what is to be measured.
-What you have not got stays empty. Then: stereolib report FOLDER. A folder that is there keeps what is in it."""
+What lies elsewhere is named in rig.toml, as boards = "../boards"; what you have not got stays empty. Then:
+stereolib report FOLDER. A folder that is there keeps what is in it."""
 
 
 def _configure(parser: argparse.ArgumentParser) -> None:
@@ -38,7 +39,10 @@ def _run(arguments: argparse.Namespace) -> int:
     found = _lying_there(folder)
     write_rig_file(folder / RIG_FILE, **found)
     print(f"{folder}: {RIG_FILE}, {', '.join(f'{name}/' for name in RIG_FOLDERS)}")
-    print(f"1. say in {folder / RIG_FILE} what your board is; 2. put your pictures there; 3. stereolib report {folder}")
+    print(
+        f"1. say in {folder / RIG_FILE} what your board is; 2. put your pictures there, or say in it where "
+        f'they lie, as boards = "../boards"; 3. stereolib report {folder}'
+    )
     if found:
         names = ", ".join("left/ and right/" if pattern == "." else pattern for pattern in found.values())
         print(f"pairs and scans that lie in {folder} itself are taken for what is to be measured, as map takes them: "

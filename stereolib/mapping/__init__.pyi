@@ -5,6 +5,7 @@ from .occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, occupancy_grid
 from .placing import Placing, place_stations
 from .recorded import RecordedMap, map_recordings, measure_station
 from .rig_folder import (
+    CALIBRATION,
     RIG_FILE,
     RIG_FOLDERS,
     RigFolder,
@@ -22,6 +23,7 @@ from .view import view_map
 from .walls import MapWall
 
 __all__ = [
+    "CALIBRATION",
     "COLORS",
     "FREE",
     "OCCUPIED",

@@ -154,7 +154,7 @@ def _tilts(diagnosis: Diagnosis) -> tuple[Float64, Float64, Float64]:
 
 def _residuals(diagnosis: Diagnosis) -> list[str]:
     views, numbers = diagnosis.views, np.arange(1, len(diagnosis.views) + 1)
-    figure, axes = panels(2, width_in=12, aspect=0.8)
+    figure, axes = panels(2, width_in=12, aspect=0.9)
     for ax, side, at, errors in zip(
         axes, ("left", "right"), (views.left_px, views.right_px), diagnosis.residuals_px, strict=True
     ):
@@ -199,7 +199,7 @@ def _lenses(diagnosis: Diagnosis) -> list[str]:
     high = float(
         np.nanmax([_largest_covered(shift, hidden) for (_, _, shift), hidden in zip(maps, uncovered, strict=True)])
     )
-    figure, axes = panels(2, width_in=12, aspect=0.66)
+    figure, axes = panels(2, width_in=12, aspect=0.72)
     for ax, side, (columns, rows, shift), hidden in zip(axes, ("left", "right"), maps, uncovered, strict=True):
         moved = ImageQuantity(shift, columns, rows, diagnosis.views.size, "shift by the lens (px)", hidden)
         plot_quantity(moved, ax, side, high=high)
@@ -230,7 +230,7 @@ def lens_shift_px(camera: Camera, step: int = 10) -> tuple[Float64, Float64, Flo
 
 def _uncertainty(diagnosis: Diagnosis) -> list[str]:
     errors, hidden = diagnosis.error_map, _uncovered(diagnosis)[0]
-    figure, axes = panels(2, width_in=12, aspect=0.66)
+    figure, axes = panels(2, width_in=12, aspect=0.72)
     for ax, values, what in (
         (axes[0], errors.depth_mm, "depth"),
         (axes[1], errors.length_mm, f"length of {errors.of_mm:g} mm"),

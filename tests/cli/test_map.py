@@ -132,7 +132,7 @@ def test_nothing_mapped_is_exit_code_1(made, tmp_path, capsys):
         ("03_scan.bin", b"", "station 3 has two files for its scan, 03_scan.bin and 3_scan.bin"),
         ("poses.csv", b"station,x_mm,y_mm,yaw_deg\n8,0,0,0\n", "line 2: there is no station '8', only 1, 3, 4"),
         ("1_left.jpg", cv2.imencode(".jpg", np.zeros((240, 320, 3), np.uint8))[1].tobytes(), "must have one size"),
-        ("calibration.json", None, "calibration.json: no such file"),
+        ("calibration.json", None, "has no calibration.json: say with --calibration where the rig's is"),
     ],
 )
 def test_bad_input_is_named_and_nothing_is_written(made, tmp_path, capsys, name, data, message):

@@ -792,7 +792,7 @@ OTHERS = {
         Bad("map missing", "missing is no folder"),
         Bad("map good/left.jpg", "is no folder"),
         Bad("map map_bare", "holds no station"),
-        Bad("map map_rigless", "calibration.json: no such file"),
+        Bad("map map_rigless", "map_rigless has no calibration.json: say with --calibration"),
         Bad("map map_lonely", "without a partner"),
         Bad("map map_twins", "two files for its scan"),
         Bad("map map_numbers", "two files for its scan"),

@@ -26,7 +26,7 @@ def _configure(parser: argparse.ArgumentParser) -> None:
 
 def _run(arguments: argparse.Namespace) -> int:
     from stereolib.base import check_target
-    from stereolib.mapping import RIG_FILE, RIG_FOLDERS, write_rig_file
+    from stereolib.mapping import RIG_FILE, RIG_FOLDERS, lying_there, write_rig_file
 
     folder = arguments.folder
     if in_the_way := [path for path in (folder, *folder.parents) if path.exists() and not path.is_dir()]:
@@ -36,7 +36,7 @@ def _run(arguments: argparse.Namespace) -> int:
     check_target(folder / RIG_FILE)
     for name in RIG_FOLDERS:
         (folder / name).mkdir(parents=True, exist_ok=True)
-    found = _lying_there(folder)
+    found = lying_there(folder)
     write_rig_file(folder / RIG_FILE, **found)
     print(f"{folder}: {RIG_FILE}, {', '.join(f'{name}/' for name in RIG_FOLDERS)}")
     print(
@@ -48,22 +48,6 @@ def _run(arguments: argparse.Namespace) -> int:
         print(f"pairs and scans that lie in {folder} itself are taken for what is to be measured, as map takes them: "
               f"{names}")  # fmt: skip
     return DONE
-
-
-def _lying_there(folder: Path) -> dict[str, str]:
-    """Patterns of the pairs and scans that `map` finds in the folder itself; none where one would not name them all."""
-    from stereolib.mapping import list_stations
-
-    try:
-        stations = list_stations(folder).stations
-    except ValueError:  # there are none
-        return {}
-    kinds = {"pairs": [each.left for each in stations], "scans": [each.scan for each in stations]}
-    files = {kind: [path for path in paths if path and path.parent == folder] for kind, paths in kinds.items()}
-    ends = {kind: {path.suffix for path in paths} for kind, paths in files.items()}
-    found = {kind: f"*{next(iter(known))}" for kind, known in ends.items() if len(known) == 1}
-    in_sides = any(each.left and each.left.parent.parent == folder for each in stations)
-    return found | ({"pairs": "."} if in_sides else {})
 
 
 NEW = Command(

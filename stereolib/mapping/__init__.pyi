@@ -5,11 +5,11 @@ from .occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, occupancy_grid
 from .placing import Placing, place_stations
 from .recorded import RecordedMap, map_recordings, measure_station
 from .rig_folder import (
-    CALIBRATION,
     RIG_FILE,
     RIG_FOLDERS,
     RigFolder,
     load_rig_folder,
+    lying_there,
     tried,
     write_demo_file,
     write_rig_file,
@@ -17,7 +17,15 @@ from .rig_folder import (
 from .scan_matching import ScanMatch, disturb_poses, refine_poses
 from .shapes import COLORS, Cloud, Solid, colored_cloud, join_clouds, map_solids
 from .sightings import MapObject
-from .station_folder import RecordedStation, StationFolder, list_stations, name_scans, pair_stations, read_scan
+from .station_folder import (
+    CALIBRATION,
+    RecordedStation,
+    StationFolder,
+    list_stations,
+    name_scans,
+    pair_stations,
+    read_scan,
+)
 from .stations import Station, station_names
 from .view import view_map
 from .walls import MapWall
@@ -51,6 +59,7 @@ __all__ = [
     "join_clouds",
     "list_stations",
     "load_rig_folder",
+    "lying_there",
     "map_recordings",
     "map_solids",
     "measure_station",

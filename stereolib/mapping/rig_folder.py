@@ -25,6 +25,7 @@ from stereolib.calibration import (
 )
 from stereolib.mapping.asked_length import AskedLength
 from stereolib.mapping.station_folder import (
+    CALIBRATION,
     POSES,
     RecordedStation,
     known_poses,
@@ -36,7 +37,7 @@ from stereolib.measurement import Instrument, SystematicUncertainty, save_laser_
 from stereolib.rig import PairFile, find_pairs, read_pair
 
 _Result = TypeVar("_Result")
-RIG_FILE, CALIBRATION = "rig.toml", "calibration.json"
+RIG_FILE = "rig.toml"
 #: What a folder holds, and where unless its file says otherwise.
 RIG_FOLDERS = {"boards": "boards", "pairs": "pairs", "scans": "scans"}
 #: Everything that a rig's file may say, by part.
@@ -268,8 +269,9 @@ def load_rig_folder(folder: Path, *, with_boards: bool = True) -> RigFolder:
     board = said.board() if boards else None
     lonely = [station.scan.name for station in alone if station.scan] if pairs else []
     absent = [*_absent(places, bool(boards) or not with_boards, (folder / CALIBRATION).is_file(), stations, lonely)]
-    if not pairs and (elsewhere := _pairs_beside(folder)):
-        absent.append(elsewhere)
+    if not pairs and (pattern := lying_there(folder).get("pairs")):
+        lie = "left/ and right/" if pattern == "." else pattern
+        absent.append(f'pairs lie in {folder}, {lie}: write pairs = "{pattern}" into its {RIG_FILE}, or move them')
     known = tuple(stations), lengths, tuple(absent)
     return RigFolder(folder, board, at_mm or _USUALLY_AT_MM, ruler, model, boards, *known)
 
@@ -289,19 +291,29 @@ def _absent(
         yield f"no pair is named like {listed(alone)}: used by themselves"
 
 
-def _pairs_beside(folder: Path) -> str:
-    """Say that pairs lie in the folder itself, where its file does not look for them; "" where none do."""
+def lying_there(folder: Path) -> dict[str, str]:
+    """Tell how pairs and scans that lie in a folder itself are named in its ``rig.toml``.
+
+    Parameters
+    ----------
+    folder : Path
+
+    Returns
+    -------
+    dict of str to str
+        Patterns of ``"pairs"`` and ``"scans"``, as ``"*.jpg"``; ``"."`` of pairs in its folders left/ and right/. What
+        one pattern would not name is left out.
+    """
     try:
-        found = [each.left for each in list_stations(folder).stations if each.left]
-    except ValueError:
-        return ""
-    if not found:
-        return ""
-    lie, pattern = ("left/ and right/", ".") if found[0].parent != folder else (str(folder), f"*{found[0].suffix}")
-    return (
-        f'{counted(len(found), "pair")} in {lie}: write pairs = "{pattern}" into {folder / RIG_FILE}, or move '
-        f"them to where it says"
-    )
+        stations = list_stations(folder).stations
+    except ValueError:  # there are none
+        return {}
+    kinds = {"pairs": [each.left for each in stations], "scans": [each.scan for each in stations]}
+    files = {kind: [path for path in paths if path and path.parent == folder] for kind, paths in kinds.items()}
+    ends = {kind: {path.suffix for path in paths} for kind, paths in files.items()}
+    found = {kind: f"*{next(iter(known))}" for kind, known in ends.items() if len(known) == 1}
+    in_sides = any(each.left and each.left.parent.parent == folder for each in stations)
+    return found | ({"pairs": "."} if in_sides else {})
 
 
 def tried(work: Callable[..., _Result], *given: Any) -> tuple[_Result | None, str]:

@@ -205,4 +205,8 @@ def test_pairs_of_capture_are_entered_by_new_and_never_lost_in_silence(made, tmp
     shutil.copy(made / "walk" / "calibration.json", tmp_path)
     assert run("map", tmp_path, "--output", tmp_path / "out") == 0
     said = " ".join(capsys.readouterr().out.split())
-    assert 'left out: 2 pairs in left/ and right/: write pairs = "." into ' in said and "nothing in boards" not in said
+    assert (
+        "left out: pairs lie in " in said
+        and 'left/ and right/: write pairs = "." into its rig.toml' in said
+        and "nothing in boards" not in said
+    )

@@ -140,7 +140,7 @@ def test_pairs_beside_their_empty_folder_are_told_with_the_remedy(folder, names,
         (folder / name).parent.mkdir(exist_ok=True)
     fill(folder, *names)
     *_, said = load_rig_folder(folder).absent
-    assert said.startswith("1 pair in ") and f'write pairs = "{pattern}" into {folder / RIG_FILE}' in said
+    assert said.startswith(f"pairs lie in {folder}, ") and f'write pairs = "{pattern}" into its {RIG_FILE}' in said
     (folder / RIG_FILE).write_text((folder / RIG_FILE).read_text().replace('"pairs"', f'"{pattern}"'))
     own = load_rig_folder(folder)
     assert [station.left.name for station in own.stations] == [names[0].rpartition("/")[2]]

@@ -213,7 +213,7 @@ def _write(out: Path, recorded: RecordedMap, facts: dict[str, Any]) -> list[Path
 
     room, solids, points = recorded.room, map_solids(recorded.room), recorded.cloud()
     figure, ax = panels(1, width_in=_WIDTH_IN)
-    low, high = zip(*(plot_top_view(room, ax[0], times=None, in_mm=True).get_xlim(), ax[0].get_ylim()), strict=True)
+    low, high = zip(*(plot_top_view(room, ax[0]).get_xlim(), ax[0].get_ylim()), strict=True)
     figure.set_size_inches(_WIDTH_IN, 1 + _MAP_IN * max((high[1] - low[1]) / (high[0] - low[0]), 0.5))
     view = view_map(room, solids)
     if not all(solid.known for solid in solids):

@@ -113,36 +113,25 @@ def _free_angle_rad(angles_rad: Float64, ranges_mm: Float64, rings_mm: Floats) -
 
 
 @default_style
-def plot_top_view(
-    room: Map,
-    ax: Axes,
-    title: str = "",
-    *,
-    times: float | None = 10.0,
-    true_mm: list[Float64] | None = None,
-    in_mm: bool = False,
-) -> Axes:
+def plot_top_view(room: Map, ax: Axes, title: str = "", *, true_mm: list[Float64] | None = None) -> Axes:
     """Draw a map from above: walls, outlines with names and sizes, stations with their heading, errors as ellipses.
+
+    Ellipses are so many standard deviations of an object's place, up to 100, as make the largest one no longer than a
+    small box; the legend says how many.
 
     Parameters
     ----------
     room : Map
     ax : matplotlib.axes.Axes
     title : str
-    times : float, optional
-        Ellipses are so many standard deviations of an object's place, as one would not be visible; the legend says it.
-        With None as many, up to 100, as make the largest one no longer than a small box.
     true_mm : list of (N, 2) arrays, optional
         True outlines, dotted.
-    in_mm : bool
-        Sizes in mm, as the axes have them, in place of cm, and names at the right ends of their outlines.
 
     Returns
     -------
     matplotlib.axes.Axes
     """
-    times = _enlarged(room) if times is None else times
-    readings = room.readings_mm
+    times, readings = _enlarged(room), room.readings_mm
     if len(readings):  # over the walls on which most of them lie
         dots: dict[str, Any] = {"s": 4, "facecolor": "white", "edgecolor": "0.25", "lw": 0.4, "zorder": 3.5}
         ax.scatter(readings[:, 0], readings[:, 1], **dots, label="the laser's readings")
@@ -153,14 +142,12 @@ def plot_top_view(
         outline = item.outline_mm[np.isfinite(item.outline_mm).all(axis=1)]
         ax.add_patch(Polygon(outline, closed=len(outline) > 2, fc=(*color, 0.35), ec=color, lw=1.8, zorder=3))
         _ellipse(item.position_mm, times**2 * np.nan_to_num(item.position_covariance), ax, color)
-        sizes = " x ".join(
-            ("?" if not np.isfinite(v) else f"{v:.0f}" if in_mm else f"{v / 10:.1f}") for v in item.size_mm
-        )
-        ax.plot([], [], "s", color=color, label=f"{name}  {sizes} {'mm' if in_mm else 'cm'}")
+        sizes = " x ".join(f"{v:.0f}" if np.isfinite(v) else "?" for v in item.size_mm)
+        ax.plot([], [], "s", color=color, label=f"{name}  {sizes} mm")
         end = outline[outline[:, 0].argmax()] if len(outline) else item.position_mm
         ax.annotate(
             name,
-            (float(end[0]), float(end[1] if in_mm else item.position_mm[1])),
+            (float(end[0]), float(end[1])),
             (3, 0),
             va="center",
             textcoords="offset points",
@@ -173,10 +160,8 @@ def plot_top_view(
     for station, name in zip(room.stations, station_names(room.stations), strict=True):
         plot_station(station, ax, name)
     if room.objects:
-        label = f"ellipse: {times:g} standard\ndeviations of a place"
-        if in_mm:
-            larger = f",\n{times:g} times enlarged" if times > 1 else ""
-            label = f"ellipse: standard\ndeviation of a place{larger}"
+        larger = f",\n{times:g} times enlarged" if times > 1 else ""
+        label = f"ellipse: standard\ndeviation of a place{larger}"
         ax.plot([], [], "o", mfc="none", mec="0.25", label=label)
     if room.objects or len(readings):
         ax.legend(

@@ -290,13 +290,10 @@ def test_top_view_draws_what_the_map_holds(found):
     texts = {text.get_text() for text in ax.texts}
     assert texts >= {"A", "B", "C", "D", "E", "1", "5"}
     legend = [text.get_text() for text in ax.get_legend().get_texts()]
-    assert len(legend) == 7 and re.fullmatch(r"A  (19|20)\.\d x 1[56]\.\d x \d+\.\d cm", legend[1])
-    assert legend[0] == "the laser's readings" and "standard\ndeviations" in legend[6]
-    again = plot_top_view(found, panels(1)[1][0], times=None, in_mm=True)
-    in_mm = [text.get_text() for text in again.get_legend().get_texts()]
-    larger = re.fullmatch(r"ellipse: standard\ndeviation of a place,\n(\d+) times enlarged", in_mm[6])
-    assert larger and re.fullmatch(r"A  (19|20)\d x 1[56]\d x \d+ mm", in_mm[1])
-    ellipses = [patch for patch in again.patches if type(patch).__name__ == "Ellipse"]
+    assert len(legend) == 7 and re.fullmatch(r"A  (19|20)\d x 1[56]\d x \d+ mm", legend[1])
+    larger = re.fullmatch(r"ellipse: standard\ndeviation of a place,\n(\d+) times enlarged", legend[6])
+    assert legend[0] == "the laser's readings" and larger
+    ellipses = [patch for patch in ax.patches if type(patch).__name__ == "Ellipse"]
     for thing, ellipse in zip(found.measured, ellipses, strict=True):
         long_mm = 2 * np.sqrt(np.linalg.eigvalsh(thing.position_covariance)[-1])
         assert ellipse.width == pytest.approx(float(larger[1]) * long_mm) and ellipse.width <= 250

@@ -9,7 +9,7 @@ from functools import cached_property
 import cv2
 import numpy as np
 
-from stereolib.base import Bools, Float32, Float64, Floats, Ints, quantile
+from stereolib.base import Bools, Float32, Float64, Floats, quantile
 from stereolib.measurement.box import World
 from stereolib.measurement.views import Views
 
@@ -25,7 +25,7 @@ _AGAIN = 2.0  # but where it goes on beyond: so many lines that agree outweigh e
 _EVEN, _WEIGHT = 0.5, 1.0  # correlation that speaks neither for nor against a surface; logarithm of odds to a unit
 _LEAST_POWER = 1e-12  # of two lines' slopes: a correlation of nothing with nothing is 0
 _BESIDE = 12  # lines past an end that tell what is there
-_SURFACE = 0.25  # less than this share of a line's samples matched is no surface
+_SURFACE, _COVERS = 0.25, 0.5  # less than this share of a line's samples matched is no surface, or hides none
 
 
 class Past(Enum):
@@ -72,6 +72,8 @@ class Agreement:
         Of the left picture as it is.
     predicted_px, matched_px : (lines,) float64
         Disparity of the surface, and the median one that was matched there; NaN where none was.
+    covering_px : (lines,) float64
+        The same where half of the line was matched, else NaN: less, as the floor at a foot, hides no end.
     """
 
     fine: Float64
@@ -80,6 +82,7 @@ class Agreement:
     relief: Float64
     predicted_px: Float64
     matched_px: Float64
+    covering_px: Float64
 
     def part(self, some: slice) -> Agreement:
         """Some of the lines.
@@ -118,7 +121,7 @@ class Agreement:
         Examples
         --------
         >>> alike, flat = np.array([1.0] * 6 + [0.0] * 6), np.ones(12)
-        >>> Agreement(alike, alike, flat, flat, 50 * flat, 50 * flat).reach(4)
+        >>> Agreement(alike, alike, flat, flat, 50 * flat, 50 * flat, 50 * flat).reach(4)
         Reach(last=3, stop=5, past=<Past.OPEN: 'it ends there'>, sure=3)
         """
         (least, most), values = (_SECOND, self.whole) if second else (_FIRST, self.fine)
@@ -132,7 +135,7 @@ class Agreement:
         stop = min(last + 1 + _first(run[last + 1 :], len(values)), rim)
         cut = stop < len(values) and not shown[stop : stop + _MARGIN].all()
         nearer = (1 + _NEARER) * self.predicted_px[max(last, 0)] + _NEARER_PX
-        beside = self.matched_px[last + 1 + _MARGIN : last + 1 + _BESIDE]
+        beside = self.covering_px[last + 1 + _MARGIN : last + 1 + _BESIDE]
         hidden = np.count_nonzero(beside > nearer) > len(beside) / 2
         past = Past.HIDDEN if hidden else Past.CUT if cut else Past.OPEN
         own = self.relief > _QUIET * quantile(self.relief[: max(known, 1)], _TYPICAL)
@@ -289,9 +292,10 @@ class Samples:
         alike, (_, _, _, slope_a, _, slope_b, slope, n) = self.correlations, np.moveaxis(self.sums, -1, 0)
         n = np.maximum(n, 1)
         contrast, relief = np.sqrt(np.minimum(slope_a, slope_b) / n), np.sqrt(slope / n)
-        matched = _medians(np.where(self.inside, self.matched_px, np.nan), np.count_nonzero(self.inside, axis=1))
-        whole = (alike[..., 0] + alike[..., 1]) / 2
-        return Agreement(alike[..., 1], whole, contrast, relief, self.predicted_px.mean(axis=-1), matched)
+        whole, predicted = (alike[..., 0] + alike[..., 1]) / 2, self.predicted_px.mean(axis=-1)
+        shown, seen = np.where(self.inside, self.matched_px, np.nan), np.count_nonzero(self.inside, axis=1)
+        matched, covering = (_medians(shown, share * seen) for share in (_SURFACE, _COVERS))
+        return Agreement(alike[..., 1], whole, contrast, relief, predicted, matched, covering)
 
 
 def _projected(views: Views, world: World, points_mm: Float64) -> tuple[list[Float32], Bools]:
@@ -310,9 +314,9 @@ def _projected(views: Views, world: World, points_mm: Float64) -> tuple[list[Flo
     return found, inside.reshape(shape)
 
 
-def _medians(values: Floats, samples: Ints) -> Float64:
-    """Lower median of each row without its NaN; NaN where nearly all are: what few were matched with is no surface."""
+def _medians(values: Floats, least: Float64) -> Float64:
+    """Lower median of each row without its NaN; NaN where fewer than so many remain."""
     known = np.count_nonzero(values == values, axis=1)
     ordered = np.sort(values, axis=1)  # NaN last
     found = ordered[np.arange(len(known)), np.maximum(known - 1, 0) // 2]
-    return np.asarray(np.where(known < _SURFACE * samples, np.nan, found), np.float64)
+    return np.asarray(np.where(known < least, np.nan, found), np.float64)

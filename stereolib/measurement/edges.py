@@ -13,9 +13,10 @@ from stereolib.measurement.light import Light, light_at
 
 #: Neighbouring lines are so far apart in the picture, px.
 STEP_PX = 0.25
+#: An edge whose place is known so well was seen along its whole line: it is there, and straight.
+SHARP_PX = 0.5
 _SPAN_PX = 1.5  # lines are compared at this distance from each other: the width of a webcam's edge
 _GROUPS = 8  # of samples, each located by itself: their scatter is the edge's
-_PAIRS = np.triu_indices(_GROUPS, 1)
 _LEAST_SAMPLES = 8
 _RIVALRY = 12  # power of two peaks' ratio that is their odds
 _STEPPING = 3  # and of the texture's ratio on both sides of a line
@@ -37,16 +38,12 @@ class Peak:
         How much the edge stands out: its difference over the median one.
     rivals_px : float
         Part of `std_px`: how far other peaks lie, which may be the edge as well.
-    turn_px, turn_std_px : float
-        By how much it is farther on at the lines' second end than at their first, and the standard deviation.
     """
 
     position_px: float
     std_px: float
     contrast: float
     rivals_px: float
-    turn_px: float
-    turn_std_px: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +80,8 @@ def locate_edge(light: Light, lines: ParallelLines, belief: Float64, *, samples:
     Returns
     -------
     Peak or None
-        None where fewer than 8 samples lie inside either picture.
+        None where fewer than 8 samples lie inside either picture, or the strongest line near the likeliest is the first
+        or last.
 
     Notes
     -----
@@ -106,6 +104,8 @@ def locate_edge(light: Light, lines: ParallelLines, belief: Float64, *, samples:
     best = int(likely.argmax())
     start = max(best - 3 * half, 0)
     best = start + int(strength[start : best + 3 * half + 1].argmax())  # the prior chooses the peak, it moves none
+    if not 0 < best < len(strength) - 1:  # the flank of one that lies beyond
+        return None
     first = max(best - 2 * half, 0)
     own = middle[first] + STEP_PX * _highest(groups[first : best + 2 * half + 1])
     beside = max(best - 1, 0)
@@ -114,7 +114,7 @@ def locate_edge(light: Light, lines: ParallelLines, belief: Float64, *, samples:
     rivals = _rivals(strength, likely, middle, best)
     std = float(np.sqrt(scatter**2 + (_FLOOR * _width_px(strength, best)) ** 2 + rivals))
     contrast = float(strength[best] / max(median(strength), 1e-9))
-    return Peak(position, std, contrast, float(np.sqrt(rivals)), *_turn(own))
+    return Peak(position, std, contrast, float(np.sqrt(rivals)))
 
 
 def _differences(light: Light, lines: ParallelLines, samples: int, half: int) -> list[Float32]:
@@ -173,16 +173,6 @@ def _rivals(strength: Float64, likely: Float64, off: Float64, best: int) -> floa
     peaks = 1 + np.flatnonzero((inner > strength[:-2]) & (inner >= strength[2:]))
     weight = np.exp(likely[peaks] - likely[best])
     return float((weight * (off[peaks] - off[best]) ** 2).sum() / max(weight.sum(), 1.0))
-
-
-def _turn(own: Float64) -> tuple[float, float]:
-    """Slope of the groups' own places from end to end, and its standard deviation: Theil and Sen's, px."""
-    i, j = _PAIRS
-    slopes = (own[j] - own[i]) / (j - i) * (_GROUPS - 1)
-    centre = median(slopes)
-    line = own - median(own) - centre / (_GROUPS - 1) * (np.arange(_GROUPS) - (_GROUPS - 1) / 2)
-    scatter = max(1.48 * median(np.abs(line - median(line))), STEP_PX / 2)
-    return centre, float(scatter * np.sqrt(12 / _GROUPS))
 
 
 def _highest(values: Float32) -> Float64:

@@ -15,6 +15,7 @@ from stereolib.base import Float32, Float64, UInt8, direction
 from stereolib.laser import Footprint, LaserScan, find_segments, fit_footprint, points_mm
 from stereolib.measurement.agreement import Past
 from stereolib.measurement.box import Box, Edge, Own, Shared, Side
+from stereolib.measurement.contradictions import weigh_ends
 from stereolib.measurement.floor import Floor
 from stereolib.measurement.hypotheses import Judged, judge
 from stereolib.measurement.instrument import Instrument
@@ -266,7 +267,8 @@ class _Scene:
             scanned = not _contradicts(thing.pictured, thing.seen, judged.solution, k)
             agree = tuple(o for o in thing.seen.observations if scanned or not o.of_scan)
             seen = Seen(judged.solution.boxes[k], agree, judged.solution.shared)
-            kept.append(replace(thing, seen=seen, scanned=scanned, disagrees=not scanned))
+            pictured = thing.pictured if scanned else _doubted(self.priors, thing.pictured, thing.seen)
+            kept.append(replace(thing, pictured=pictured, seen=seen, scanned=scanned, disagrees=not scanned))
         count = [len(t.seen.observations) if t.seen else 0 for t in things]
         changed = count != [len(t.seen.observations) if t.seen else 0 for t in kept]
         return (self._judged(kept) if changed else judged), kept if changed else things
@@ -360,6 +362,11 @@ def _contradicts(pictured: Pictured, seen: Seen, solution: Solution, number: int
     hidden = [side.extent for side in Side if pictured.past.get(side.end, Past.OPEN) is not Past.OPEN]
     shorter = (solution.boxes[number][hidden] < _FOLLOWED * pictured.own[hidden]).any()
     return bool(shorter or any(o.of_scan and misfit > _CONTRADICTION for o, misfit in pairs))
+
+
+def _doubted(priors: Priors, pictured: Pictured, seen: Seen) -> Pictured:
+    """A box about whose ends the scan disagrees: if it confirms the faces, nobody knows who is mistaken."""
+    return replace(pictured, doubt=pictured.doubt + weigh_ends(priors, seen, pictured.own))
 
 
 def _scan_share(both: Solution, number: int, pictured: Solution) -> float:

@@ -11,7 +11,7 @@ from stereolib.base import Float64
 from stereolib.measurement.agreement import Past, Samples
 from stereolib.measurement.box import Box, Edge, Own, Shared, Side, World
 from stereolib.measurement.contradictions import weigh_contradictions
-from stereolib.measurement.edges import Peak
+from stereolib.measurement.edges import SHARP_PX, Peak
 from stereolib.measurement.faces import Face, align_face, find_face
 from stereolib.measurement.follow import (
     LEAST_ABOVE_MM,
@@ -52,7 +52,6 @@ _GAP_MM, _GAP_PX = 6.0, 4.0  # so far above the floor a face may end for want of
 _BELOW, _PLAIN_SLOPE = 8, 0.6  # samples between a face's end and the floor; grey levels per px, of a surface's texture
 _LEANING_RAD = np.radians(1.5)
 _LEANING_ASIDE_RAD = np.radians(3.0)
-_LEANING_PX = 1.5  # over the length of an edge
 _SURE = 4.0  # standard deviations
 
 
@@ -135,7 +134,7 @@ def see_box(views: Views, priors: Priors, region: ObjectRegion) -> Pictured:
     if rough.second_px >= _LEAST_PLANE_PX:
         faces += align_face(views.pair, world, rough.own, rough.first.other)
     peaks, solution, stds, anew = dict[Edge, Peak](), None, dict[Edge, float](), dict[Edge, Expected]()
-    before = set[Edge]()
+    followed, before = {at.edge: at for at in rough.edges(world, (), {})}, set[Edge]()
     for turn in range(_ROUNDS):
         if turn == _ROUNDS - 1 and not any(edge.is_top for edge in set(rough.open) - before):
             break
@@ -162,7 +161,7 @@ def see_box(views: Views, priors: Priors, region: ObjectRegion) -> Pictured:
     tilts = [upright_line(world, face, 0.0)[1:] for face in faces]
     refused = _cut_below(stretch) or _in_the_air(views, world, stretch) or _leaning(stretch, tilts, peaks)
     refused = refused or _unfollowed(stretch) or _too_narrow(rough, solution) or _without_edges(rough, peaks)
-    doubtful, doubt = weigh_contradictions(priors, seen, solution)
+    doubtful, doubt = weigh_contradictions(priors, seen, solution, followed)
     doubtful |= {side.end for side in Side if solution.boxes[0][side.extent] < _LEAST_MM}  # none is narrower
     return Pictured(seen, solution, rough.past, rough.first, tuple(faces), refused, doubtful, doubt)
 
@@ -380,18 +379,25 @@ def _in_the_air(views: Views, world: World, stretch: Stretch) -> Why | None:
 
 
 def _leaning(stretch: Stretch, tilts: list[tuple[float, float]], peaks: dict[Edge, Peak]) -> Why | None:
-    """Faces that are not upright (tilts with their deviations, rad), or whose ends or edges that are turned."""
+    """Faces that are not upright (tilts with their deviations, rad), or whose ends are turned."""
     for tilt, std in tilts:
         if abs(tilt) > _LEANING_RAD + _SURE * std:
             return Why(Reason.LEANS, f"by {np.degrees(abs(tilt)):.0f} degrees")
     lean, unfooted = abs(stretch.lean_rad), stretch.low_mm > _gap_mm(stretch)
-    if lean > _LEANING_ASIDE_RAD + (1.0 if unfooted else _SURE) * stretch.lean_std_rad:
+    if lean > _LEANING_ASIDE_RAD + (1.0 if unfooted else _SURE) * stretch.lean_std_rad and not _stands(peaks):
         return Why(Reason.LEANS, f"to the side, by about {np.degrees(lean):.0f} degrees")
-    turned = [p for p in peaks.values() if abs(p.turn_px) > max(_LEANING_PX, _SURE * p.turn_std_px)]
-    return Why(Reason.LEANS, "its edges are neither upright nor level") if len(turned) > len(peaks) / 2 else None
+    return None
 
 
 def _without_edges(rough: _Rough, peaks: dict[Edge, Peak]) -> Why | None:
-    """Nothing of its outline stands out: what was followed may be any part of it."""
+    """Nothing of its outline stands out: what was followed may be any part of it; or nothing upright does."""
     outer = [edge for edge in rough.open if edge is not Edge.CORNER]
-    return Why(Reason.NO_EDGE) if outer and not any(edge in peaks for edge in outer) else None
+    if outer and not any(edge in peaks for edge in outer):
+        return Why(Reason.NO_EDGE)
+    upright = any(edge.upright for edge in rough.open) and not _stands(peaks)
+    return Why(Reason.LEANS, "no upright edge of it stands out") if upright else None
+
+
+def _stands(peaks: dict[Edge, Peak]) -> bool:
+    """An upright edge was seen all along its line."""
+    return any(edge.upright and peak.std_px < SHARP_PX for edge, peak in peaks.items())

@@ -20,7 +20,8 @@ def lines(alike, contrast=None, matched=50.0):
     """Correlations, one a line, on a surface of 50 px."""
     alike = np.asarray(alike, float)
     contrast = np.ones(N) if contrast is None else contrast
-    return Agreement(alike, alike, contrast, contrast, np.full(N, 50.0), np.broadcast_to(matched, N).astype(float))
+    there = np.broadcast_to(matched, N).astype(float)
+    return Agreement(alike, alike, contrast, contrast, np.full(N, 50.0), there, there)
 
 
 def until(last, then):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from unittest.mock import Mock
 
 import cv2
@@ -11,11 +12,11 @@ import pytest
 from support.boxes import OWN
 from support.pictured import HIGH, of_pair, recorded, rendered, true_box
 
-from stereolib.measurement import CannotMeasure, ObjectRegion, Reason
+from stereolib.measurement import CannotMeasure, ObjectRegion, Reason, pictured
 from stereolib.measurement.agreement import Past
 from stereolib.measurement.box import Box, Edge, Own, Shared, Side
 from stereolib.measurement.edges import Peak
-from stereolib.measurement.follow import look_round
+from stereolib.measurement.follow import follow_face, look_round
 from stereolib.measurement.observations import EdgeSeen
 from stereolib.measurement.outline import Expected, Found, find_edge
 from stereolib.measurement.pictured import _move, see_box
@@ -157,6 +158,38 @@ def test_what_does_not_stand_is_refused(how, reasons):
     assert refused.reason in reasons and refused.seen
     if "up_mm" in how:
         assert re.search(r"\b(59|60|61) mm above the floor", refused.seen)
+
+
+def test_a_box_whose_edges_are_sharp_and_upright_does_not_lean_to_the_side(monkeypatch):
+    """However its face was followed at foot and top; one without an upright edge that stands out does not stand."""
+    shown = rendered(700.0, (260.0, 260.0, 220.0), 30.0)
+
+    def turned(*args):
+        return replace(follow_face(*args), lean_rad=np.radians(20), lean_std_rad=np.radians(1))
+
+    monkeypatch.setattr(pictured, "follow_face", turned)
+    assert shown.box().refused is None
+
+    def blurred(views, world, own, edge, *rest):
+        found = find_edge(views, world, own, edge, *rest)
+        wide = 2.0 if edge.upright else found.peak.std_px
+        return replace(found, seen=replace(found.seen, std_px=wide), peak=replace(found.peak, std_px=wide))
+
+    monkeypatch.setattr(pictured, "find_edge", blurred)
+    refused = shown.box().refused
+    assert refused.reason is Reason.LEANS and "to the side" in refused.seen
+    monkeypatch.setattr(pictured, "follow_face", follow_face)
+    refused = shown.box().refused
+    assert refused.reason is Reason.LEANS and "no upright edge" in refused.seen
+
+
+def test_an_end_is_not_looked_for_at_the_corner():
+    """However strong an edge that is: a face has a width."""
+    case = (700.0, (260.0, 260.0, 220.0), -13.0)
+    shown, own = rendered(*case), true_box(*case)
+    own[Own.RIGHT] = 20.0  # as if it had been followed no farther than that
+    found = find_edge(shown.views, shown.world, own, Edge.RIGHT_END, Side.LEFT, Expected(4.0))
+    assert found is None or (own + found.move)[Own.RIGHT] > 5.0
 
 
 def test_of_edges_that_tell_the_same_size_the_mean_is_taken():

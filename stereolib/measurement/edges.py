@@ -80,8 +80,7 @@ def locate_edge(light: Light, lines: ParallelLines, belief: Float64, *, samples:
     Returns
     -------
     Peak or None
-        None where fewer than 8 samples lie inside either picture, or the strongest line near the likeliest is the first
-        or last.
+        None where fewer than 8 samples lie inside either picture.
 
     Notes
     -----
@@ -104,8 +103,6 @@ def locate_edge(light: Light, lines: ParallelLines, belief: Float64, *, samples:
     best = int(likely.argmax())
     start = max(best - 3 * half, 0)
     best = start + int(strength[start : best + 3 * half + 1].argmax())  # the prior chooses the peak, it moves none
-    if not 0 < best < len(strength) - 1:  # the flank of one that lies beyond
-        return None
     first = max(best - 2 * half, 0)
     own = middle[first] + STEP_PX * _highest(groups[first : best + 2 * half + 1])
     beside = max(best - 1, 0)

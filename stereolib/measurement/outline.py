@@ -16,7 +16,7 @@ from stereolib.measurement.observations import EdgeSeen
 from stereolib.measurement.scene_solver import Priors
 from stereolib.measurement.views import Views
 
-_CLEAR = 1.3  # least contrast of an edge that is looked for afar, against the lines around it
+_CLEAR = 1.4  # least contrast of an edge that is looked for afar, against the lines around it
 _STILL_CLEAR = 1.15  # and of one whose place is known
 _AFAR_PX = 12.0  # the least stretch in which an edge is looked for afar
 _CLEAR_ALONE = 2.0  # and of one that ends a face about which nothing else is known
@@ -253,10 +253,8 @@ def find_edge(
     at, step, per_mm, expected = eye.at, eye.step, eye.per_mm, expected.zoomed(eye.zoom)
     outwards = 1 if (per_mm > 0) != (edge is Edge.CORNER) else -1
     places = outwards * expected.places()[::outwards]
-    if edge in (Edge.RIGHT_END, Edge.LEFT_END):  # the corner is an edge too
-        places = places[own[_MOVED_BY[edge]] * abs(per_mm) + outwards * places > _LEAST_SLIVER_PX]
     moved = own + (places / per_mm)[:, None] * step
-    lines = _lines(world, edge, moved, places) if len(places) > _LEAST_REACH_PX / STEP_PX else None
+    lines = _lines(world, edge, moved, places)
     if lines is None:
         return None
     belief = expected.belief(outwards * places)

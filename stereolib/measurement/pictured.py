@@ -399,5 +399,5 @@ def _without_edges(rough: _Rough, peaks: dict[Edge, Peak]) -> Why | None:
 
 
 def _stands(peaks: dict[Edge, Peak]) -> bool:
-    """An upright edge was seen all along its line."""
-    return any(edge.upright and peak.std_px < SHARP_PX for edge, peak in peaks.items())
+    """Upright edges were seen all along their lines, together as well as a sharp one."""
+    return sum(peak.std_px**-2 for edge, peak in peaks.items() if edge.upright) > SHARP_PX**-2

@@ -183,15 +183,6 @@ def test_a_box_whose_edges_are_sharp_and_upright_does_not_lean_to_the_side(monke
     assert refused.reason is Reason.LEANS and "no upright edge" in refused.seen
 
 
-def test_an_end_is_not_looked_for_at_the_corner():
-    """However strong an edge that is: a face has a width."""
-    case = (700.0, (260.0, 260.0, 220.0), -13.0)
-    shown, own = rendered(*case), true_box(*case)
-    own[Own.RIGHT] = 20.0  # as if it had been followed no farther than that
-    found = find_edge(shown.views, shown.world, own, Edge.RIGHT_END, Side.LEFT, Expected(4.0))
-    assert found is None or (own + found.move)[Own.RIGHT] > 5.0
-
-
 def test_of_edges_that_tell_the_same_size_the_mean_is_taken():
     """Two upper edges 4 and 6 mm too low make a box 5 mm higher; an edge that says nothing of it does not count."""
     moves = np.zeros((3, len(Own)))

@@ -169,3 +169,16 @@ def test_what_few_pixels_beyond_an_end_were_matched_with_hides_nothing(wall, sha
     matched[ends + 3 :, : round(shared * 16)] = seen.predicted_px[ends + 3 :, : round(shared * 16)] + 9.0
     reach = replace(seen, matched_px=matched).agreement().reach(40)
     assert reach.past is past and reach.last == ends
+
+
+@pytest.mark.parametrize(("samples", "hides"), [(2, False), (4, False), (6, True), (10, True)])
+def test_what_is_matched_nearer_in_less_than_half_of_a_line_hides_no_end(samples, hides):
+    """As the floor before a face's foot; a quarter is enough to tell that something farther shows."""
+    matched = np.full((N, 10), np.nan, np.float32)
+    matched[:, :samples] = 60.0
+    texture = np.random.default_rng(4).normal(size=(N, 10, 2)).astype(np.float32)
+    other = np.where((np.arange(N) < 30)[:, None, None], texture, -texture)
+    flat = np.ones((N, 10), np.float32)
+    seen = Samples(texture, other, flat, flat > 0, 50 * flat, matched).agreement()
+    assert np.isfinite(seen.matched_px).all() == (samples > 2)
+    assert seen.reach(20).past is (Past.HIDDEN if hides else Past.OPEN)

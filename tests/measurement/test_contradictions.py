@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.boxes import EDGE_PX, EDGES, OWN, PRIORS, STILL, edges, ends, everything, planes, readings, start
+from support.boxes import EDGE_PX, EDGES, OWN, PRIORS, STILL, edges, ends, everything, pictured, planes, readings, start
 
 from stereolib.measurement.agreement import Past
 from stereolib.measurement.box import Edge, Own
@@ -28,16 +28,20 @@ def weighed(seen, followed=None):
     return found, weigh_contradictions(PRIORS, box, found, followed or {})
 
 
-def with_moved(*moved, std_px=EDGE_PX):
-    """What is seen of the box, some edges so many pixels off."""
-    off = dict(moved)
-    seen = everything(PRIORS.world(STILL))
+def changed(seen, edge, *, px=0.0, std_px):
+    """One edge moved across, and known otherwise."""
     return [
-        replace(o, point_px=o.point_px + off[o.edge] * o.across, std_px=std_px)
-        if isinstance(o, EdgeSeen) and o.edge in off
-        else o
+        replace(o, point_px=o.point_px + px * o.across, std_px=std_px) if getattr(o, "edge", None) is edge else o
         for o in seen
     ]
+
+
+def with_moved(*moved, std_px=EDGE_PX):
+    """What is seen of the box, some edges so many pixels off."""
+    seen = everything(PRIORS.world(STILL))
+    for edge, px in moved:
+        seen = changed(seen, edge, px=px, std_px=std_px)
+    return seen
 
 
 @pytest.mark.parametrize(("px", "std_px"), [(3.0, EDGE_PX), (-3.0, EDGE_PX), (3.0, 0.4)])
@@ -68,14 +72,6 @@ def test_an_edge_that_three_others_outvote_hardly_counts():
     four = [*with_moved((Edge.TOP_RIGHT, 3.0)), *edges(world, OWN, some=(Edge.TOP_LEFT, Edge.TOP_RIGHT))]
     _, (doubtful, doubt) = weighed(four)
     assert not doubtful and np.sqrt(doubt[Own.HEIGHT, Own.HEIGHT]) < 0.5
-
-
-def changed(seen, edge, *, px=0.0, std_px):
-    """One edge moved and known otherwise."""
-    return [
-        replace(o, point_px=o.point_px + px * o.across, std_px=std_px) if getattr(o, "edge", None) is edge else o
-        for o in seen
-    ]
 
 
 def with_back(off_px, end_std_px):
@@ -113,6 +109,5 @@ def test_of_a_blurred_end_that_the_scan_denies_nobody_knows_who_is_mistaken(std_
 
 def test_a_scan_that_misses_the_faces_too_is_of_another_place():
     world, elsewhere = PRIORS.world(STILL), OWN + 60.0 * np.eye(len(Own))[Own.X]
-    pair = [*weak_priors(start(), PRIORS.laser.bias_mm), *planes(world, OWN), *edges(world, OWN)]
-    seen = [*changed(pair, Edge.LEFT_END, std_px=1.5), *readings(world, elsewhere), *ends(world, elsewhere)]
+    seen = [*changed(pictured(world), Edge.LEFT_END, std_px=1.5), *readings(world, elsewhere), *ends(world, elsewhere)]
     assert not weigh_ends(PRIORS, Seen(start(), seen), OWN).any()

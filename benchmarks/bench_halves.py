@@ -12,7 +12,7 @@ from typing import Any
 
 import cv2
 import numpy as np
-from common import PAPER_RIG, asked, save
+from common import PAPER_RIG, asked, chance_outside, save
 from joblib import Parallel, delayed
 from scipy.stats import binomtest
 from support.board_pictures import Photo, Print, found_views
@@ -36,7 +36,7 @@ Array = np.ndarray
 ROOMS = ("base", "rig", "calibration", *PAPER_RIG, "virtual")
 RIGS, PAIRS = 24, 60
 SIZES = (5, 8, 10, 15, 30)
-INTERVAL_SHARE, GOAL, BY_CHANCE = 0.95, (0.90, 0.99), 0.01
+INTERVAL_SHARE, BY_CHANCE = 0.95, 0.01
 
 
 def photographed_set(number: int) -> tuple[BoardViews, StereoRig]:
@@ -91,18 +91,11 @@ def row(between: Array, from_truth: Array) -> dict[str, Any]:
         "all": round(100 * float((between < 1).mean()), 1),
         "lowest": round(100 * min(float(of.mean()) for of in inside.values()), 1),
         "highest": round(100 * max(float(of.mean()) for of in inside.values()), 1),
-        "off": sum(map(_is_outside, inside.values())),
+        "off": sum(chance_outside(int(of.sum()), len(of)) < BY_CHANCE for of in inside.values()),
         "not_95": sum(_chance(of, INTERVAL_SHARE) < BY_CHANCE for of in inside.values()),
         **{name: round(100 * float(of.mean()), 1) for name, of in inside.items()},
         "truth_all": round(100 * float((from_truth < 1).mean()), 1),
     }
-
-
-def _is_outside(inside: Array) -> bool:
-    """Whether the share of a parameter is outside the goal, 90 to 99 %, by more than chance."""
-    low, high = GOAL
-    share = float(inside.mean())
-    return (share < low and _chance(inside, low) < BY_CHANCE) or (share > high and _chance(inside, high) < BY_CHANCE)
 
 
 def _chance(inside: Array, share: float) -> float:

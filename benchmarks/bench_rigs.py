@@ -15,9 +15,8 @@ from typing import Any
 
 import cv2
 import numpy as np
-from common import PAPER_RIG, RESULTS, save
+from common import PAPER_RIG, RESULTS, chance_outside, save
 from joblib import Parallel, delayed
-from scipy.stats import binomtest
 from support.box_scenes import NAMES
 from support.disturbances import ROWS, SCENES, Told, case, tell
 from tqdm.auto import tqdm
@@ -26,7 +25,7 @@ from stereolib.base import write_atomic
 
 SCENES_A_ROW, QUICK = 160, 20
 ROOMS = ("base", "rig", "laser", "calibration", "matching", "measurement", *PAPER_RIG, "virtual")
-INTERVAL_STDS, INTERVAL_SHARE = 1.96, 0.95
+INTERVAL_STDS = 1.96  # of a 95 % interval
 
 
 def of_scene(rows: tuple[str, ...], number: int) -> dict[str, Told]:
@@ -43,12 +42,12 @@ def summary(told: list[Told], silent_pct: float) -> dict[str, Any]:
     measurable = [t for t in told if t.measurable]
     lacking = [t for t in measurable if len(t.off) < len(NAMES)]
     silent = [max((abs(pct) for pct, _ in t.off.values()), default=0.0) > silent_pct for t in told]
-    p = float(binomtest(inside, len(everything), INTERVAL_SHARE).pvalue) if len(everything) else np.nan
+    wide = [t for t in measurable if t.wide]
     return {
         "scenes": len(told),
         "sizes": len(everything),
         **_spread(everything),
-        "binomial_p": float(f"{p:.2g}") if len(everything) else None,
+        "binomial_p": float(f"{chance_outside(inside, len(everything)):.2g}") if len(everything) else None,
         "silent": int(sum(silent)),
         "silent_beyond_pct": silent_pct,
         "refused": sum(t.nothing for t in told),
@@ -56,6 +55,8 @@ def summary(told: list[Told], silent_pct: float) -> dict[str, Any]:
         "measurable": len(measurable),
         "measurable_lacking": len(lacking),
         "measurable_lacking_pct": round(100 * len(lacking) / len(measurable), 1) if measurable else None,
+        "wide": len(wide),
+        "wide_lacking": sum(len(t.off) < len(NAMES) for t in wide),
         "measurable_sizes_missing": sum(len(NAMES) - len(t.off) for t in measurable),
         "because": dict(Counter(t.why for t in told if t.why).most_common()),
         **{name: {"told": len(pairs), **_spread(pairs)} for name, pairs in found.items()},
@@ -90,15 +91,15 @@ def run(rows: list[str], scenes: int, jobs: int) -> dict[str, dict[str, Any]]:
 def table(found: dict[str, dict[str, Any]]) -> str:
     """Lay the rows out, one a line: medians in %, then coverage, then what was not told."""
     head = f"{'row':<17}{'scenes':>7}{'sizes':>6}{'L':>7}{'W':>7}{'H':>7}{'V':>7}{'p95':>7}{'1s %':>6}{'2s %':>6}"
-    lines = [head + f"{'rms z':>7}{'p':>9}{'silent':>7}{'refused':>8}{'lack of measurable':>20}"]
+    lines = [head + f"{'rms z':>7}{'p':>9}{'silent':>7}{'refused':>8}{'lack of measurable, of wide':>28}"]
     for row, r in found.items():
         medians = "".join(f"{r[name].get('median_pct', np.nan):7.2f}" for name in NAMES)
         keys = (("p95_pct", "7.1f"), ("within_1_sigma_pct", "6.1f"), ("within_2_sigma_pct", "6.1f"), ("rms_z", "7.2f"))
         spread = "".join(f"{r.get(key, np.nan):{layout}}" for key, layout in keys)
         p = np.nan if r["binomial_p"] is None else r["binomial_p"]
-        missing = f"{r['measurable_lacking']} of {r['measurable']}"
+        missing = f"{r['measurable_lacking']} of {r['measurable']}, {r['wide_lacking']} of {r['wide']}"
         lines.append(
-            f"{row:<17}{r['scenes']:>7}{r['sizes']:>6}{medians}{spread}{p:9.1g}{r['silent']:>7}{r['refused']:>8}{missing:>20}"
+            f"{row:<17}{r['scenes']:>7}{r['sizes']:>6}{medians}{spread}{p:9.1g}{r['silent']:>7}{r['refused']:>8}{missing:>28}"
         )
     return "\n".join(lines)
 

@@ -19,10 +19,13 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from scipy.stats import binomtest
+
 from stereolib.base import ROOT, figures_dir, write_atomic
 from stereolib.reproduction import code_sha256, update_readme_tables
 
 PAPER_RIG = ("paper/printed_rig.py", "paper/camera_place.py")  # what the virtual rig is made of
+COVERAGE = (0.90, 0.99)  # goal: how many of the 95 % intervals hold the truth
 RESULTS = Path(__file__).parent / "results"
 sys.path.append(str(ROOT / "tests"))  # after this module, a benchmark imports `support` as the tests do
 
@@ -47,6 +50,13 @@ def ratio(ours: Callable[[], object], bare: Callable[[], object], rounds: int = 
         "bare_ms": round(1000 * statistics.median(b for _, b in times), 3),
         "ratio": round(statistics.median(a / b for a, b in times), 4),
     }
+
+
+def chance_outside(inside: int, count: int) -> float:
+    """How probable a share of intervals so far outside the goal is, were it at the goal's nearest end; 1 within."""
+    share = inside / count
+    end = min(max(share, COVERAGE[0]), COVERAGE[1])
+    return 1.0 if share == end else float(binomtest(inside, count, end).pvalue)
 
 
 def asked(what: str | None) -> set[str]:

@@ -11,7 +11,17 @@ from types import ModuleType
 import cv2
 import numpy as np
 import pytest
-from support.box_scenes import BoxScene, Shot, corners_mm, held_scene, is_measurable, leaning_scene, scan
+from support.box_scenes import (
+    SEEN_PX,
+    WIDE_PX,
+    BoxScene,
+    Shot,
+    corners_mm,
+    held_scene,
+    is_measurable,
+    leaning_scene,
+    scan,
+)
 from support.disturbances import ROWS
 from support.instruments import INSTRUMENT
 
@@ -103,14 +113,22 @@ def test_what_does_not_stand_does_not_stand() -> None:
 
 
 def test_a_box_is_measurable_when_it_is_whole_in_both_pictures_and_no_size_is_hidden() -> None:
-    def measurable(distance: float, yaw: float, lateral: float = 0.0) -> bool:
+    def measurable(distance: float, yaw: float, lateral: float = 0.0, least_px: float = SEEN_PX) -> bool:
         scene = cube_scene(distance, size_mm=(200.0, 200.0, 200.0), yaw_rad=yaw, lateral_mm=lateral)
-        return is_measurable(replace(a_shot().truth, scene=scene))
+        return is_measurable(replace(a_shot().truth, scene=scene), least_px)
 
     assert measurable(700, np.pi / 4)
     assert not measurable(700, np.pi / 4, 400.0)  # cut by the rim
     assert not measurable(350, np.pi / 4)  # its top is cut
     assert not measurable(700, 0.0, -45.0)  # both cameras stand before its one face
+    assert measurable(700, np.radians(5), -45.0) and not measurable(700, np.radians(5), -45.0, WIDE_PX)  # a sliver
+    assert measurable(700, np.pi / 4, 0.0, WIDE_PX)
+
+
+@pytest.mark.parametrize(("inside", "chance"), [(95, 1.0), (90, 1.0), (100, 0.6), (88, 0.5), (80, 0.003)])
+def test_a_share_is_outside_of_its_goal_by_chance_or_not(bench, inside: int, chance: float) -> None:
+    """Of a hundred intervals that are to hold 90 to 99 times: against the nearer end."""
+    assert bench("common").chance_outside(inside, 100) == pytest.approx(chance, rel=0.3)
 
 
 @pytest.mark.parametrize("number", [0, 3])

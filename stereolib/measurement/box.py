@@ -103,6 +103,17 @@ class Side(Enum):
         return Edge.BACK_RIGHT if self is Side.RIGHT else Edge.BACK_LEFT
 
 
+class Level(Enum):
+    """A level surface."""
+
+    FLOOR = "floor"
+    TOP = "top"
+
+
+#: What a plane may be.
+Surface: TypeAlias = Side | Level
+
+
 class Edge(Enum):
     """An edge of a box that a picture may show, from one end to the other: shares of (right, left, height)."""
 
@@ -123,6 +134,11 @@ class Edge(Enum):
     def is_top(self) -> bool:
         """It is the upper edge of a face."""
         return self in (Edge.TOP_RIGHT, Edge.TOP_LEFT)
+
+    @property
+    def is_back(self) -> bool:
+        """It ends the top behind."""
+        return self in (Edge.BACK_RIGHT, Edge.BACK_LEFT)
 
 
 _ENDS = {edge: np.array(edge.value) for edge in Edge}
@@ -331,6 +347,24 @@ class Box:
         """How far behind the origin the right and the left face's lines lie, mm. (..., 2)."""
         found: Numbers = (self.normals @ self.corner[..., None])[..., 0]
         return found
+
+    def plane(self, surface: Surface) -> tuple[Numbers, Numbers]:
+        """A plane ``normal . X = distance`` of the world.
+
+        Parameters
+        ----------
+        surface : Surface
+
+        Returns
+        -------
+        normal, distance : (..., 3) and (...), mm
+        """
+        normal = np.zeros((*self.own.shape[:-1], 3), self.own.dtype)
+        if isinstance(surface, Side):
+            normal[..., :2] = self.normal(surface)
+            return normal, self.distance(surface)
+        normal[..., 2] = 1.0
+        return normal, self.own[..., Own.HEIGHT] * (surface is Level.TOP)
 
     @property
     def corner(self) -> Numbers:

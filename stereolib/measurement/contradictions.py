@@ -14,7 +14,6 @@ from stereolib.measurement.observations import EdgeSeen
 from stereolib.measurement.scene_solver import Priors, Seen, Solution, solve
 
 _CONTRADICTION = 2.7  # as `Solution.misfits` counts: four standard deviations
-_BACKS = (Edge.BACK_RIGHT, Edge.BACK_LEFT)
 _SELDOM = np.log(100.0)  # a sharp edge of a face is mistaken so much more seldom than another, or one behind a top
 
 
@@ -60,7 +59,7 @@ def weigh_contradictions(
         rest = replace(seen, observations=others + known)
         without = solve(priors, [rest])
         if not _contradicting(rest, without):
-            seldom = _SELDOM if mistaken.edge not in _BACKS and mistaken.std_px < SHARP_PX else 0.0
+            seldom = _SELDOM if not mistaken.edge.is_back and mistaken.std_px < SHARP_PX else 0.0
             found.append((without.cost + seldom, without.boxes[0] - solution.boxes[0]))
     if not found:
         return doubtful, none

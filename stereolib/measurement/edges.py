@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -18,8 +19,6 @@ SHARP_PX = 0.5
 _SPAN_PX = 1.5  # lines are compared at this distance from each other: the width of a webcam's edge
 _GROUPS = 8  # of samples, each located by itself: their scatter is the edge's
 _LEAST_SAMPLES = 8
-_RIVALRY = 12  # power of two peaks' ratio that is their odds
-_STEPPING = 3  # and of the texture's ratio on both sides of a line
 _APART, _BESIDE = 6, 16  # which is looked at so many lines from it, over so many
 _LEAST = 1e-3  # of a difference: what is less is none
 _NONE = np.zeros(1)
@@ -64,7 +63,24 @@ class ParallelLines:
     off_px: Float64
 
 
-def locate_edge(light: Light, lines: ParallelLines, belief: Float64, *, samples: int = 96) -> Peak | None:
+class Powers(NamedTuple):
+    """How the odds of two lines follow from what they show.
+
+    Attributes
+    ----------
+    strength : float
+        Power of the ratio of their strengths.
+    step : float
+        Power of the ratio of the texture's strengths on both sides of a line.
+    """
+
+    strength: float
+    step: float
+
+
+def locate_edge(
+    light: Light, lines: ParallelLines, belief: Float64, powers: Powers, *, samples: int = 96
+) -> Peak | None:
     """Find the one of many parallel lines along which the pictures have an edge.
 
     Parameters
@@ -74,6 +90,7 @@ def locate_edge(light: Light, lines: ParallelLines, belief: Float64, *, samples:
     lines : ParallelLines
     belief : (lines,) float64
         How likely each of them is the edge, before the pictures are looked at.
+    powers : Powers
     samples : int
         Points of each line.
 
@@ -87,10 +104,9 @@ def locate_edge(light: Light, lines: ParallelLines, belief: Float64, *, samples:
     ``E(k) = mean over samples and colours of |I(k + m) - I(k - m)|`` of the light I, 2 m steps being 1.5 px; its
     geometric mean over both pictures and eight groups of samples, so that what only one of them, or a part of the line,
     shows is none. On a texture neighbouring lines resemble each other, across an outline they do not, and often one
-    side of it has more texture than the other: the odds of two lines are their strengths' ratio to the power of 12,
-    times that of E beside them, larger over smaller, to the power of 3, times their belief's. A parabola refines the
-    likeliest. The deviation comes from eight groups of samples, each located by itself, from the edge's width, and from
-    rival peaks.
+    side of it has more texture than the other: the odds of two lines are a power of their strengths' ratio, times one
+    of E's beside them, larger over smaller, times their belief's. A parabola refines the likeliest. The deviation comes
+    from eight groups of samples, each located by itself, from the edge's width, and from rival peaks.
     """
     half = max(1, round(_SPAN_PX / 2 / STEP_PX))
     differences = _differences(light, lines, samples, half)
@@ -99,7 +115,7 @@ def locate_edge(light: Light, lines: ParallelLines, belief: Float64, *, samples:
     groups = differences[0] if len(differences) == 1 else np.sqrt(differences[0] * differences[1])
     middle = lines.off_px[half:-half]
     strength = np.exp(np.log(np.maximum(groups, _LEAST)).mean(axis=1))
-    likely = _RIVALRY * np.log(strength) + _STEPPING * _steps(strength) + np.log(belief[half:-half])
+    likely = powers.strength * np.log(strength) + powers.step * _steps(strength) + np.log(belief[half:-half])
     best = int(likely.argmax())
     start = max(best - 3 * half, 0)
     best = start + int(strength[start : best + 3 * half + 1].argmax())  # the prior chooses the peak, it moves none

@@ -1,4 +1,4 @@
-"""Upright faces of an object: found in its disparities, aligned over both pictures."""
+"""Faces of an object: the upright one found in its disparities, others predicted, aligned over both pictures."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from stereolib.base import Float64, Ints
-from stereolib.measurement.box import Box, Side, World
+from stereolib.measurement.box import Box, Level, Side, Surface, World
 from stereolib.measurement.floor import Floor
 from stereolib.measurement.plane_alignment import AlignedPair, CannotMeasure, align
 from stereolib.measurement.regions import ObjectRegion
@@ -21,14 +21,13 @@ _ON_PX = 1.0  # and so far off the face's line it is not of the face
 _FULL = 0.2  # a bin counts if it holds so much of what the fuller ones hold
 _LEAST_BINS = 5  # on either side of a corner
 _GAP_BINS = 8  # what lies beyond so many empty ones is something else, though it may lie on the same line
-#: Shares of (right, left, height) between which the right face is aligned: no edge is in it.
-_INNER = np.array([[0.06, 0.0, 0.06], [0.94, 0.0, 0.06], [0.94, 0.0, 0.94], [0.06, 0.0, 0.94]])
+_INNER = (0.06, 0.94)  # shares of its sides between which a surface is aligned: no edge is in it
 _BETTER = 0.5  # two lines must leave less than this share of what one leaves
 
 
 @dataclass(frozen=True, eq=False)
 class Face:
-    """An upright face of an object: a plane of disparities, ``coefficients @ (u - u0, v - v0, 1)``.
+    """A face of an object: a plane of disparities, ``coefficients @ (u - u0, v - v0, 1)``.
 
     Attributes
     ----------
@@ -110,8 +109,8 @@ def find_face(floor: Floor, region: ObjectRegion, pair: AlignedPair) -> Face:
     return Face(centre, fit.parameters, fit.covariance, (float(low), float(high)), counts[best])
 
 
-def align_face(pair: AlignedPair, world: World, own: Float64, side: Side) -> list[Face]:
-    """Align both pictures over a face that was predicted.
+def align_surface(pair: AlignedPair, world: World, own: Float64, surface: Surface) -> list[Face]:
+    """Align both pictures over a face that was predicted, or over the top.
 
     Parameters
     ----------
@@ -120,28 +119,31 @@ def align_face(pair: AlignedPair, world: World, own: Float64, side: Side) -> lis
         One, real.
     own : (8,) float64
         The box, in the order of `Own`.
-    side : Side
+    surface : Surface
 
     Returns
     -------
     list of Face
         One, without its bearing; or none where they show nothing to align.
     """
-    box, flat = Box(own), np.append(Box(own).normal(side), 0.0)
-    quad = world.pixels(box.points(_INNER if side is Side.RIGHT else _INNER[:, [1, 0, 2]]))
+    box, (low, high) = Box(own), _INNER
+    across = [0, 1] if surface is Level.TOP else [0 if surface is Side.RIGHT else 1, 2]
+    shares = np.full((4, 3), 1.0 if surface is Level.TOP else 0.0)
+    shares[:, across] = [[low, low], [high, low], [high, high], [low, high]]
+    quad = world.pixels(box.points(shares))
     height, width = pair.pictures[0].shape[:2]
-    low, high = (
+    first, last = (
         np.clip(np.rint(end), 0, (width, height)).astype(int) for end in (quad.min(axis=0), quad.max(axis=0) + 1)
     )
-    mask = np.zeros(np.maximum(high - low, 0)[::-1], np.uint8)
+    mask = np.zeros(np.maximum(last - first, 0)[::-1], np.uint8)
     if mask.size < LEAST_PIXELS:
         return []
-    cv2.fillConvexPoly(mask, np.rint(quad).astype(np.int32) - low.astype(np.int32), 1)
+    cv2.fillConvexPoly(mask, np.rint(quad).astype(np.int32) - first.astype(np.int32), 1)
     row, column = np.nonzero(mask)
-    u, v = ((a + first).astype(float) for a, first in zip((column, row), low, strict=True))
+    u, v = ((a + start).astype(float) for a, start in zip((column, row), first, strict=True))
     if len(u) < LEAST_PIXELS:
         return []
-    plane, (centre, x) = world.disparity_plane(flat, box.distance(side)), _about_centre(u, v)
+    plane, (centre, x) = world.disparity_plane(*box.plane(surface)), _about_centre(u, v)
     try:
         fit = align(pair, u, v, x, np.array([plane[0], plane[1], plane[:2] @ centre + plane[2]]))
     except CannotMeasure:

@@ -31,6 +31,8 @@ _UPWARDS = (0.1, 0.9)  # shares of its width between which it is followed upward
 _FARTHEST_MM = 1200.0
 #: The camera must stand so far above a top to look down on it.
 LEAST_ABOVE_MM = 15.0
+_TRIED_PX, _TRIED_STDS, _MOST_TRIED = 0.3, 2.5, 10  # of disparity, heights of a top that are tried, either way
+_AGREES = 0.5  # correlation that speaks neither for nor against a top
 _LEVEL = 1e-3  # fall of a ray that meets no top any more
 _HIGHEST_MM, _PAST_RIM = 1000.0, 1.05
 _FLOOR_SHARE = 0.4  # of a gap below a face: nearer to the floor all are alike
@@ -301,7 +303,7 @@ def follow_again(views: Views, world: World, own: Float64, side: Side) -> End | 
     return End.of(reach, t[seen]) if reach.last >= _LEAST_SECOND_PX else None
 
 
-def follow_top(views: Views, world: World, own: Float64, front: Side) -> End | None:
+def follow_top(views: Views, world: World, own: Float64, front: Side, height_std_mm: float) -> tuple[float, End] | None:
     """Follow the top of a box from the upper edge of a face backwards; None where the camera does not look down on it.
 
     Parameters
@@ -311,28 +313,53 @@ def follow_top(views: Views, world: World, own: Float64, front: Side) -> End | N
     own : (8,) float64
         The box, in the order of `Own`; how far it goes back is not used.
     front : Side
+    height_std_mm : float
+        How well its height is known.
 
     Returns
     -------
-    End or None
-        At a depth in mm.
+    (height_mm, End) or None
+        The height at which both pictures agree best about the top's first rows, and how far back it goes, in mm.
+
+    Notes
+    -----
+    Seen at a slant, a top a little higher or lower has quite another disparity: heights that change it by 0.3 px are
+    tried, to 2.5 standard deviations. Each has the most that its rows' correlations, over 0.5, add up to.
     """
-    box, f = Box(own), float(world.focal)
-    a, b = box.edge(front.top)
-    back, above = np.append(box.normal(front), 0.0), float(world.camera_height) - float(own[Own.HEIGHT])
-    u, v = world.pixels(((a + b) / 2)[None])[0]
-    rows = v - np.arange(1.0, _WIDEST_PX)
-    columns = np.full_like(rows, u)
-    rays = np.stack([(columns - world.centre_px[0]) / f, (rows - world.centre_px[1]) / f, np.ones_like(rows)], axis=-1)
-    rays = rays @ world.axes.T
-    meets = above / np.maximum(-rays[:, 2], _LEVEL)
-    depth = (meets[:, None] * rays[:, :2] - ((a + b) / 2)[:2]) @ back[:2]
-    depth = depth[: int(np.argmax(depth > _FARTHEST_MM)) or None]
+    known_mm, camera_mm = float(own[Own.HEIGHT]), float(world.camera_height)
+    middle = Box(own).edge(front.top).mean(axis=0) - [0.0, 0.0, camera_mm]
+    px_per_mm = float(world.scale) / (middle @ world.axes[:, 2]) / (camera_mm - known_mm)
+    most = min(round(_TRIED_STDS * height_std_mm * px_per_mm / _TRIED_PX), _MOST_TRIED)
+    tried = known_mm + np.arange(-most, most + 1) * _TRIED_PX / px_per_mm
+    tried = tried[tried < camera_mm - LEAST_ABOVE_MM]
+    if not len(tried):
+        return None
+    first = np.stack([_top(world, own, front, height, _FIRST_PX)[1] for height in tried])
+    alike = Samples.of(views, world, first).correlations.mean(axis=-1) - _AGREES
+    gained = np.cumsum(np.nan_to_num(alike, nan=-_AGREES), axis=1).max(axis=1)
+    height = float(tried[gained.argmax()])
+    depth, points = _top(world, own, front, height, _WIDEST_PX)
+    shown = int(np.argmax(depth > _FARTHEST_MM)) or len(depth)
+    depth, points = depth[:shown], points[:shown]
     if len(depth) <= _LEAST_SECOND_PX:
         return None
+    reach = agreement(views, world, points).reach(_FIRST_PX, second=True)
+    return (height, End.of(reach, depth)) if reach.last >= _LEAST_SECOND_PX else None
+
+
+def _top(world: World, own: Float64, front: Side, height_mm: float, most_px: int) -> tuple[Float64, Float64]:
+    """Rows of a top at a height behind a face's upper edge, a pixel apart: depths (N,), points (N, samples, 3)."""
+    own, f = own.copy(), float(world.focal)
+    own[Own.HEIGHT] = height_mm
+    a, b = Box(own).edge(front.top)
+    back, above = np.append(Box(own).normal(front), 0.0), float(world.camera_height) - height_mm
+    u, v = world.pixels(((a + b) / 2)[None])[0]
+    rows = v - np.arange(1.0, most_px)
+    rays = np.stack([np.full_like(rows, (u - world.centre_px[0]) / f), (rows - world.centre_px[1]) / f], axis=-1)
+    rays = np.column_stack([rays, np.ones_like(rows)]) @ world.axes.T
+    depth = ((above / np.maximum(-rays[:, 2], _LEVEL))[:, None] * rays[:, :2] - ((a + b) / 2)[:2]) @ back[:2]
     along = a + (b - a) * np.linspace(0.0, 1.0, _SAMPLES)[:, None]
-    reach = agreement(views, world, along[None] + depth[:, None, None] * back).reach(_FIRST_PX)
-    return End.of(reach, depth) if reach.last >= _LEAST_SECOND_PX else None
+    return depth, along[None] + depth[:, None, None] * back
 
 
 def _height_at_rim(world: World, place_mm: Float64) -> float:

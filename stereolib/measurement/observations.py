@@ -10,7 +10,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from stereolib.base import Float64, Ints
-from stereolib.measurement.box import Box, Edge, Numbers, Own, Side, World
+from stereolib.measurement.box import Box, Edge, Level, Numbers, Own, Side, Surface, World
 from stereolib.measurement.faces import Face
 
 _GRAZING = 0.05  # cosine between a beam and a normal: flatter beams tell no more
@@ -74,8 +74,8 @@ class PlaneSeen:
     coefficients : (3,) float64
     root : (3, 3) float64
         From `whitening`.
-    side : Side or None
-        The face; None: the floor.
+    surface : Surface
+        What it is of the box, or the floor.
     """
 
     of_scan: ClassVar[bool] = False  # the pictures show it
@@ -83,17 +83,17 @@ class PlaneSeen:
     centre_px: Float64
     coefficients: Float64
     root: Float64
-    side: Side | None = None
+    surface: Surface = Level.FLOOR
 
     @classmethod
-    def of(cls, face: Face, side: Side) -> PlaneSeen:
+    def of(cls, face: Face, surface: Surface) -> PlaneSeen:
         """A face that was aligned."""
-        return cls(face.centre_px, face.coefficients, whitening(face.plane_covariance), side)
+        return cls(face.centre_px, face.coefficients, whitening(face.plane_covariance), surface)
 
     @property
     def robust(self) -> bool:
         """A face may be mistaken; the floor holds for all."""
-        return self.side is not None
+        return self.surface is not Level.FLOOR
 
     @property
     def count(self) -> int:
@@ -112,13 +112,9 @@ class PlaneSeen:
         seen = np.concatenate([plane.coefficients @ plane.root for plane in several])
 
         def residuals(world: World, box: Box) -> Numbers:
-            normals = np.zeros((*box.own.shape[:-1], len(several), 3), box.own.dtype)
-            distances = np.zeros(normals.shape[:-1], box.own.dtype)
-            for k, plane in enumerate(several):
-                if plane.side is None:
-                    normals[..., k, 2] = 1.0
-                else:
-                    normals[..., k, :2], distances[..., k] = box.normal(plane.side), box.distance(plane.side)
+            planes_mm = [box.plane(plane.surface) for plane in several]
+            normals = np.stack([normal for normal, _ in planes_mm], axis=-2)
+            distances = np.stack([distance for _, distance in planes_mm], axis=-1)
             planes = world.disparity_planes(normals, distances)
             found: Numbers = planes.reshape(*planes.shape[:-2], -1) @ roots - seen
             return found

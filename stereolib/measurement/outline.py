@@ -10,7 +10,7 @@ import numpy as np
 from stereolib.base import Float64
 from stereolib.measurement.agreement import agreement
 from stereolib.measurement.box import Box, Edge, Own, Shared, Side, World, derivatives
-from stereolib.measurement.edges import STEP_PX, ParallelLines, Peak, locate_edge
+from stereolib.measurement.edges import STEP_PX, ParallelLines, Peak, Powers, locate_edge
 from stereolib.measurement.light import Light
 from stereolib.measurement.observations import EdgeSeen
 from stereolib.measurement.scene_solver import Priors
@@ -30,6 +30,9 @@ _LEAST_AHEAD_MM = 1.0  # of the camera
 _WIDER = 1.5  # the right picture measures an end where it shows the face by so much wider
 _LINES, _SAMPLES = 4, 16  # every fourth line is compared between both pictures, at so many points
 _SHOWN = 0.3  # a picture that shows a face by less than this share of the other's width tells nothing of its end
+_POWERS = Powers(strength=12.0, step=3.0)
+_BACK_POWERS = Powers(strength=4.0, step=3.0)  # it ends a top, whose streaks lie along it: they stand out as much
+_BACK_ENDS = 2.0  # power of the odds that the top ends there: what both pictures agree on tells more
 _MOVED_BY = {
     Edge.RIGHT_END: Own.RIGHT,
     Edge.LEFT_END: Own.LEFT,
@@ -257,10 +260,11 @@ def find_edge(
     lines = _lines(world, edge, moved, places)
     if lines is None:
         return None
-    belief = expected.belief(outwards * places)
+    belief, powers = expected.belief(outwards * places), _POWERS
     if edge is not Edge.CORNER:  # beyond which the other face is almost where this one would be
-        belief = belief * _ends_surface(views, world, Box(moved[::outwards]).edge(edge))[::outwards]
-    peak = locate_edge(eye.looks_at(views.pair.pictures), lines, belief)
+        ends = _ends_surface(views, world, Box(moved[::outwards]).edge(edge))[::outwards]
+        belief, powers = (belief * ends**_BACK_ENDS, _BACK_POWERS) if edge.is_back else (belief * ends, powers)
+    peak = locate_edge(eye.looks_at(views.pair.pictures), lines, belief, powers)
     if peak is None or peak.contrast < (_CLEAR if expected.is_wide else _STILL_CLEAR):
         return None
     seen = replace(at, point_px=at.point_px + peak.position_px * at.across, std_px=peak.std_px)
@@ -313,7 +317,7 @@ def find_far_end(light: Light, world: World, own: Float64, first: Side) -> tuple
     lines = _lines(world, side.end, np.column_stack(
         [np.interp(off, width, _FAR_MM) if k == side.extent else np.full(len(off), own[k]) for k in Own]
     ), off)  # fmt: skip
-    peak = None if lines is None else locate_edge(eye.looks_at(light), lines, np.exp(-off / _NEARER_PX))
+    peak = None if lines is None else locate_edge(eye.looks_at(light), lines, np.exp(-off / _NEARER_PX), _POWERS)
     if peak is None or peak.contrast < _CLEAR_ALONE:
         return None
     return float(np.interp(peak.position_px, width, _FAR_MM)), peak

@@ -9,10 +9,10 @@ import numpy as np
 
 from stereolib.base import Float64
 from stereolib.measurement.agreement import Past, Samples
-from stereolib.measurement.box import Box, Edge, Own, Shared, Side, World
+from stereolib.measurement.box import Box, Edge, Level, Own, Shared, Side, World
 from stereolib.measurement.contradictions import weigh_contradictions
 from stereolib.measurement.edges import SHARP_PX, Peak
-from stereolib.measurement.faces import Face, align_face, find_face
+from stereolib.measurement.faces import Face, align_surface, find_face
 from stereolib.measurement.follow import (
     LEAST_ABOVE_MM,
     Corner,
@@ -43,6 +43,7 @@ _PRIOR_PX = (1.0, 4.0)  # how well an edge is taken to be known beforehand, at l
 _CORNER_PX = 2.5  # how well a corner is known from looking round it
 _LEAST_TOP_PX = 8.0
 _MOST_CHANGE = 3.0  # factor between a face's width as it was followed and as its edges have it
+_SLANTED = 2.0  # a top, whose rows the picture crowds, is aligned so much worse than its alignment says
 _KNOWN = 0.1  # of a face's width: what is known so well is not asked of the top
 _FAR_END_PX = 2.0  # how well the end of a sliver is known
 _END_PRIOR_PX = 1.5  # beyond the stretch in which an end may lie
@@ -132,7 +133,8 @@ def see_box(views: Views, priors: Priors, region: ObjectRegion) -> Pictured:
     rough = _rough_box(stretch, *(look_round(views, world, stretch, outwards) for outwards in (1, -1)))
     faces = [face]
     if rough.second_px >= _LEAST_PLANE_PX:
-        faces += align_face(views.pair, world, rough.own, rough.first.other)
+        faces += align_surface(views.pair, world, rough.own, rough.first.other)
+    tops = list[PlaneSeen]()
     peaks, solution, stds, anew = dict[Edge, Peak](), None, dict[Edge, float](), dict[Edge, Expected]()
     followed, before = {at.edge: at for at in rough.edges(world, (), {})}, set[Edge]()
     for turn in range(_ROUNDS):
@@ -142,15 +144,16 @@ def see_box(views: Views, priors: Priors, region: ObjectRegion) -> Pictured:
         if solution is not None:  # the height is known now
             world = priors.world(solution.shared)
             rough, anew = _seen_again(views, world, stretch, rough.solved(solution.boxes[0]), peaks)
-            rough = _with_top(views, world, rough, np.sqrt(np.diag(solution.covariance))[len(Shared) :])
+            rough, raised = _with_top(views, world, rough, np.sqrt(np.diag(solution.covariance))[len(Shared) :])
+            tops = _top_plane(views, world, rough)
             rough, farther = _as_far_as_its_top(views, world, rough)
-            anew = anew | farther
+            anew = anew | raised | farther
             peaks = {edge: peak for edge, peak in peaks.items() if edge not in anew}
             stds = predicted_stds_px(rough.open, rough.first, priors, *solution.at(rough.own).of_box(0))
         found = _located(views, world, rough, peaks, rough.expected(peaks, stds) | anew)
         lost, located = rough.edges(world, found, peaks), [each.seen for each in found.values()]
         peaks = {edge: each.peak for edge, each in found.items()}
-        known = [*rough.planes(faces), *weak_priors(rough.own, priors.laser.bias_mm), *lost]
+        known = [*rough.planes(faces), *tops, *weak_priors(rough.own, priors.laser.bias_mm), *lost]
         seen = Seen(rough.own + _move(found), (*known, *located))
         if solution is None:
             solution = solve(priors, [seen], tolerance=_ROUGHLY)
@@ -293,19 +296,32 @@ def _with_far_end(views: Views, world: World, stretch: Stretch, rough: _Rough) -
     return again, {} if side is first else again.expected((), {})
 
 
-def _with_top(views: Views, world: World, rough: _Rough, own_std: Float64) -> _Rough:
-    """Add the back edges of a top face that the camera looks down on; they tell a depth that no face shows."""
-    own, ends = rough.own.copy(), dict(rough.ends)
+def _with_top(views: Views, world: World, rough: _Rough, own_std: Float64) -> tuple[_Rough, dict[Edge, Expected]]:
+    """Add the back edges of a top face that the camera looks down on; they tell a depth that no face shows.
+
+    Where a top was followed, its height is that at which the pictures agree about it: there its edges are looked for.
+    """
+    own, ends, raised = rough.own.copy(), dict(rough.ends), dict[Edge, Expected]()
     is_open = any(end.past is Past.OPEN for edge, end in ends.items() if edge.is_top)
     if not is_open or float(world.camera_height) - own[Own.HEIGHT] < LEAST_ABOVE_MM:
-        return rough
+        return rough, raised
     for side in Side:
         depth = side.other
         if depth.end in rough.open and own_std[depth.extent] < _KNOWN * own[depth.extent]:
             ends[side.back] = End(0.0, Past.OPEN)
-        elif side.end in ends and (top := follow_top(views, world, own, side)) is not None:
-            own[depth.extent], ends[side.back] = top.at, top
-    return replace(rough, own=own, ends=ends)
+        elif side.end in ends and (top := follow_top(views, world, own, side, float(own_std[Own.HEIGHT]))) is not None:
+            own[Own.HEIGHT], ends[side.back] = top
+            own[depth.extent] = ends[side.back].at
+            raised |= {edge: Expected(_END_PRIOR_PX) for edge in rough.open if edge.is_top}
+    return replace(rough, own=own, ends=ends), raised
+
+
+def _top_plane(views: Views, world: World, rough: _Rough) -> list[PlaneSeen]:
+    """The top as both pictures show it, where the camera looks down on it."""
+    if not any(edge.is_back for edge in rough.open):
+        return []
+    tops = align_surface(views.pair, world, rough.own, Level.TOP)
+    return [PlaneSeen.of(replace(top, plane_covariance=_SLANTED**2 * top.plane_covariance), Level.TOP) for top in tops]
 
 
 def _as_far_as_its_top(views: Views, world: World, rough: _Rough) -> tuple[_Rough, dict[Edge, Expected]]:

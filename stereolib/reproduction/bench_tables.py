@@ -93,7 +93,8 @@ def rigs_table(results: Path) -> str:
 
     Notes
     -----
-    A share of intervals outside its goal misses it only where the two-sided binomial test against 95 % rejects at 1 %.
+    A share of intervals outside its goal misses it only where the two-sided binomial test against the goal's nearest
+    end rejects at 1 %.
     """
     found = _result(results, "rigs")
     if not found:
@@ -101,7 +102,8 @@ def rigs_table(results: Path) -> str:
     goals = _quoted()["rigs"]
     inside, silent = goals["within_2_sigma_pct"], goals["silent"]
     head = (
-        "what is wrong", "boxes refused", "lack a size, of those that could have all", "sizes told",
+        "what is wrong", "boxes refused", "lack a size, of those that could have all",
+        "of those with a second face 12 px wide", "sizes told",
         "median error of length / width / height / volume, %", "95th percentile of all, %",
         f"in the 95 % interval, % ({inside})", "inside ± σ, %", f"wrong, unsaid ({silent})",
     )  # fmt: skip
@@ -113,7 +115,8 @@ def rigs_table(results: Path) -> str:
         cells = (
             row["about"], f"{row['refused']} of {row['scenes']}",
             _marked(f"{lacking:g} % of {row['measurable']}" + f" ({goal})" * bool(goal), not meets(lacking, goal)),
-            f"{row['sizes']}", medians, f"{row['p95_pct']:.2g}" if "p95_pct" in row else "-",
+            f"{row['wide_lacking']} of {row['wide']}", f"{row['sizes']}", medians,
+            f"{row['p95_pct']:.2g}" if "p95_pct" in row else "-",
             _marked(f"{row.get('within_2_sigma_pct', '-')}", off_goal),
             f"{row.get('within_1_sigma_pct', '-')}",
             _marked(f"{row['silent']} beyond {row['silent_beyond_pct']:g} %", not meets(row["silent"], silent)),

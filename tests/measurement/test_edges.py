@@ -6,11 +6,12 @@ import cv2
 import numpy as np
 import pytest
 
-from stereolib.measurement.edges import SHARP_PX, STEP_PX, ParallelLines, locate_edge
+from stereolib.measurement.edges import SHARP_PX, STEP_PX, ParallelLines, Powers, locate_edge
 from stereolib.rig import to_light
 
 OFF = STEP_PX * np.arange(-60, 61)
 SHIFT_PX = 40.0
+POWERS = Powers(strength=12.0, step=3.0)
 
 
 def drawn(*edges, seed=0, noise=0.01, lean=0.0):
@@ -38,9 +39,13 @@ def both(*edges, **how):
 FLAT = np.ones(len(OFF))
 
 
+def located(light, among, belief, powers=POWERS):
+    return locate_edge(light, among, belief, powers)
+
+
 @pytest.mark.parametrize("place", [118.0, 120.0, 121.3, 127.77])
 def test_an_edge_is_found_to_a_fraction_of_a_pixel(place):
-    peak = locate_edge(both((place, 0.3)), lines(), FLAT)
+    peak = located(both((place, 0.3)), lines(), FLAT)
     assert peak.position_px == pytest.approx(place - 120, abs=0.15)
     assert 0.05 <= peak.std_px < 0.2 and peak.contrast > 10
 
@@ -49,15 +54,15 @@ def test_the_stated_deviation_holds_on_faint_edges():
     z = []
     for seed in range(30):
         pair = drawn((120.4, 0.03), seed=2 * seed), drawn((80.4, 0.03), seed=2 * seed + 1)
-        peak = locate_edge(pair, lines(), np.exp(-0.5 * (OFF / 4) ** 2))
+        peak = located(pair, lines(), np.exp(-0.5 * (OFF / 4) ** 2))
         z.append((peak.position_px - 0.4) / peak.std_px)
     assert np.sqrt(np.mean(np.square(z))) < 1.5 and np.abs(z).max() < 4
 
 
 def test_a_rival_widens_the_deviation():
-    alone = locate_edge(both((120.0, 0.3)), lines(), FLAT)
-    beside = locate_edge(both((120.0, 0.3), (125.0, -0.29)), lines(), FLAT)
-    faint = locate_edge(both((120.0, 0.3), (125.0, -0.1)), lines(), FLAT)
+    alone = located(both((120.0, 0.3)), lines(), FLAT)
+    beside = located(both((120.0, 0.3), (125.0, -0.29)), lines(), FLAT)
+    faint = located(both((120.0, 0.3), (125.0, -0.1)), lines(), FLAT)
     assert beside.rivals_px > 2 and beside.std_px > 2 and abs(beside.position_px) < 0.2
     assert alone.std_px == pytest.approx(faint.std_px, abs=0.1) and faint.rivals_px < 0.2
 
@@ -68,54 +73,61 @@ def test_of_two_alike_the_one_where_texture_ends_is_the_edge():
     rng = np.random.default_rng(3)
     for picture, end in zip(textured, (124, 84), strict=True):
         picture[:, :end] *= 1 + 0.1 * rng.standard_normal((picture.shape[0], end, *(1,) * (picture.ndim - 2)))
-    assert locate_edge(plain, lines(), FLAT).position_px == pytest.approx(-4, abs=0.5)
-    assert locate_edge(textured, lines(), FLAT).position_px == pytest.approx(4, abs=0.5)
+    assert located(plain, lines(), FLAT).position_px == pytest.approx(-4, abs=0.5)
+    assert located(textured, lines(), FLAT).position_px == pytest.approx(4, abs=0.5)
 
 
 def test_a_blurred_edge_is_less_well_known():
     sharp = both((120.3, 0.3))
     soft = tuple(cv2.GaussianBlur(picture, (0, 0), 2.0) for picture in sharp)
-    assert locate_edge(soft, lines(), FLAT).std_px > 1.5 * locate_edge(sharp, lines(), FLAT).std_px
+    assert located(soft, lines(), FLAT).std_px > 1.5 * located(sharp, lines(), FLAT).std_px
 
 
 def test_one_picture_may_be_left_out():
     left, right = both((120.0, 0.3))
     for pair in ((left, None), (None, right)):
-        assert locate_edge(pair, lines(), FLAT).position_px == pytest.approx(0, abs=0.15)
+        assert located(pair, lines(), FLAT).position_px == pytest.approx(0, abs=0.15)
 
 
 def test_what_is_believed_chooses_between_two():
     pair = both((114.0, 0.3), (126.0, -0.3))
     for expected in (-6.0, 6.0):
-        peak = locate_edge(pair, lines(), np.exp(-0.5 * ((OFF - expected) / 2) ** 2))
+        peak = located(pair, lines(), np.exp(-0.5 * ((OFF - expected) / 2) ** 2))
         assert peak.position_px == pytest.approx(expected, abs=0.15) and peak.rivals_px < 0.5
+
+
+def test_the_less_strength_counts_the_more_does_what_is_believed():
+    pair, belief = both((114.0, 0.3), (126.0, -0.2)), np.exp(-0.5 * ((OFF - 6.0) / 5) ** 2)
+    for strength, at in ((12.0, -6.0), (4.0, 6.0)):
+        peak = located(pair, lines(), belief, Powers(strength, step=0.0))
+        assert peak.position_px == pytest.approx(at, abs=0.15)
 
 
 def test_what_one_picture_shows_is_no_edge():
     left, right = both((120.0, 0.3))
     shadow = drawn((120.0, 0.3), (130.0, -0.3))
-    peak = locate_edge((shadow, right), lines(), FLAT)
+    peak = located((shadow, right), lines(), FLAT)
     assert peak.position_px == pytest.approx(0, abs=0.15)
-    assert locate_edge((left, drawn(seed=5)), lines(), FLAT).contrast < 0.5 * peak.contrast
+    assert located((left, drawn(seed=5)), lines(), FLAT).contrast < 0.5 * peak.contrast
 
 
 def test_an_edge_that_leans_is_not_sharp():
     """It crosses lines that are upright, and is on each of them for a part of it only."""
-    assert locate_edge(both((120.0, 0.3)), lines(), FLAT).std_px < SHARP_PX
-    leaning = locate_edge(both((120.0, 0.3), lean=10.0), lines(), FLAT)
+    assert located(both((120.0, 0.3)), lines(), FLAT).std_px < SHARP_PX
+    leaning = located(both((120.0, 0.3), lean=10.0), lines(), FLAT)
     assert leaning is None or leaning.std_px > SHARP_PX
 
 
 def test_outside_of_the_pictures_there_is_none():
-    assert locate_edge(both((120.0, 0.3)), lines(middle=400.0), FLAT) is None
+    assert located(both((120.0, 0.3)), lines(middle=400.0), FLAT) is None
     left, right = both((20.0, 0.3))  # the right picture does not show it
-    assert locate_edge((left, right), lines(middle=20.0), FLAT).position_px == pytest.approx(0, abs=0.15)
+    assert located((left, right), lines(middle=20.0), FLAT).position_px == pytest.approx(0, abs=0.15)
 
 
 @pytest.mark.parametrize("colours", [1, 3])
 def test_the_light_of_a_picture_is_that_of_the_part_that_is_looked_at(colours):
     pictures = [(255 * picture.clip(0, 1) ** (1 / 2.2)).astype(np.uint8) for picture in both((121.3, 0.3))]
     pictures = [np.squeeze(np.stack([picture] * colours, axis=-1)) for picture in pictures]
-    seen = locate_edge((pictures[0], pictures[1]), lines(), FLAT)
-    light = locate_edge((to_light(pictures[0]), to_light(pictures[1])), lines(), FLAT)
+    seen = located((pictures[0], pictures[1]), lines(), FLAT)
+    light = located((to_light(pictures[0]), to_light(pictures[1])), lines(), FLAT)
     assert seen.position_px == pytest.approx(light.position_px, abs=1e-3) and abs(seen.position_px - 1.3) < 0.15

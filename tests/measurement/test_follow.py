@@ -103,16 +103,19 @@ def test_a_sliver_round_the_corner_is_found():
     assert found.t == pytest.approx(tangent(corner), abs=4 / f) and holds(found.end, tangent(right), f)
     assert 10 < found.width_px < 30
     assert look_round(shown.views, shown.world, stretch, 1) is None
-    assert follow_top(shown.views, shown.world, own, Side.LEFT) is None  # the camera stands below it
+    assert follow_top(shown.views, shown.world, own, Side.LEFT, 1.0) is None  # the camera stands below it
 
 
-def test_tops_are_followed_backwards_from_above():
+@pytest.mark.parametrize("off_mm", [0.0, -6.0, 6.0])
+def test_tops_are_followed_backwards_from_above_also_where_their_height_is_wrong(off_mm):
     shown, own = rendered(*FROM_ABOVE, camera=HIGH), true_box(*FROM_ABOVE)
     for side, depth in ((Side.RIGHT, own[Own.LEFT]), (Side.LEFT, own[Own.RIGHT])):
         unknown = own.copy()
         unknown[side.other.extent] = 100.0
-        end = follow_top(shown.views, shown.world, unknown, side)
+        unknown[Own.HEIGHT] += off_mm
+        height_mm, end = follow_top(shown.views, shown.world, unknown, side, 3.0)
         assert end.past is Past.OPEN and end.at == pytest.approx(depth, abs=12)
+        assert height_mm == pytest.approx(own[Own.HEIGHT], abs=1.0)
 
 
 def test_what_the_picture_cuts():

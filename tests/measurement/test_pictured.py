@@ -125,6 +125,38 @@ def test_a_line_printed_on_a_face_is_not_its_end(inside_mm):
     assert abs(found.peak.position_px) < 0.5
 
 
+@pytest.mark.parametrize("inside_mm", [30.0, 45.0])
+def test_a_streak_on_a_top_is_not_told_as_its_back_edge(inside_mm):
+    """It stands out more, but both pictures agree about the top beyond it: nothing sharp is told."""
+    case, expected = (620.0, (220.0, 330.0, 130.0), -25.0), Expected(1.5, low_px=-12.0, high_px=4.0)
+    shown, own = rendered(*case, camera=HIGH), true_box(*case)
+    streak, pictures = own.copy(), [picture.copy() for picture in shown.views.pair.pictures]
+    streak[Own.RIGHT] -= inside_mm
+    for right, picture in enumerate(pictures):
+        ink = np.zeros(picture.shape[:2], np.uint8)
+        ends = shown.world.pixels(Box(streak).edge(Edge.BACK_LEFT), bool(right))
+        cv2.line(ink, *np.rint(16 * ends).astype(int).tolist(), 255, 2, cv2.LINE_AA, 4)
+        picture[:] = np.rint(picture * (1 - 0.5 * ink[..., None] / 255))
+    found = find_edge(of_pair(*pictures).views, shown.world, own, Edge.BACK_LEFT, Side.RIGHT, expected)
+    assert found is None or abs(found.peak.position_px) < 3 * found.peak.std_px
+
+
+def test_the_top_tells_the_height_where_its_edges_were_not_located(monkeypatch):
+    """The camera looks down on it: both pictures show its plane."""
+    case = (620.0, (220.0, 330.0, 130.0), -25.0)
+    shown, true = rendered(*case, camera=HIGH), true_box(*case)
+
+    def no_upper_edge(views, world, own, edge, *rest):
+        return None if edge.is_top or edge.is_back else find_edge(views, world, own, edge, *rest)
+
+    monkeypatch.setattr(pictured, "find_edge", no_upper_edge)
+    seen = shown.box()
+    std = np.sqrt(np.diag(seen.solution.covariance))[len(Shared) + Own.HEIGHT]
+    assert std < 1.0 and abs(seen.own[Own.HEIGHT] - true[Own.HEIGHT]) < 3 * std
+    monkeypatch.setattr(pictured, "align_surface", lambda *args: [])
+    assert np.sqrt(np.diag(shown.box().solution.covariance))[len(Shared) + Own.HEIGHT] > 2 * std
+
+
 def test_a_stretch_is_looked_for_in_the_pixels_of_the_picture_that_measures():
     wide = Expected(1.5, low_px=-3.0, high_px=9.0, plain_px=3.0).zoomed(2.0)
     assert wide.places()[[0, -1]] == pytest.approx([-10.5, 22.5]) and wide.std_px == 1.5

@@ -59,7 +59,7 @@ def a_rig(**changed: object) -> dict[str, object]:
     row = {
         "about": "nothing is wrong", "scenes": 200, "sizes": 500, "p95_pct": 1.5, "within_1_sigma_pct": 68.0,
         "within_2_sigma_pct": 95.0, "binomial_p": 1.0, "silent": 0, "silent_beyond_pct": 10.0, "refused": 3,
-        "measurable": 150, "measurable_lacking_pct": 6.0,
+        "measurable": 150, "measurable_lacking_pct": 6.0, "wide": 140, "wide_lacking": 2,
         **{size: {"told": 100, "median_pct": 0.1} for size in ("length", "width", "height")}, "volume": {"told": 0},
     }  # fmt: skip
     return row | changed
@@ -73,8 +73,8 @@ def the_rig(folder: Path, name: str = "undisturbed", **changed: object) -> str:
 def test_a_disturbed_rig_has_its_refusals_beside_its_errors(tmp_path: Path) -> None:
     row = the_rig(tmp_path)
     assert row == (
-        "| nothing is wrong | 3 of 200 | 6 % of 150 (at most 10) | 500 | 0.1 / 0.1 / 0.1 / - | 1.5 | 95.0 | 68.0 "
-        "| 0 beyond 10 % |"
+        "| nothing is wrong | 3 of 200 | 6 % of 150 (at most 10) | 2 of 140 | 500 | 0.1 / 0.1 / 0.1 / - | 1.5 | 95.0 "
+        "| 68.0 | 0 beyond 10 % |"
     )
 
 

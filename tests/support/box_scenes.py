@@ -49,7 +49,8 @@ SENSOR = VirtualLidar(height_mm=60.0)  # below the lowest box's top
 HIGH_MM, HIGH_PITCH_RAD = 450.0, np.radians(-20.0)
 CACHE = ROOT / "benchmarks" / ".cache"
 _BORDER_PX = 3.0  # a corner so near the border of the picture is not in it: a point's blur ends there
-_SEEN_PX = 2.0  # a face that is narrower in both pictures is no face: its two edges are one
+SEEN_PX = 2.0  # a face that is narrower in both pictures is no face: its two edges are one
+WIDE_PX = 12.0  # an edge that is known to half a pixel tells the width of a face so wide to 4 %
 _MISTAKEN_MM = 450.0  # what stands farther from the box than any of its corners is something else
 #: What the pictures depend on: others are rendered when it changes.
 _RENDERER = (
@@ -233,10 +234,10 @@ def corners_mm(box: Box) -> Float64:
     return np.asarray((signs * box.size_mm / 2) @ box.T_world_box[:3, :3].T + box.T_world_box[:3, 3])
 
 
-def is_measurable(scene: BoxScene) -> bool:
+def is_measurable(scene: BoxScene, least_px: float = SEEN_PX) -> bool:
     """Whether all sizes of a box can be told in principle: it is whole in both pictures, and no size is hidden.
 
-    A size is hidden when neither camera sees the top or a second upright face.
+    A size is hidden when neither camera sees the top or a second upright face, as wide as `least_px`.
     """
     pinhole, corners = scene.rig.rectify().left, corners_mm(scene.box)  # the same for both rectified pictures
     last_px = np.array(pinhole.size) - 1 - _BORDER_PX
@@ -246,8 +247,8 @@ def is_measurable(scene: BoxScene) -> bool:
         pixels = pinhole.project(points)
         if not ((points[:, 2] > 0) & ((pixels > _BORDER_PX) & (pixels < last_px)).all(axis=1)).all():
             return False
-        upright |= [_face_px(scene.box, -R.T @ t, pixels, face) > _SEEN_PX for face in range(4)]
-        top |= _face_px(scene.box, -R.T @ t, pixels, 5) > _SEEN_PX
+        upright |= [_face_px(scene.box, -R.T @ t, pixels, face) > least_px for face in range(4)]
+        top |= _face_px(scene.box, -R.T @ t, pixels, 5) > least_px
     return bool(top or upright.sum() > 1)
 
 

@@ -327,6 +327,8 @@ class Told:
         Error in % and in standard deviations, by size.
     measurable : bool
         All sizes can be told in principle.
+    wide : bool
+        Also if a second face counts only where it is `box_scenes.WIDE_PX` wide.
     why : str
         Why a size is missing; "" if none is.
     nothing : bool
@@ -335,22 +337,23 @@ class Told:
 
     off: dict[str, tuple[float, float]]
     measurable: bool
+    wide: bool
     why: str
     nothing: bool
 
 
 def tell(shot: Shot, known: Instrument, *, of_pair: bool = False) -> Told:
     """Measure a case."""
-    measurable = box_scenes.is_measurable(shot.truth)
+    measurable, wide = (box_scenes.is_measurable(shot.truth, px) for px in (box_scenes.SEEN_PX, box_scenes.WIDE_PX))
     try:
         thing = box_scenes.the_box(box_scenes.measure(shot, known), shot.truth, of_pair=of_pair)
     except ValueError as error:
-        return Told({}, measurable, _in_short(str(error)), True)
+        return Told({}, measurable, wide, _in_short(str(error)), True)
     except Exception as error:  # a row of a bench goes on, and says so
-        return Told({}, measurable, f"crashed: {type(error).__name__}", True)
+        return Told({}, measurable, wide, f"crashed: {type(error).__name__}", True)
     off = box_scenes.errors(thing, shot.truth)
     why = "no object" if thing is None else " and ".join(sorted({_in_short(str(v)) for v in thing.reasons.values()}))
-    return Told(off, measurable, "" if "volume" in off else why, not off)
+    return Told(off, measurable, wide, "" if "volume" in off else why, not off)
 
 
 def _in_short(text: str) -> str:

@@ -96,7 +96,7 @@ def tests_nbgrader(session: nox.Session) -> None:
 @nox.session(venv_backend="none", default=False)
 def browser(session: nox.Session) -> None:
     """The bench in Chromium, as ``make test-browser``, which installs what it needs first."""
-    run(session, "-m", "pytest", "--browser", "-q", "tests/browser", *session.posargs)
+    run(session, *PYTEST, "--browser", "tests/browser", *session.posargs)
 
 
 @nox.session(venv_backend="none")

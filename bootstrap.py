@@ -56,7 +56,7 @@ COMMANDS = {  # what each hands to the environment's Python; nox's sessions stan
     "same": ["benchmarks/same.py"],
     "handout": ["-m", "stereolib", "handout"],
     "explore": ["-m", "stereolib", "explore"],
-    "test-browser": ["-m", "pytest", "--browser", "-q", "tests/browser"],
+    "test-browser": ["-m", "pytest", "--browser", "-n", "2", "--dist", "loadfile", "-q", "tests/browser"],
 }
 ROOM_MB = 900  # of .venv and of what is unpacked on the way
 WHY = """the lines above say why. No network? The first run needs it once.

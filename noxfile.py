@@ -40,6 +40,9 @@ CHECKS = [
     "check-jsonschema --builtin-schema vendor.github-workflows .github/workflows/ci.yml .github/workflows/pages.yml",
 ]
 
+# Also where the user keeps none: every process would compile the library, every worker rewrite all tests' assertions.
+KEEP_BYTECODE = {"PYTHONDONTWRITEBYTECODE": ""}
+
 nox.options.sessions = ["tests", "test-opencv4", "test-nbgrader", "notebooks"]
 nox.options.reuse_existing_virtualenvs = True
 nox.options.envdir = str(ROOT / ".venv" / "nox")
@@ -54,7 +57,7 @@ def command(check: str) -> list[str]:
 
 def run(session: nox.Session, *arguments: str) -> None:
     """Run the Python that runs nox: that of ``.venv``."""
-    session.run(sys.executable, *arguments, external=True)
+    session.run(sys.executable, *arguments, external=True, env=KEEP_BYTECODE)
 
 
 def borrow(session: nox.Session) -> None:
@@ -78,7 +81,7 @@ def tests_opencv4(session: nox.Session) -> None:
     session.install("--no-deps", OPENCV4)
     borrow(session)
     expected = {"STEREOLIB_EXPECT_OPENCV": OPENCV4.partition("==")[2]}
-    session.run("python", *OPENCV_TESTS, *session.posargs, env=expected)
+    session.run("python", *OPENCV_TESTS, *session.posargs, env=expected | KEEP_BYTECODE)
 
 
 @nox.session(name="test-nbgrader")
@@ -87,13 +90,13 @@ def tests_nbgrader(session: nox.Session) -> None:
     session.install("--no-deps", "-r", "requirements-nbgrader.txt")
     borrow(session)
     session.run("python", "-c", "import nbgrader")  # without it, the tests would be skipped
-    session.run("python", "-m", "pytest", "-q", "tests/exercises/test_nbgrader.py", *session.posargs)
+    session.run("python", "-m", "pytest", "-q", "tests/exercises/test_nbgrader.py", *session.posargs, env=KEEP_BYTECODE)
 
 
 @nox.session(venv_backend="none", default=False)
 def browser(session: nox.Session) -> None:
     """The bench in Chromium, as ``make test-browser``, which installs what it needs first."""
-    run(session, "-m", "pytest", "--browser", "-q", "tests/browser", *session.posargs)
+    run(session, *PYTEST, "--browser", "tests/browser", *session.posargs)
 
 
 @nox.session(venv_backend="none")

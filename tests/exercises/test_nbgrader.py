@@ -10,6 +10,7 @@ import os
 import shutil
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -97,21 +98,29 @@ def hand_in(released: Path, student: str, answers: Answers) -> Any:
 
 
 @pytest.fixture(scope="module")
-def course(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A course in which ten have handed in and all is graded."""
-    folder = tmp_path_factory.mktemp("course")
+def courses(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """The course of each student. Ten have handed in and all is graded, in two courses at once: a core each."""
+    halves = [list(HANDED_IN)[k::2] for k in (0, 1)]
+    folders = [tmp_path_factory.mktemp("course") for _ in halves]
+    with ThreadPoolExecutor() as pool:
+        list(pool.map(graded, folders, halves))
+    return {student: folder for folder, half in zip(folders, halves, strict=True) for student in half}
+
+
+def graded(folder: Path, students: list[str]) -> None:
+    """Hold a course from the release of its sheet to the points."""
     shutil.copy(ROOT / "notebooks" / "exercises" / "nbgrader_config.py", folder)
     (folder / "source" / ASSIGNMENT).mkdir(parents=True)
     shutil.copy(ROOT / "notebooks" / "exercises" / f"{SHEET}.ipynb", folder / "source" / ASSIGNMENT)
     run_nbgrader(folder, "generate_assignment", ASSIGNMENT)
     released = folder / "release" / ASSIGNMENT / f"{SHEET}.ipynb"
-    for student, (answers, _) in HANDED_IN.items():
+    for student in students:
         (folder / "submitted" / student / ASSIGNMENT).mkdir(parents=True)
-        nbformat.write(hand_in(released, student, answers), folder / "submitted" / student / ASSIGNMENT / released.name)
+        handed_in = hand_in(released, student, HANDED_IN[student][0])
+        nbformat.write(handed_in, folder / "submitted" / student / ASSIGNMENT / released.name)
     run_nbgrader(folder, "autograde", ASSIGNMENT, f"--Execute.timeout={LOOP_S}")
     run_nbgrader(folder, "generate_feedback", ASSIGNMENT)
     run_nbgrader(folder, "export", "--to", "points.csv")
-    return folder
 
 
 def run_nbgrader(folder: Path, *words: str) -> None:
@@ -123,11 +132,13 @@ def run_nbgrader(folder: Path, *words: str) -> None:
     assert done.returncode == 0, f"{words}: {done.stdout[-3000:]}{done.stderr[-6000:]}"
 
 
-def feedback(course: Path, student: str) -> str:
-    return (course / "feedback" / student / ASSIGNMENT / f"{SHEET}.html").read_text(encoding="utf-8")
+def feedback(courses: dict[str, Path], student: str) -> str:
+    return (courses[student] / "feedback" / student / ASSIGNMENT / f"{SHEET}.html").read_text(encoding="utf-8")
 
 
-def test_release_has_all_questions_and_no_answer(course: Path) -> None:
+@pytest.mark.parametrize("student", list(HANDED_IN)[:2])  # one of each course
+def test_release_has_all_questions_and_no_answer(courses: dict[str, Path], student: str) -> None:
+    course = courses[student]
     released = nbformat.read(course / "release" / ASSIGNMENT / f"{SHEET}.ipynb", as_version=4)
     source = nbformat.read(course / "source" / ASSIGNMENT / f"{SHEET}.ipynb", as_version=4)
     assert [cell.source for cell in released.cells] == [cell.source for cell in source.cells]
@@ -135,9 +146,11 @@ def test_release_has_all_questions_and_no_answer(course: Path) -> None:
     assert all(not cell.metadata.editable for cell in locked)
 
 
-def test_everyone_has_the_points_that_are_due(course: Path) -> None:
-    with (course / "points.csv").open(newline="", encoding="utf-8") as stream:
-        rows = {row["student_id"]: row for row in csv.DictReader(stream)}
+def test_everyone_has_the_points_that_are_due(courses: dict[str, Path]) -> None:
+    rows = {}
+    for course in set(courses.values()):
+        with (course / "points.csv").open(newline="", encoding="utf-8") as stream:
+            rows |= {row["student_id"]: row for row in csv.DictReader(stream)}
     assert {float(row["max_score"]) for row in rows.values()} == {float(MOST)}
     assert {student: float(row["score"]) for student, row in rows.items()} == {
         student: due for student, (_, due) in HANDED_IN.items()
@@ -165,11 +178,11 @@ def test_everyone_has_the_points_that_are_due(course: Path) -> None:
         ),
     ],
 )
-def test_feedback_says_why(course: Path, student: str, said: list[str]) -> None:
-    page = feedback(course, student)
+def test_feedback_says_why(courses: dict[str, Path], student: str, said: list[str]) -> None:
+    page = feedback(courses, student)
     assert [text for text in said if text not in page] == []
 
 
-def test_huge_output_leaves_small_files(course: Path) -> None:
-    graded = course / "autograded" / "huge" / ASSIGNMENT / f"{SHEET}.ipynb"
-    assert graded.stat().st_size < 1_000_000
+def test_huge_output_leaves_small_files(courses: dict[str, Path]) -> None:
+    file = courses["huge"] / "autograded" / "huge" / ASSIGNMENT / f"{SHEET}.ipynb"
+    assert file.stat().st_size < 1_000_000

@@ -67,7 +67,7 @@ def test_logarithmic_colours_reach_from_the_middle_to_the_rim_and_no_label_lies_
     assert low == np.nanmin(values) and high == pytest.approx(1000 * low)  # the corners are beyond
     told = [float(text.get_text()) for text in ax.texts]
     assert set(told) <= {0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0} and len(set(told)) > 1
-    plotting.show_figure(None, ax.figure)
+    plotting.figure_to_image(ax.figure)
     boxes = [text.get_window_extent() for text in ax.texts]
     assert not any(one.overlaps(other) for k, one in enumerate(boxes) for other in boxes[:k])
 
@@ -77,7 +77,7 @@ def test_logarithmic_colours_reach_from_the_middle_to_the_rim_and_no_label_lies_
 def test_map_of_nothing_and_of_a_constant(ax, values, log):
     quantity = plotting.ImageQuantity(values, np.arange(3), np.arange(3), (3, 3), "px")
     plotting.plot_quantity(quantity, ax, "map", log=log)
-    plotting.show_figure(None, ax.figure)
+    plotting.figure_to_image(ax.figure)
     assert ax.get_title() == "map" and ax.get_xlim() == (-0.5, 2.5) and not ax.texts
     viridis = [33, 145, 140]  # its middle: the colours end where they begin
     inside = rendered(ax)[10:-10, 10:-10].reshape(-1, 3)
@@ -99,4 +99,4 @@ def test_arrows_are_drawn_where_they_are_and_their_means_stay(ax):
     (left, right), (bottom, top) = ax.get_xlim(), ax.get_ylim()
     assert ends[:, 0].max() > 620 and (ends >= [left, top]).all() and (ends <= [right, bottom]).all()
     plotting.plot_arrows(at[:1], np.full((1, 2), np.nan), (600, 400), ax)  # nothing to draw is no error
-    plotting.show_figure(None, ax.figure)
+    plotting.figure_to_image(ax.figure)

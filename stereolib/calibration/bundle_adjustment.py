@@ -294,9 +294,12 @@ def _pose_step(now: RigFit, step: Float64) -> tuple[Float64, Float64]:
 def _posed(views: BoardViews, now: RigFit, iterations: int) -> RigFit:
     still = np.zeros(now.normal.shape[1])
     for _ in range(min(iterations, _POSE_ROUNDS)):
-        trial = _linearise(views, now.rig, *_pose_step(now, still))
+        try:
+            trial = _linearise(views, now.rig, *_pose_step(now, still))
+        except ValueError:  # a step to where no camera sees the board gains nothing
+            break
         gain = 1 - float((trial.residuals_px**2).sum()) / max(float((now.residuals_px**2).sum()), 1e-30)
-        if gain < 0:
+        if not gain >= 0:
             break
         now = trial
         if gain < _LEAST_GAIN:

@@ -154,3 +154,14 @@ def test_the_misfit_of_each_pair_adds_up_to_that_of_all(views, fitted):
     second = np.sqrt((fitted.residuals_px[1, 0] ** 2).sum() / found.shape[2])  # rms over distances, as `rms_px`
     assert each[1, 0] == pytest.approx(second)
     assert np.sqrt(np.mean(each**2)) == pytest.approx(fitted.rms_px)
+
+
+@pytest.mark.parametrize("away_mm", [1e200, np.nan])
+def test_a_pose_that_runs_away_gains_nothing(views, rig, away_mm, monkeypatch):
+    """Corners that fit no board send it where no camera tells its place: its poses stay those of one camera."""
+    step = bundle_adjustment._pose_step
+    monkeypatch.setattr(bundle_adjustment, "_pose_step", lambda *args: (step(*args)[0], step(*args)[1] + away_mm))
+    stays = bundle_adjustment.fit_rig(views, rig, free=False)
+    assert stays.shifts == pytest.approx(
+        bundle_adjustment.board_poses(views.board.points_mm, views.left_px, rig.left)[1]
+    )

@@ -107,7 +107,7 @@ def test_deviations_do_not_jump():
 
 
 def test_deviations_of_errors_with_heavy_tails(monkeypatch):
-    """Normal errors are given theirs; with one more blunder in a hundred it grows, not from one end to the other at once."""
+    """Normal errors are given theirs; with one more blunder in a hundred it grows, not all the way at once."""
     monkeypatch.syspath_prepend(str(datasets.ROOT / "benchmarks"))
     script = importlib.import_module("bench_pipeline")
     good = np.abs(np.random.default_rng(0).normal(0, 0.2, 20_000))
@@ -211,7 +211,7 @@ def test_the_benchmark_says_what_the_library_uses():
     assert layered["mean"]["best_bad2_pct"] < 0.8 * layered["mean"]["rival_bad2_pct"]
     assert layered["ahead_of_rival"] >= 0.9 * layered["pairs"]
     for scenes in (layered, measured["rig"]):
-        assert 63 <= scenes["inside1_pct"] <= 75 and 90 <= scenes["inside2_pct"] <= 97
+        assert 63 <= scenes["inside1_pct"] <= 73 and 92 <= scenes["inside2_pct"] <= 97
         assert scenes["mean"]["area"] <= 0.15
     times = (datasets.ROOT / "benchmarks" / "results" / "pipeline_time.json").read_text(encoding="utf-8")
     assert json.loads(times)["fast_times_plain"] >= 2

@@ -43,8 +43,8 @@ WLS = {"bad2_pct": 7.55, "bad1_visible_pct": 8.55}
 def calibrate(pairs: list[Pair]) -> dict[str, Any]:
     """`deviation.LAWS` anew.
 
-    The weights of a kind's signs are those of least squares on the logarithm of the error; the pixels are then sorted
-    by the sum into parts of equal size, each with a standard deviation by `std_px`.
+    The weights of a kind's signs and of their products are those of least squares on the logarithm of the error; the
+    pixels are then sorted by the score into parts of equal size, each with a standard deviation by `std_px`.
     """
     gathered: dict[deviation.Kind, list[tuple[Array, Array]]] = {kind: [] for kind in deviation.Kind}
     for pair in tqdm(pairs, "calibrating", unit="pair"):
@@ -52,33 +52,50 @@ def calibrate(pairs: list[Pair]) -> dict[str, Any]:
         off, known = np.abs(found.disparity_px - pair.truth_px), np.isfinite(pair.truth_px)
         for kind, parts in gathered.items():
             here = known & (found.kind == kind)
-            parts.append((found.signs[here].astype(np.float64), off[here]))
+            parts.append((found.signs[here][::EVERY].astype(np.float64), off[here][::EVERY]))
     laws = {}
     for kind, parts in gathered.items():
         signs, off = (np.concatenate(part) for part in zip(*parts, strict=True))
-        one_and_signs = np.column_stack([np.ones(len(off)), signs])
-        weights = np.linalg.lstsq(one_and_signs, np.log(off + ERROR_FLOOR_PX), rcond=None)[0][1:].round(3)
-        score = signs @ weights
+        mean, scale = signs.mean(axis=0).round(3), signs.std(axis=0).round(3)
+        scale[scale == 0] = 1.0  # a sign that this kind does not have
+        z = deviation.scaled(signs.T, mean, scale)
+        terms = np.vstack([np.ones(z.shape[1]), z, z[PRODUCTS[0]] * z[PRODUCTS[1]]])
+        found = np.linalg.lstsq(terms.T, np.log(off + ERROR_FLOOR_PX), rcond=None)[0].round(4)
+        weights, products = found[1 : 1 + len(z)], np.zeros((len(z), len(z)))
+        products[PRODUCTS] = found[1 + len(z) :]
+        score = found[1:] @ terms[1:]
         groups = np.array_split(np.argsort(score, kind="stable"), LEVELS[kind])
         laws[kind.name] = {
+            "mean": mean.tolist(),
+            "scale": scale.tolist(),
             "weights": weights.tolist(),
+            "products": products.tolist(),
             "score": [round(float(np.median(score[g])), 3) for g in groups],
-            "std_px": [std_px(off[g], TAIL_SHARE[kind]) for g in groups],
+            "std_px": [std_px(off[g]) for g in groups],
         }
     return laws
 
 
-LEVELS = (16, 6, 6, 6)  # parts of each kind
-ERROR_FLOOR_PX = 0.1  # added to an error before its logarithm is taken: what is right to a tenth is right
-#: Where the 95th percentile is more than twice the 68th, the share of the way to half of it (in logarithms), which
-#: gives up some of the honesty at one deviation for that at two. Guesses are given all of it.
-TAIL_SHARE = (0.1, 1.0, 1.0, 1.0)
+EVERY = 5  # pixels of a pair, one is taken: neighbours err alike
+PRODUCTS = np.triu_indices(7)  # of two signs
+LEVELS = (16, 12, 12, 12)  # parts of each kind
+ERROR_FLOOR_PX = 0.2  # added to an error before its logarithm is taken: what is right to a fifth is right
+TWO_FOR_ONE = 2 * np.exp(-1.5)
+ALIKE = 0.005  # tries that are worth so much less still count: no jump from one to the other
+TRIED_PCT, TRIES = (60, 97), 80  # a deviation holds more errors than these, and two of it hold no more than those
 
 
-def std_px(errors: Array, tail_share: float) -> float:
-    """What a part with such errors, whose tails are heavier than normal ones, is given."""
-    usual, far = np.percentile(errors, (68, 95))
-    return round(float(usual ** (1 - tail_share) * max(usual, far / 2) ** tail_share), 3)
+def std_px(errors: Array) -> float:
+    """What a part with such errors is given: the s of the largest ``P(e <= 2 s) - 2 exp(-3 / 2) P(e <= s)``.
+
+    For normal errors that is their deviation. Tails that are heavier do not let one and two deviations hold 68 and 95
+    of 100; this gives up honesty at either where it buys most at the other.
+    """
+    low, high = np.percentile(errors, TRIED_PCT)
+    tries = np.geomspace(low, max(high / 2, 1.05 * low), TRIES)
+    one, two = (np.searchsorted(np.sort(errors), n * tries, side="right") / len(errors) for n in (1, 2))
+    worth = two - TWO_FOR_ONE * one
+    return round(float(np.exp(np.average(np.log(tries), weights=np.exp((worth - worth.max()) / ALIKE)))), 3)
 
 
 def sparsification(off: Array, std: Array) -> float:

@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 
 from stereolib.matching import SGBMParams, find_rows, left_right_check, match_pair, smooth
+from stereolib.matching.levels import shaded
 from stereolib.rig import to_grey
 
 Array = np.ndarray
@@ -15,8 +16,8 @@ _BLOCK, _BM_BLOCK, _SPECKLE_PX = 5, 15, 11
 def both_sides(left: Array, right: Array, num_disparities: int) -> Array:
     """`cv2.StereoSGBM` along eight paths from both sides, checked, specks removed, holes filled, median.
 
-    The rows of the right picture are corrected by the estimator that "best" uses, and its brightness is given the mean
-    and the deviation of the left one.
+    The rows of the right picture are corrected by the estimator that "best" uses, its brightness is given the mean and
+    the deviation of the left one, and what differs part by part is taken off as "best" does it.
     """
     grey = evened(left, right)
     every = {"disp12_max_diff": -1, "uniqueness_ratio": 0, "speckle_window_size": 0}
@@ -35,6 +36,8 @@ def filled_bm(left: Array, right: Array, num_disparities: int) -> Array:
 
 def evened(left: Array, right: Array) -> tuple[Array, Array]:
     """Both in grey, with the same rows and exposure."""
-    first, second = to_grey(left), to_grey(find_rows(left, right)[0].correct(right)).astype(np.float32)
+    rows, rough_px = find_rows(left, right)
+    first, second = to_grey(left), to_grey(rows.correct(right)).astype(np.float32)
     second = (second - second.mean()) * (first.std() / max(second.std(), 1e-6)) + first.mean()
-    return first, np.rint(second).clip(0, 255).astype(np.uint8)
+    even = np.rint(second).clip(0, 255).astype(np.uint8)
+    return shaded(first, even, rough_px), even

@@ -11,6 +11,8 @@ from stereolib.base import Float32, UInt8
 
 _WINDOW_PX = 15  # over which mean and deviation are made alike
 _LEAST_DEVIATION, _DEVIATION = 3.0, 40.0  # grey levels: less is noise, and stays small; what is given
+_SHADE_PX, _SHADE_PRIOR = 31, 0.3  # px of the half size; share of a window that counts as matched and alike beforehand
+_MOST_SHADE = 20.0  # grey levels: what differs by more is a wrong match
 
 
 def levelled(image: UInt8 | Float32) -> Float32:
@@ -45,6 +47,47 @@ def evened(left: UInt8, right: UInt8) -> UInt8:
     """
     gain = float(left.std()) / max(float(right.std()), 1.0)
     return np.asarray((gain * (right - np.float32(right.mean())) + left.mean()).round().clip(0, 255).astype(np.uint8))
+
+
+def shaded(left: UInt8, right: UInt8, rough_px: Float32) -> UInt8:
+    """Give the left picture the right one's brightness part by part: surfaces shine, lenses darken corners differently.
+
+    Parameters
+    ----------
+    left, right : (H, W) or (H, W, 3) uint8
+        Of one exposure, with the same rows.
+    rough_px : (H / 2, W / 2) float32, px of the half size
+        A rough match of them, as `find_rows` gives it; NaN where nothing was matched.
+
+    Returns
+    -------
+    uint8, shaped like `left`
+
+    Notes
+    -----
+    In half size, ``L'(u) = L(u) - sum e / (n + 0.3 N)`` over windows of N = 31 x 31 px, of which n were matched, with
+    ``e = L(u) - R(u - d)`` up to 20 grey levels. A difference that both pictures keep over a whole window is no depth;
+    the prior holds it to none where little was matched.
+
+    Examples
+    --------
+    >>> left = np.full((200, 200), 100, np.uint8)
+    >>> int(shaded(left, left + np.uint8(13), np.full((100, 100), 5, np.float32))[100, 100])
+    110
+    """
+    size = rough_px.shape[::-1]
+    first, second = (np.asarray(cv2.resize(side, size, interpolation=cv2.INTER_AREA)) for side in (left, right))
+    columns, rows = np.meshgrid(*(np.arange(n, dtype=np.float32) for n in size))
+    at = columns - rough_px
+    known = at > 0  # not where it is NaN
+    seen = cv2.remap(second, np.where(known, at, -1), rows, cv2.INTER_LINEAR)
+    off = np.atleast_3d(cv2.subtract(first, seen, dtype=cv2.CV_32F)).clip(-_MOST_SHADE, _MOST_SHADE)
+    off *= known[..., None]
+    window = (_SHADE_PX, _SHADE_PX)
+    share = cv2.blur(known.astype(np.float32), window) + np.float32(_SHADE_PRIOR)
+    shade = np.atleast_3d(cv2.blur(off, window)) / share[..., None]
+    whole = cv2.resize(shade, left.shape[1::-1], interpolation=cv2.INTER_LINEAR).reshape(left.shape)
+    return np.asarray(cv2.subtract(left, whole, dtype=cv2.CV_8U))
 
 
 def halved(image: UInt8, moved_px: int = 0) -> Float32:

@@ -20,7 +20,7 @@ from stereolib.matching.census_sgm import CensusSGM, SGMResult, match_census_sgm
 from stereolib.matching.disparity import compute_disparity, left_right_check
 from stereolib.matching.filling import fill_background, remove_speckles
 from stereolib.matching.filters import dilate
-from stereolib.matching.levels import evened
+from stereolib.matching.levels import evened, shaded
 from stereolib.matching.plane_fill import continue_background
 from stereolib.matching.rows import find_rows
 from stereolib.matching.sgbm import SGBMParams, check_window
@@ -174,7 +174,7 @@ def fill_matched(matched: SGMResult, *, speckle_px: int = _SPECKLE_PX, median_px
 
 
 def match_best(left: UInt8, right: UInt8, num_disparities: int, params: CensusSGM | None = None) -> SGMResult:
-    """Match as ``"best"`` does: `match_census_sgm`, the right picture's rows and exposure corrected.
+    """Match as ``"best"`` does: `match_census_sgm`, rows and exposure corrected, the latter part by part, too.
 
     Parameters
     ----------
@@ -192,9 +192,10 @@ def match_best(left: UInt8, right: UInt8, num_disparities: int, params: CensusSG
     ValueError
         As `match_census_sgm`.
     """
-    rows, _ = find_rows(left, right)
+    rows, rough_px = find_rows(left, right)
     settings = replace(params or CensusSGM(), num_disparities=num_disparities)
-    return match_census_sgm(left, evened(left, rows.correct(right)), settings)
+    right = evened(left, rows.correct(right))
+    return match_census_sgm(shaded(left, right, rough_px), right, settings)
 
 
 def _best(left: UInt8, right: UInt8, num_disparities: int) -> DisparityEstimate:

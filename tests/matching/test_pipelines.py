@@ -78,6 +78,48 @@ def test_signs_tell_holes_that_no_step_explains():
     np.testing.assert_allclose(far_px[[0, 3, 5, 30, 40, 44]], [4, 1, 0, 0, 1, 5], rtol=0.06)
 
 
+def test_nothing_is_told_beyond_the_signs_that_were_seen():
+    """Signs far out count as three scales; a score is the sum it is said to be."""
+    rng = np.random.default_rng(1)
+    for kind, law in deviation.LAWS.items():
+        z = rng.uniform(-3, 3, (40, 7)).astype(np.float32)
+        sign = (np.array(law.mean) + z * np.array(law.scale)).astype(np.float32)[None]
+        found = deviation.std_px(np.full((1, 40), kind), sign)[0]
+        score = [w @ np.array(law.weights) + w @ np.array(law.products) @ w for w in z.astype(float)]
+        np.testing.assert_allclose(found, np.interp(score, law.score, law.std_px), rtol=5e-3)
+        far = [np.array(law.mean) + n * np.sign(z) * np.array(law.scale) for n in (3, 9)]
+        ends = [deviation.std_px(np.full((1, 40), kind), one.astype(np.float32)[None]) for one in far]
+        np.testing.assert_allclose(*ends, rtol=5e-3)
+
+
+def test_deviations_do_not_jump():
+    """Where any sign moves by a hundredth of its scale, the deviation hardly changes, at any pixel."""
+    pair, _ = recorded("conditions/glare")
+    matched = pipelines.match_best(*pair, 128)
+    found = pipelines.fill_matched(matched)
+    was = deviation.std_px(found.kind, found.signs)
+    scale = np.array([deviation.LAWS[kind].scale for kind in deviation.Kind], np.float32)[found.kind]
+    for k in range(found.signs.shape[2]):
+        moved = found.signs.copy()
+        moved[..., k] += 0.01 * scale[..., k]
+        change = np.abs(np.log(deviation.std_px(found.kind, moved) / was))
+        assert np.quantile(change, 0.99) < 0.05 and change.max() < 0.3, k
+
+
+def test_deviations_of_errors_with_heavy_tails(monkeypatch):
+    """Normal errors are given theirs; with one more blunder in a hundred it grows, not all the way at once."""
+    monkeypatch.syspath_prepend(str(datasets.ROOT / "benchmarks"))
+    script = importlib.import_module("bench_pipeline")
+    good = np.abs(np.random.default_rng(0).normal(0, 0.2, 20_000))
+    assert script.std_px(good) == pytest.approx(0.2, rel=0.05)
+    blunders = np.random.default_rng(1).uniform(0, 40, 20_000)
+    found = [
+        script.std_px(np.concatenate([good, blunders[: int(n / (1 - n) * 20_000)]])) for n in np.arange(0, 0.5, 0.01)
+    ]
+    growth = np.array(found[1:]) / found[:-1]
+    assert found[-1] > 15 and growth.min() > 0.95 and growth.max() < 6
+
+
 def test_rows_that_disagree_are_corrected():
     """A roll of a third of a degree and an offset of most of a row, which cost plain matching far more."""
     pair, truth = recorded("conditions/texture")
@@ -169,7 +211,7 @@ def test_the_benchmark_says_what_the_library_uses():
     assert layered["mean"]["best_bad2_pct"] < 0.8 * layered["mean"]["rival_bad2_pct"]
     assert layered["ahead_of_rival"] >= 0.9 * layered["pairs"]
     for scenes in (layered, measured["rig"]):
-        assert 63 <= scenes["inside1_pct"] <= 75 and 90 <= scenes["inside2_pct"] <= 97
+        assert 63 <= scenes["inside1_pct"] <= 73 and 92 <= scenes["inside2_pct"] <= 97
         assert scenes["mean"]["area"] <= 0.15
     times = (datasets.ROOT / "benchmarks" / "results" / "pipeline_time.json").read_text(encoding="utf-8")
     assert json.loads(times)["fast_times_plain"] >= 2

@@ -80,7 +80,7 @@ def test_an_end_that_the_laser_alone_tells_is_known_no_better_than_its_mount():
     """One face and its two ends in the scan; the pictures show neither end, so that the scan may slide along it."""
     world, rng = PRIORS.world(STILL), np.random.default_rng(8)
     face = [o for o in pictured(world, rng=rng) if getattr(o, "edge", Edge.TOP_RIGHT) is Edge.TOP_RIGHT]
-    face = [o for o in face if getattr(o, "side", Side.RIGHT) is Side.RIGHT]
+    face = [o for o in face if getattr(o, "surface", Side.RIGHT) is Side.RIGHT]
     laser = [
         *readings(world, OWN, rng, [Side.RIGHT]),
         *ends(world, OWN, rng, [(Side.RIGHT, False), (Side.RIGHT, True)]),

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import os
-import sys
 from importlib.metadata import version
 from pathlib import Path
-from types import ModuleType
 
 # One thread for each worker, set before numpy is loaded: more get in each other's way.
 os.environ |= {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
@@ -34,11 +32,6 @@ def pytest_configure() -> None:
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    parser.addoption(
-        "--only-opencv",
-        action="store_true",
-        help="only the files that call OpenCV: they import cv2, or a name from a module of the library that does",
-    )
     parser.addoption("--fuzz-minutes", default="0", metavar="N", help="tests/test_untrusted.py for so many minutes")
     parser.addoption(
         "--interruptions", default="0", metavar="N", help="tests/test_interruptions.py: stop every command so often"
@@ -50,20 +43,6 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
     """Leave tests/browser out unless it is asked for: it needs Voila, Playwright and Chromium."""
     is_left_out = collection_path == Path(__file__).parent / "browser" and not config.getoption("--browser")
     return True if is_left_out else None
-
-
-def calls_opencv(file: ModuleType) -> bool:
-    """Apply the rule of ``--only-opencv``; names count where they are defined, not where a package passes them on."""
-    origins = {getattr(value, "__module__", None) or getattr(value, "__name__", "") for value in vars(file).values()}
-    ours = [sys.modules[name] for name in origins if str(name).startswith("stereolib.") and name in sys.modules]
-    return any("cv2" in vars(module) for module in [file, *ours])
-
-
-def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    if config.getoption("--only-opencv"):
-        left_out = [item for item in items if not calls_opencv(item.getparent(pytest.Module).obj)]
-        config.hook.pytest_deselected(items=left_out)
-        items[:] = [item for item in items if item not in set(left_out)]
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:

@@ -404,3 +404,10 @@ def test_report_needs_no_other_file() -> None:
     assert {f"fig{n:02d}" for n in range(1, 10)} <= page.places >= page.jumps
     assert not re.search(r"url\((?!['\"]?(?:data:|#))|@import|\bfetch\(", report)
     assert str(ROOT) not in report
+
+
+def test_what_runs_with_opencv_4_exists() -> None:
+    for listed in noxfile.OPENCV_ROOMS + noxfile.OPENCV_ELSEWHERE + noxfile.OPENCV_REPEATED:
+        file, _, name = listed.partition("::")
+        place = ROOT / "tests" / file
+        assert place.exists() and (not name or f"def {name}(" in place.read_text(encoding="utf-8")), listed

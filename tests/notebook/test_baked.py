@@ -1,4 +1,4 @@
-"""Pages that move without Python: whole, small, the same twice, and moving in a browser."""
+"""Pages that move without Python: whole, small, the same twice; tests/browser moves them."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.browser import NO_CHROMIUM, chromium
 
 from stereolib import notebook
 from stereolib.cli import main
@@ -111,54 +110,6 @@ def test_command_writes_pages_and_does_not_replace_them(
     assert main(["bake", str(tmp_path / "new")]) == 2
     assert "would be overwritten" in capsys.readouterr().err
     assert main(["bake", str(tmp_path / "new"), "--force"]) == 0
-
-
-@pytest.mark.skipif(chromium() is None, reason=NO_CHROMIUM)
-def test_moving_a_slider_changes_the_picture(first_page: Path) -> None:
-    sync_api = pytest.importorskip("playwright.sync_api")
-    data, page = page_data(first_page.read_text(encoding="utf-8")), PAGES[0]
-    with sync_api.sync_playwright() as driver:
-        browser = driver.chromium.launch(executable_path=chromium(), args=["--no-sandbox"])
-        try:
-            shown = browser.new_page(viewport={"width": 390, "height": 844})
-            problems: list[str] = []
-            shown.on("console", lambda message: problems.append(message.text))
-            shown.on("pageerror", lambda error: problems.append(str(error)))
-            shown.goto(first_page.as_uri())
-            image, slider = shown.locator("img"), shown.locator("input").first
-            before = image.get_attribute("src")
-            slider.press("ArrowRight")
-            at = page.first + len(page.knobs["distance_mm"][1])
-            assert image.get_attribute("src") == data["pictures"][at] != before
-            assert image.get_attribute("alt") == shown.locator(".said").inner_text() == data["texts"][at]
-            assert slider.get_attribute("aria-valuetext") == shown.locator("output").first.inner_text() == "150"
-            assert shown.evaluate("document.querySelector('img').decode()") is None
-            assert shown.evaluate("document.documentElement.scrollWidth") <= 390
-            assert not problems
-            still = browser.new_context(java_script_enabled=False).new_page()
-            still.goto(first_page.as_uri())
-            assert still.locator("img").get_attribute("src") == before and not still.locator("input").first.is_visible()
-        finally:
-            browser.close()
-
-
-@pytest.mark.skipif(chromium() is None, reason=NO_CHROMIUM)
-def test_no_page_is_pushed_sideways_on_a_telephone(tmp_path: Path) -> None:
-    sync_api = pytest.importorskip("playwright.sync_api")
-    still = [
-        replace(page, knobs={name: (first, (first,)) for name, (first, _) in page.knobs.items()}) for page in PAGES
-    ]
-    with sync_api.sync_playwright() as driver:
-        browser = driver.chromium.launch(executable_path=chromium(), args=["--no-sandbox"])
-        try:
-            for file in bake(tmp_path, still):
-                shown = browser.new_page(viewport={"width": 390, "height": 844})
-                shown.goto(file.as_uri())
-                assert shown.evaluate("document.documentElement.scrollWidth <= innerWidth"), file.name
-                wide = "e => e.clientWidth && e.scrollWidth > e.clientWidth + 1 && !e.matches('input')"
-                assert not shown.evaluate(f"[...document.querySelectorAll('*')].some({wide})"), file.name
-        finally:
-            browser.close()
 
 
 def test_prices_in_the_wrong_order_are_refused_in_the_sliders_numbers() -> None:

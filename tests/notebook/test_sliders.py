@@ -5,19 +5,14 @@ from __future__ import annotations
 import base64
 import threading
 from functools import partial
-from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
-from support.browser import NO_CHROMIUM, chromium
 
-from stereolib import notebook
 from stereolib.matching import SGBMParams
 from stereolib.notebook import draw_paths, draw_sgbm, explore
 from stereolib.notebook.sliders import label, parameter_help
-
-FOLDER = Path(notebook.__file__).parent
 
 
 def draw(block_size, colour="grey"):
@@ -171,44 +166,3 @@ def test_help_is_the_docstrings_or_ones_own():
 def test_refuses_controls(how):
     with pytest.raises(ValueError, match=r"'size' must be \(first, lowest, highest, step\) or a list of"):
         explore(draw, size=how)
-
-
-_PAGE_OF_A_MODEL = """async ([source, style]) => {
-  document.head.append(Object.assign(document.createElement("style"), { textContent: style }));
-  document.body.className = "stereolib-explorer";
-  const canvas = Object.assign(document.createElement("canvas"), { width: 30, height: 20 });
-  const jpeg = await new Promise((done) => canvas.toBlob(done, "image/jpeg"));
-  const frame = new Uint8Array(await jpeg.arrayBuffer()), told = {};
-  const values = { frames: [frame], captions: ["size 5"], quality: "full", alt: "", about: "", number: 1, painted: 0,
-                   cross: [] };
-  window.change = (news) => { Object.assign(values, news); Object.keys(news).forEach((key) => told[key]?.()); };
-  const model = {
-    get: (name) => values[name], set: (name, value) => { values[name] = value; },
-    save_changes() {}, send() {}, off() {},
-    on: (name, call) => { told[name.replace("change:", "")] = call; },
-  };
-  const url = URL.createObjectURL(new Blob([source], { type: "text/javascript" }));
-  (await import(url)).default.render({ model, el: document.body });
-}"""
-
-
-@pytest.mark.skipif(chromium() is None, reason=NO_CHROMIUM)
-def test_page_dims_a_picture_that_is_not_of_the_values_shown():
-    sync_api = pytest.importorskip("playwright.sync_api")
-    with sync_api.sync_playwright() as driver:
-        browser = driver.chromium.launch(executable_path=chromium(), args=["--no-sandbox"])
-        try:
-            page = browser.new_page()
-            page.evaluate(_PAGE_OF_A_MODEL, [(FOLDER / f"live_picture.{kind}").read_text() for kind in ("js", "css")])
-            opacity = "Number(getComputedStyle(document.querySelector('canvas')).opacity)"
-            page.wait_for_function(f"document.querySelector('canvas') && {opacity} === 1")
-            page.evaluate("change({ quality: 'waiting' })")
-            page.wait_for_function(f"{opacity} === 0.5")
-            page.evaluate("change({ quality: 'preview', captions: ['size 7'], number: 2 })")
-            page.wait_for_function(f"{opacity} === 1 && document.querySelector('figcaption').textContent === 'size 7'")
-            page.evaluate("change({ quality: 'refused', captions: ['not possible'], number: 3 })")
-            page.wait_for_function(f"{opacity} === 0.3")
-            assert page.locator("figcaption").inner_text() == "not possible"
-            assert page.locator("canvas").get_attribute("aria-label") == "not possible"
-        finally:
-            browser.close()

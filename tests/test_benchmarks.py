@@ -27,6 +27,7 @@ from support.instruments import INSTRUMENT
 
 from stereolib import paper
 from stereolib.base import ROOT
+from stereolib.reproduction.bench_tables import rigs_table
 from stereolib.virtual import cube_scene, recordings
 
 NAMES = sorted(path.stem for path in (ROOT / "benchmarks").glob("bench_*.py"))
@@ -123,6 +124,7 @@ def test_a_box_is_measurable_when_it_is_whole_in_both_pictures_and_no_size_is_hi
     assert not measurable(700, 0.0, -45.0)  # both cameras stand before its one face
     assert measurable(700, np.radians(5), -45.0) and not measurable(700, np.radians(5), -45.0, WIDE_PX)  # a sliver
     assert measurable(700, np.pi / 4, 0.0, WIDE_PX)
+    assert f"second face {WIDE_PX:g} px wide" in rigs_table(ROOT / "benchmarks" / "results")  # as its column says
 
 
 @pytest.mark.parametrize(("inside", "chance"), [(95, 1.0), (90, 1.0), (100, 0.6), (88, 0.5), (80, 0.003)])

@@ -34,6 +34,7 @@ UNIT_TESTS = [*PYTEST, "--doctest-modules", "tests", "stereolib"]
 OPENCV_ROOMS = ["rig", "calibration", "matching", "measurement", "mapping", "virtual", "evidence", "paper"]
 OPENCV_ELSEWHERE = [
     "test_real_recordings.py",
+    "test_untrusted.py",
     "reproduction/test_kernels.py",
     "cli/test_calibrate.py::test_report_escapes_names_and_does_without_pictures",
     "cli/test_capture.py::test_bad_input_is_one_line_and_leaves_nothing",

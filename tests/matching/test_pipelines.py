@@ -225,7 +225,8 @@ def test_best_on_a_real_pair():
     quality = score(pipelines.stereo_pipeline("best")(view.left, view.right).disparity_px, view.truth_px)
     assert quality.density_pct == 100
     measured = json.loads(text)
-    assert quality.bad2_pct == pytest.approx(measured["motorcycle_best_bad2_pct"], abs=0.05)
+    is_as_measured = cv2.__version__[0] == measured["versions"]["opencv-python-headless"][0]  # others round otherwise
+    assert quality.bad2_pct == pytest.approx(measured["motorcycle_best_bad2_pct"], abs=0.05 if is_as_measured else 0.2)
     for rival in ("rival", "wls", "filled_bm", "plain"):
         for measure in ("bad2_pct", "bad1_visible_pct"):
             assert measured[f"motorcycle_best_{measure}"] < measured[f"motorcycle_{rival}_{measure}"]

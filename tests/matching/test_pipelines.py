@@ -218,6 +218,10 @@ def test_the_benchmark_says_what_the_library_uses():
     assert measured["fast_bad2_pct"] <= measured["plain_bad2_pct"] + 1
 
 
+#: On the motorcycle, measured with OpenCV 4.14: it rounds the corrected rows otherwise, in 6 % of the pixels.
+OPENCV4_BAD2_PCT = 6.13
+
+
 def test_best_on_a_real_pair():
     """Photographs that took no part in the settings: as the benchmark measured, and better than what others have."""
     text = (datasets.ROOT / "benchmarks" / "results" / "pipeline.json").read_text(encoding="utf-8")
@@ -225,8 +229,9 @@ def test_best_on_a_real_pair():
     quality = score(pipelines.stereo_pipeline("best")(view.left, view.right).disparity_px, view.truth_px)
     assert quality.density_pct == 100
     measured = json.loads(text)
-    is_as_measured = cv2.__version__[0] == measured["versions"]["opencv-python-headless"][0]  # others round otherwise
-    assert quality.bad2_pct == pytest.approx(measured["motorcycle_best_bad2_pct"], abs=0.05 if is_as_measured else 0.2)
+    is_as_measured = cv2.__version__[0] == measured["versions"]["opencv-python-headless"][0]
+    expected = measured["motorcycle_best_bad2_pct"] if is_as_measured else OPENCV4_BAD2_PCT
+    assert quality.bad2_pct == pytest.approx(expected, abs=0.05)
     for rival in ("rival", "wls", "filled_bm", "plain"):
         for measure in ("bad2_pct", "bad1_visible_pct"):
             assert measured[f"motorcycle_best_{measure}"] < measured[f"motorcycle_{rival}_{measure}"]

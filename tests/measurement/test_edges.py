@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from stereolib.measurement.edges import SHARP_PX, STEP_PX, ParallelLines, Powers, locate_edge
+from stereolib.measurement.outline import _POWERS
 from stereolib.rig import to_light
 
 OFF = STEP_PX * np.arange(-60, 61)
 SHIFT_PX = 40.0
-POWERS = Powers(strength=12.0, step=3.0)
 
 
 def drawn(*edges, seed=0, noise=0.01, lean=0.0):
@@ -39,7 +39,7 @@ def both(*edges, **how):
 FLAT = np.ones(len(OFF))
 
 
-def located(light, among, belief, powers=POWERS):
+def located(light, among, belief, powers=_POWERS):
     return locate_edge(light, among, belief, powers)
 
 

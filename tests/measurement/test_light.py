@@ -8,12 +8,12 @@ import pytest
 from support.ground import RECT
 
 from stereolib.measurement import Views
-from stereolib.measurement.edges import STEP_PX, ParallelLines, Powers, locate_edge
+from stereolib.measurement.edges import STEP_PX, ParallelLines, locate_edge
 from stereolib.measurement.light import RawPicture, light_at
+from stereolib.measurement.outline import _POWERS
 from stereolib.rig import to_light
 from stereolib.virtual import recordings
 
-POWERS = Powers(strength=12.0, step=3.0)
 OFF = STEP_PX * np.arange(-40, 41)
 PLACES = np.random.default_rng(3).uniform(100.0, 220.0, 20)
 SHIFTS = np.random.default_rng(4).uniform(0.0, 1.0, 20)  # of the rectified picture
@@ -43,7 +43,7 @@ def off_px(picture, place):
     ends[:, 0, 1], ends[:, 1, 1] = 20.0, 220.0
     ends[..., 0] = round(place) + OFF[:, None] + LEAN * (ends[..., 1] - 120)
     lines = ParallelLines(ends, np.zeros((len(OFF), 2)), OFF)
-    return locate_edge((picture, None), lines, np.ones(len(OFF)), POWERS).position_px + round(place) - place
+    return locate_edge((picture, None), lines, np.ones(len(OFF)), _POWERS).position_px + round(place) - place
 
 
 @pytest.mark.parametrize("dark", [0.08, 0.2])
@@ -79,4 +79,4 @@ def test_views_of_raw_pictures_locate_edges_in_them():
 
 def test_where_neither_picture_shows_an_edge_none_is_found():
     lines = ParallelLines(np.zeros((len(OFF), 2, 2)), np.zeros((len(OFF), 2)), OFF)
-    assert locate_edge((None, None), lines, np.ones(len(OFF)), POWERS) is None
+    assert locate_edge((None, None), lines, np.ones(len(OFF)), _POWERS) is None

@@ -114,6 +114,8 @@ def setup() -> None:
     made = subprocess.call([base, "-m", "venv", "--clear", str(VENV)], env=ENVIRON) == 0
     if not (made and install("-r", "requirements.txt") and install("--no-deps", "--no-build-isolation", "-e", ".")):
         raise SystemExit("stereolib: .venv could not be made; " + why())
+    if not shutil.which("uv"):  # which leaves compiling to who imports; pip would do it on one core
+        subprocess.call([str(PYTHON), "-m", "compileall", "-qq", "-j", "0", str(VENV / "lib")], env=ENVIRON)
     STAMP.write_text(stamp())
 
 
@@ -121,7 +123,7 @@ def install(*wanted: str) -> bool:
     """Install something into the environment: by uv, which is quicker; by pip where uv fails; a handout from itself."""
     if (ROOT / "wheels").is_dir():
         wanted = ("--no-index", "--find-links", "wheels", *wanted)
-    pip = [str(PYTHON), "-m", "pip", "install", "--quiet"]
+    pip = [str(PYTHON), "-m", "pip", "install", "--quiet", *([] if STAMP.exists() else ["--no-compile"])]
     uv = [shutil.which("uv") or "", "pip", "install", "--quiet", "--python", str(PYTHON)]
     installers = [uv, pip] if uv[0] else [pip]
     return any(subprocess.call([*i, *wanted], cwd=str(ROOT), env=ENVIRON) == 0 for i in installers)
@@ -145,9 +147,8 @@ def main(argv: "list[str]") -> int:
         print(HELP)
         return 0
     if name == "clean":
-        made = [ROOT / name for name in (".venv", ".staging", ".hypothesis", "build", "dist")]
-        made += ROOT.glob(".*_cache")
-        for folder in [*made, *ROOT.rglob("__pycache__"), *ROOT.rglob(".ipynb_checkpoints")]:
+        made = (ROOT / name for name in (".venv", ".staging", ".hypothesis", "build", "dist"))
+        for folder in [*made, *ROOT.glob(".*_cache"), *ROOT.rglob("__pycache__"), *ROOT.rglob(".ipynb_checkpoints")]:
             shutil.rmtree(str(folder), ignore_errors=True)
         return 0
     if name not in COMMANDS:

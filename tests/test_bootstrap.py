@@ -99,6 +99,18 @@ def test_uv_installs_and_pip_does_where_uv_fails(made: Path, monkeypatch: pytest
     assert bootstrap.is_fresh()
 
 
+def test_pip_leaves_compiling_to_all_cores_at_once(made: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """In a fresh environment; what is added later is little, and compiled as it comes."""
+    calls = []
+    monkeypatch.setattr(bootstrap.shutil, "which", lambda _: None)
+    monkeypatch.setattr(subprocess, "call", lambda command, **_: calls.append(command[2:]) or 0)
+    bootstrap.STAMP.unlink()
+    bootstrap.setup()
+    assert [words[0] for words in calls] == ["venv", "pip", "pip", "compileall"]
+    assert all("--no-compile" in words for words in calls[1:3]) and calls[3][-3:-1] == ["-j", "0"]
+    assert bootstrap.install("-r", "requirements-site.txt") and "--no-compile" not in calls[4]
+
+
 def test_failed_installing_says_what_to_do_and_leaves_it_stale(made: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(subprocess, "call", lambda command, **options: int("install" in command))
     bootstrap.STAMP.unlink()

@@ -1,8 +1,8 @@
 """The pipelines on virtual scenes that took no part in their making, beside a rival; their honesty; one photograph.
 
 The settings of "best" come from ``choose_best.py``; its standard deviations are found here, on the scenes those were
-chosen on: the training scenes of ``layered_pairs.py`` and `CHOSEN_ON` of the rig, ``virtual_pairs.py``. Everything else
-is measured on the test scenes of both.
+chosen on and on shining ones: the training scenes of ``layered_pairs.py`` and `CHOSEN_ON` of the rig,
+``virtual_pairs.py``. Everything else is measured on the test scenes of both.
 Some ten minutes; with ``--only time`` two.
 """
 
@@ -44,11 +44,12 @@ def calibrate(pairs: list[Pair]) -> dict[str, Any]:
     """`deviation.LAWS` anew.
 
     The weights of a kind's signs and of their products are those of least squares on the logarithm of the error; the
-    pixels are then sorted by the score into parts of equal size, each with a standard deviation by `std_px`.
+    pixels are then sorted by the score into parts of equal size, each with a standard deviation by `std_px`; the last
+    one is halved again and again, `FINER` times, since blunders stand at its end.
     """
     gathered: dict[deviation.Kind, list[tuple[Array, Array]]] = {kind: [] for kind in deviation.Kind}
     for pair in tqdm(pairs, "calibrating", unit="pair"):
-        found = pipelines.fill_matched(pipelines.match_best(pair.left, pair.right, pair.num_disparities))
+        found = pipelines.fill_matched(pipelines.match_best(pair.left, pair.right, pair.num_disparities), pair.left)
         off, known = np.abs(found.disparity_px - pair.truth_px), np.isfinite(pair.truth_px)
         for kind, parts in gathered.items():
             here = known & (found.kind == kind)
@@ -64,7 +65,7 @@ def calibrate(pairs: list[Pair]) -> dict[str, Any]:
         weights, products = found[1 : 1 + len(z)], np.zeros((len(z), len(z)))
         products[PRODUCTS] = found[1 + len(z) :]
         score = found[1:] @ terms[1:]
-        groups = np.array_split(np.argsort(score, kind="stable"), LEVELS[kind])
+        groups = np.split(np.argsort(score, kind="stable"), (len(score) * ends(LEVELS[kind], FINER[kind])).astype(int))
         laws[kind.name] = {
             "mean": mean.tolist(),
             "scale": scale.tolist(),
@@ -78,11 +79,16 @@ def calibrate(pairs: list[Pair]) -> dict[str, Any]:
 
 EVERY = 5  # pixels of a pair, one is taken: neighbours err alike
 PRODUCTS = np.triu_indices(7)  # of two signs
-LEVELS = (16, 12, 12, 12)  # parts of each kind
+LEVELS, FINER = (16, 12, 12, 12), (4, 0, 0, 0)  # parts of each kind; halvings of the last one
 ERROR_FLOOR_PX = 0.2  # added to an error before its logarithm is taken: what is right to a fifth is right
 TWO_FOR_ONE = 2 * np.exp(-1.5)
 ALIKE = 0.005  # tries that are worth so much less still count: no jump from one to the other
 TRIED_PCT, TRIES = (60, 97), 80  # a deviation holds more errors than these, and two of it hold no more than those
+
+
+def ends(parts: int, halvings: int) -> Array:
+    """Shares of the pixels at which parts end, the last one left out."""
+    return np.append(np.arange(1, parts) / parts, 1 - 0.5 ** np.arange(1, halvings + 1) / parts)
 
 
 def std_px(errors: Array) -> float:
@@ -213,7 +219,11 @@ def main() -> None:
     if "accuracy" in wanted:
         tried = {"layered": honesty(layered_set("test")), "rig": honesty(rig_set(CHECKED_ON))}
         found = {**on_photographs(motorcycle_view()), **fast_against_sgbm(cubes), **tried}
-        save("pipeline", found | {"std_laws": calibrate(layered_set("training") + rig_set(CHOSEN_ON))}, ROOMS)
+        save(
+            "pipeline",
+            found | {"std_laws": calibrate(layered_set("training") + layered_set("shining") + rig_set(CHOSEN_ON))},
+            ROOMS,
+        )
 
 
 if __name__ == "__main__":

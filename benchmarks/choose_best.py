@@ -1,4 +1,6 @@
-"""Choose the settings of the pipeline "best" on the virtual rig alone: ``python benchmarks/choose_best.py``.
+"""Choose the settings of the pipeline "best" and of its rival on the virtual rig alone.
+
+``python benchmarks/choose_best.py``
 
 The procedure was settled on these scenes alone, before its result met any photograph:
 
@@ -22,6 +24,9 @@ scenes of ``layered_pairs.py``; the simplest value of each comes first. Their li
 well: 5.71 % instead of 5.67 %, and matches on smooth surfaces were a quarter less exact. The sums now have 8 bits:
 windows and penalties of the grid that need more are refused, if the first file is ever begun anew.
 
+The rival's settings are chosen by the same measures on the same scenes, whole, from ``RIVAL``; its lines are in
+``results/choose_rival.csv``, `rivals.CHOSEN` is what came out.
+
 Every setting tried becomes a line of ``results/choose_best.csv`` as soon as it is measured; called again, the script
 goes on from there. The defaults of `CensusSGM` and the constants of `pipelines` are copied from what it prints; a
 test goes through the file by the same procedure and holds them equal. No photograph is read here.
@@ -42,6 +47,7 @@ import numpy as np
 from common import RESULTS
 from joblib import Parallel, delayed
 from layered_pairs import layered_set
+from rivals import both_sides
 from tqdm import tqdm
 from virtual_pairs import CHOSEN_ON, Pair, bad_pct, cluttered, recorded
 
@@ -69,9 +75,18 @@ COARSE: dict[str, tuple[Any, ...]] = {
     "color_cap": (20.0, 30.0),
 }
 COARSE_KNOBS = [(name,) for name in COARSE]
+RIVAL: dict[str, tuple[Any, ...]] = {
+    "block_size": (1, 3, 5, 7, 9),
+    "p1_times": (8, 4, 16),
+    "p2_times": (32, 64, 128),
+    "speckle_px": (1, 5, 11, 21),
+    "median_px": (3, 5),
+}
+RIVAL_KNOBS = [(name,) for name in RIVAL]
 PLATEAU = 1.01  # times the least
 MIDDLE, HALF_ROWS = (120, 360), 90  # the rows that are matched: half the time; of layered pairs, to each side
 FILE, COARSE_FILE = RESULTS / "choose_best.csv", RESULTS / "choose_coarse.csv"
+RIVAL_FILE = RESULTS / "choose_rival.csv"
 Setting = dict[str, Any]
 Measure = Callable[[Pair, Setting], float]
 
@@ -86,7 +101,7 @@ def measure(pair: Pair, setting: Setting) -> float:
     if noise >= blur:
         sides = tuple(cv2.GaussianBlur(side, (0, 0), noise) for side in sides)
     matched = pipelines.match_best(*sides, pair.num_disparities, params)
-    return bad_pct(pipelines.fill_matched(matched, **own).disparity_px, pair.truth_px, 2)
+    return bad_pct(pipelines.fill_matched(matched, pair.left, **own).disparity_px, pair.truth_px, 2)
 
 
 def measure_coarse(pair: Pair, setting: Setting) -> float:
@@ -96,8 +111,19 @@ def measure_coarse(pair: Pair, setting: Setting) -> float:
     rows = slice(max(middle - HALF_ROWS, 0), middle + HALF_ROWS)
     visible, cut = seen_by_both(pair.truth_px)[rows], pair.rows(rows.start, rows.stop)
     matched = pipelines.match_best(cut.left, cut.right, pair.num_disparities, CensusSGM(**setting))
-    disparity = pipelines.fill_matched(matched).disparity_px
-    bad = bad_pct(disparity, cut.truth_px, 1, visible), bad_pct(disparity, cut.truth_px, 2)
+    return both_measures(pipelines.fill_matched(matched, cut.left).disparity_px, cut.truth_px, visible)
+
+
+def measure_rival(pair: Pair, setting: Setting) -> float:
+    """The same of the rival, from whole pairs."""
+    cv2.setNumThreads(1)
+    disparity = both_sides(pair.left, pair.right, pair.num_disparities, setting)
+    return both_measures(disparity, pair.truth_px, seen_by_both(pair.truth_px))
+
+
+def both_measures(disparity_px: np.ndarray, truth_px: np.ndarray, visible: np.ndarray) -> float:
+    """Geometric mean of bad-1 of what both cameras see and bad-2 of all, %."""
+    bad = bad_pct(disparity_px, truth_px, 1, visible), bad_pct(disparity_px, truth_px, 2)
     return statistics.geometric_mean(max(one, 0.01) for one in bad)
 
 
@@ -172,5 +198,6 @@ if __name__ == "__main__":
     seeds, names = CHOSEN_ON
     scenes = [pair for seed in seeds for pair in cluttered(seed)] + [recorded(name) for name in names]
     print(choose(Tried(FILE, [pair.rows(*MIDDLE) for pair in scenes], GRID, measure).mean))
-    coarse = Tried(COARSE_FILE, scenes + layered_set("training"), COARSE, measure_coarse)
-    print(choose(coarse.mean, COARSE, COARSE_KNOBS))
+    every = scenes + layered_set("training")
+    print(choose(Tried(COARSE_FILE, every, COARSE, measure_coarse).mean, COARSE, COARSE_KNOBS))
+    print(choose(Tried(RIVAL_FILE, every, RIVAL, measure_rival).mean, RIVAL, RIVAL_KNOBS))

@@ -31,7 +31,7 @@ class Look:
     `noise`: deviation in grey levels; `gain` of the right picture; `rows_px`: offset and roll at the rim; `shade`: how
     much a surface's brightness differs between the cameras; `blur_px`: of the lens; `relief_px`: the most that a
     surface rises and falls on a small scale; `gloss`: the most that a soft light lies on one picture alone, share of
-    its grey.
+    its grey; `shining`: share of the surfaces in which a lamp is mirrored.
     """
 
     size: tuple[int, int]
@@ -50,6 +50,7 @@ class Look:
     shapes: str
     relief_px: float = 0.0
     gloss: float = 0.0
+    shining: float = 0.0
 
 
 TRAINING = Look((640, 440), (4, 16), (24, 80), (5, 11), (0, 5), (1.5, 5.0), 0.10, (0.7, 1.5, 3.0, 6.0),
@@ -71,8 +72,11 @@ TEST_SHARP = replace(TEST, size=(540, 240), far_px=(10, 24), near_px=(28, 64), o
                      rod_px=(1.2, 5.0), slant=0.25, noise=(0.4, 0.8), gain=(1.0, 0.98), rows_px=(0.0, 0.08),
                      shade=0.025, blur_px=(0.4, 0.45), textures="fine photographs", relief_px=1.0,
                      gloss=0.08)  # fmt: skip
+#: Glossy things under a lamp: on them the deviations are found, too.
+TRAINING_SHINING = replace(TRAINING, noise=(0.5, 1.0, 2.0), shining=0.6)
 SETS = {"training": ((TRAINING, range(100, 116)), (TRAINING_CROWDED, range(120, 128)),
                      (TRAINING_SHARP, range(140, 150))),
+        "shining": ((TRAINING_SHINING, range(160, 172)),),
         "test": ((TEST, range(200, 212)), (TEST_CROWDED, range(220, 228)),
                  (TEST_SHARP, range(240, 248)))}  # fmt: skip
 
@@ -83,6 +87,24 @@ def layered_set(name: str) -> list[Pair]:
 
 
 @dataclass(frozen=True, eq=False)
+class Lamp:
+    """What a surface mirrors of it: place in the left picture, half widths, grey levels; its own disparity, px.
+
+    The mirrored lamp stands behind a flat surface or in front of a hollow one: both cameras see it elsewhere on it.
+    """
+
+    at: Array
+    half_px: Array
+    grey: float
+    disparity_px: float
+
+    def light(self, x: Array, y: Array, right: bool) -> Array:
+        """Grey levels that it adds at columns and rows of a picture, with the long tails of rough surfaces."""
+        off = (x + right * self.disparity_px - self.at[0]) / self.half_px[0], (y - self.at[1]) / self.half_px[1]
+        return self.grey / (1 + off[0] ** 2 + off[1] ** 2) ** 2
+
+
+@dataclass(frozen=True, eq=False)
 class Layer:
     """A surface: its disparity and whether it is there, of columns and rows of the left picture; its texture."""
 
@@ -90,6 +112,7 @@ class Layer:
     inside: Callable[[Array, Array], Array]
     texture: Array
     to_texture: Array
+    lamp: Lamp | None = None
 
     def color(self, x: Array, y: Array) -> Array:
         """Its colour, (H, W, 3), at columns and rows of the left picture."""
@@ -140,6 +163,8 @@ def _picture(layers: list[Layer], look: Look, rng: np.random.Generator, right: b
         if here.any():
             own = 1 + look.shade * rng.standard_normal()
             out[here] = own * layer.color(column, y)[here]
+            if layer.lamp:
+                out[here] += layer.lamp.light(x, y, right)[here, None]
     if look.gloss:
         soft = rng.uniform(-1, 1, (3, 4)).astype(np.float32)
         out *= 1 + look.gloss * cv2.resize(soft, x.shape[::-1], interpolation=cv2.INTER_CUBIC)[..., None]
@@ -200,7 +225,21 @@ def _layers(look: Look, rng: np.random.Generator) -> list[Layer]:
 
         level = rng.uniform(*look.near_px)
         layers.append(Layer(surface(level, 0.03, 0.0, x0, y0, length), rod, *_texture(look, rng)))
-    return layers
+    return [_shining(layer, look, rng) for layer in layers]
+
+
+def _shining(layer: Layer, look: Look, rng: np.random.Generator) -> Layer:
+    """The surface as it is or, by chance, with a lamp mirrored in it."""
+    if not look.shining or rng.random() >= look.shining:
+        return layer
+    x, y = _grid(look.size, 1)
+    seen = np.argwhere(layer.inside(x, y))
+    if not len(seen):
+        return layer
+    at = rng.choice(seen)[::-1].astype(np.float32)
+    half_px, grey = np.exp(rng.uniform(np.log(8), np.log(80), 2)), np.exp(rng.uniform(np.log(40), np.log(400)))
+    disparity = rng.uniform(0.3, 1.1) * float(layer.disparity(at[:1, None], at[1:, None])[0, 0])
+    return replace(layer, lamp=Lamp(at, half_px.astype(np.float32), float(grey), disparity))
 
 
 def _outline(look: Look, rng: np.random.Generator, x0: float, y0: float, radius: float) -> Callable[..., Array]:

@@ -1,4 +1,8 @@
-"""What others can have for nothing instead of "best": OpenCV's matchers, with every advantage that ours has."""
+"""What others can have for nothing instead of "best": OpenCV's matchers.
+
+The one that "best" is held against gets every advantage that ours has: the same rows and brightness, and settings that
+were chosen on the same scenes by the same procedure (``choose_best.py``).
+"""
 
 from __future__ import annotations
 
@@ -10,22 +14,26 @@ from stereolib.matching.levels import shaded
 from stereolib.rig import to_grey
 
 Array = np.ndarray
-_BLOCK, _BM_BLOCK, _SPECKLE_PX = 5, 15, 11
+_BM_BLOCK = 15
+#: Chosen by ``choose_best.py``; the penalties are so many times the block's pixels.
+CHOSEN = {"block_size": 1, "p1_times": 8, "p2_times": 32, "speckle_px": 5, "median_px": 5}
 
 
-def both_sides(left: Array, right: Array, num_disparities: int) -> Array:
+def both_sides(left: Array, right: Array, num_disparities: int, setting: dict[str, int] = CHOSEN) -> Array:
     """`cv2.StereoSGBM` along eight paths from both sides, checked, specks removed, holes filled, median.
 
     The rows of the right picture are corrected by the estimator that "best" uses, its brightness is given the mean and
     the deviation of the left one, and what differs part by part is taken off as "best" does it.
     """
     grey = evened(left, right)
+    block, area = setting["block_size"], setting["block_size"] ** 2
     every = {"disp12_max_diff": -1, "uniqueness_ratio": 0, "speckle_window_size": 0}
-    params = SGBMParams(num_disparities, _BLOCK, mode="hh", **every)
+    penalties = {"p1": setting["p1_times"] * area, "p2": setting["p2_times"] * area}
+    params = SGBMParams(num_disparities, block, mode="hh", **every, **penalties)
     forth = match_pair(grey[0], grey[1], params, whole=True)
     back = match_pair(grey[1][:, ::-1], grey[0][:, ::-1], params, whole=True)[:, ::-1]
-    kept = smooth(left_right_check(forth, back), "speckle", size_px=_SPECKLE_PX)
-    return cv2.medianBlur(smooth(kept, "background"), 3)
+    kept = smooth(left_right_check(forth, back), "speckle", size_px=setting["speckle_px"])
+    return cv2.medianBlur(smooth(kept, "background"), setting["median_px"])
 
 
 def filled_bm(left: Array, right: Array, num_disparities: int) -> Array:

@@ -21,7 +21,7 @@ from stereolib.matching.disparity import compute_disparity, left_right_check
 from stereolib.matching.filling import fill_background, remove_speckles
 from stereolib.matching.filters import dilate
 from stereolib.matching.levels import evened, shaded
-from stereolib.matching.plane_fill import continue_background
+from stereolib.matching.plane_fill import behind_border, continue_background
 from stereolib.matching.rows import find_rows
 from stereolib.matching.sgbm import SGBMParams, check_window
 from stereolib.rig import check_pair, to_grey
@@ -82,8 +82,9 @@ def stereo_pipeline(name: str = "best", num_disparities: int | None = 128) -> Pi
         - ``"paper"``: `cv2.StereoSGBM` and one 9 x 9 dilation (sections II.C and II.D; the paper prints no kernel).
         - ``"fast"``: matched in half size from left and from right, checked, holes filled from the background, and
           enlarged. A quarter of the pixels, half of the disparities: several times faster than plain SGBM.
-        - ``"best"``: rows and exposure corrected, `match_census_sgm`, checked from right to left, specks removed, holes
-          filled by the planes behind them, 5 x 5 median; a standard deviation for each pixel. Dense; some seconds.
+        - ``"best"``: rows corrected, then exposure, as a whole and part by part (`shaded`); `match_census_sgm`, checked
+          from right to left, specks removed, holes filled by the planes behind them, at the left border by colour, too
+          (`behind_border`), 5 x 5 median; a standard deviation for each pixel. Dense; some seconds.
     num_disparities : int or None, px
         Disparities from 0 to this are looked for; a multiple of 16, of 32 for ``"fast"``. None takes what
         `search_range` tells of the pair.
@@ -147,12 +148,16 @@ def search_range(rough_px: Float32, width_px: int, step: int = 16) -> int:
     return max(step, min(-(-int(need) // step) * step, widest))
 
 
-def fill_matched(matched: SGMResult, *, speckle_px: int = _SPECKLE_PX, median_px: int = _MEDIAN_PX) -> FilledMap:
-    """Make the dense map of ``"best"``: checked, specks removed, holes filled by planes, smoothed.
+def fill_matched(
+    matched: SGMResult, left: UInt8, *, speckle_px: int = _SPECKLE_PX, median_px: int = _MEDIAN_PX
+) -> FilledMap:
+    """Make the dense map of ``"best"``: checked, specks removed, holes filled by planes, or by colour, smoothed.
 
     Parameters
     ----------
     matched : SGMResult
+    left : (H, W) or (H, W, 3) uint8
+        The left picture, whose colours tell where near surfaces end at the border.
     speckle_px : int
         Patches of fewer than ``speckle_px ** 2`` pixels are removed.
     median_px : {3, 5}
@@ -165,7 +170,7 @@ def fill_matched(matched: SGMResult, *, speckle_px: int = _SPECKLE_PX, median_px
     checked = left_right_check(matched.left_px, matched.right_px)
     checked[checked > np.arange(checked.shape[1])] = np.nan
     checked = remove_speckles(checked, speckle_px)
-    dense = continue_background(checked)
+    dense = behind_border(continue_background(checked), checked, left)
     if np.isnan(dense).any():  # nothing was accepted anywhere
         dense = matched.left_px
     disparity = cv2.medianBlur(dense, median_px)
@@ -199,7 +204,7 @@ def match_best(left: UInt8, right: UInt8, num_disparities: int, params: CensusSG
 
 
 def _best(left: UInt8, right: UInt8, num_disparities: int) -> DisparityEstimate:
-    found = fill_matched(match_best(left, right, num_disparities))
+    found = fill_matched(match_best(left, right, num_disparities), left)
     std_px = deviation.std_px(found.kind, found.signs)
     return DisparityEstimate(found.disparity_px, found.kind <= deviation.Kind.STEP, std_px)
 

@@ -1,11 +1,12 @@
-"""Filling of holes with the planes of the surfaces behind them: walls and floors go on as steeply as they come."""
+"""Filling of holes with the surfaces behind them: as planes, and at the left border with those of their colour."""
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereolib.base import Float32, Ints
+from stereolib.base import Float32, Ints, UInt8
 from stereolib.matching.filling import check_map, fill_background, neighbours
 
 # Where a surface is looked at from the last pixel before a hole, px: away from the hole, and in the rows around.
@@ -13,6 +14,9 @@ _AWAY_PX, _AROUND_PX = np.linspace(0, 31, 8).round(), np.linspace(-20, 20, 7).ro
 _SCALES_PX = (2.0, 1.0, 0.5)  # of the robust weights, one round each
 _LEVEL_PX, _SLOPE = 2.0, 0.04  # deviations of the plane from the pixel's own disparity and from level, before looking
 _LEAST_HOLE_PX = 4  # shorter ones are filled level
+# Colours at the left border: of a pixel, of a surface, how far from its rim that is looked at, window of the vote.
+_OWN_PX, _SURFACE_PX, _INSIDE_PX, _VOTE_PX = 5, 9, 5, 15
+_BEHIND_PX, _ALIKE, _LEAST_UNLIKE = 2.0, 0.4, 9.0  # px; share of the nearer one's difference of colour; grey levels
 
 
 def continue_background(disparity_px: npt.ArrayLike) -> Float32:
@@ -61,6 +65,67 @@ def continue_background(disparity_px: npt.ArrayLike) -> Float32:
         level, slope = planes[which].T
         filled[rows, at] = np.clip(level + slope * (at - from_px), 0, nearer[rows, at])
     return filled
+
+
+def behind_border(filled_px: Float32, disparity_px: Float32, left: UInt8) -> Float32:
+    """Give holes at the left border to a surface above or below instead, where that is farther and has their colour.
+
+    Where a near surface leaves the right picture, its row goes on with it to the border, though it may end before.
+
+    Parameters
+    ----------
+    filled_px : (H, W) float32, px
+        As `continue_background` gives it.
+    disparity_px : (H, W) float32, px, NaN is a hole
+        Before it was filled.
+    left : (H, W) or (H, W, 3) uint8
+        The rectified left picture.
+
+    Returns
+    -------
+    (H, W) float32, px
+        A hole takes the disparity of the nearest valid pixel above or below if that is farther by more than 2 px and
+        the colours there, 5 px on, differ from the hole's by less than 0.4 of what those of its row do, which must be
+        9 grey levels or more (root mean square of the channels). Where most pixels within 15 px stay, it stays.
+
+    Examples
+    --------
+    >>> seen = np.full((60, 60), 30, np.float32)
+    >>> seen[30:], seen[:30, :30] = 10, np.nan  # a near thing above, which the right picture sees from column 30 on
+    >>> left = np.full((60, 60), 50, np.uint8)
+    >>> left[:30, 20:] = 200  # it ends at column 20
+    >>> filled = behind_border(continue_background(seen), seen, left)
+    >>> filled[10, [5, 25, 40]]
+    array([10., 30., 30.], dtype=float32)
+    """
+    known, rows_px = np.isfinite(disparity_px), np.arange(len(disparity_px), dtype=np.intp)[:, None]
+    first = np.where(known.any(axis=1), known.argmax(axis=1), 0)
+    if not (width := int(first.max())):
+        return filled_px
+    known, part = known[:, :width], np.atleast_3d(left)[:, : width + _SURFACE_PX]
+    own, around = (np.atleast_3d(cv2.blur(part, (size, size))).astype(np.int16) for size in (_OWN_PX, _SURFACE_PX))
+    # the first row and the last one may be holes: NaN
+    above, after = (np.maximum.accumulate(np.where(k, rows_px, 0), axis=0) for k in (known, known[::-1]))
+    below = len(known) - 1 - after[::-1]
+    hole = np.arange(width) < first[:, None]
+    least, level = np.full(known.shape, np.inf, np.float32), np.full(known.shape, np.nan, np.float32)
+    for rim, on in ((above, -_INSIDE_PX), (below, _INSIDE_PX)):
+        found = np.take_along_axis(disparity_px[:, :width], rim, axis=0)
+        y, x = np.nonzero(hole & (found < filled_px[:, :width] - _BEHIND_PX))
+        differs = _square(own[y, x] - around[(rim[y, x] + on).clip(0, len(known) - 1), x])
+        in_row = _square(own[y, x] - around[y, np.minimum(first[y] + _INSIDE_PX, around.shape[1] - 1)])
+        better = (differs < _ALIKE**2 * in_row) & (in_row > _LEAST_UNLIKE**2) & (differs < least[y, x])
+        y, x = y[better], x[better]
+        least[y, x], level[y, x] = differs[better], found[y, x]
+    share = cv2.blur(np.isfinite(level).astype(np.float32), (_VOTE_PX, _VOTE_PX), borderType=cv2.BORDER_REPLICATE)
+    taken = (share > 0.5) & np.isfinite(level)
+    out = filled_px.copy()
+    out[:, :width][taken] = level[taken]
+    return out
+
+
+def _square(colour: npt.NDArray[np.int16]) -> Float32:
+    return np.asarray((colour.astype(np.float32) ** 2).mean(axis=-1))
 
 
 def _planes(disparity: Float32, rows: Ints, columns: Ints, away: int) -> Float32:

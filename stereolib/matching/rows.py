@@ -147,9 +147,12 @@ class RowOffset:
         Returns
         -------
         uint8, shaped like `right`
+            Beyond its border, the border's grey.
         """
         flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-        return np.asarray(cv2.warpAffine(right, self.warp, right.shape[1::-1], flags=flags))
+        return np.asarray(
+            cv2.warpAffine(right, self.warp, right.shape[1::-1], flags=flags, borderMode=cv2.BORDER_REPLICATE)
+        )
 
 
 def find_rows(left: UInt8, right: UInt8) -> tuple[RowOffset, Float32]:

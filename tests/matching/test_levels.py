@@ -68,7 +68,7 @@ def test_what_was_not_matched_stays():
 def test_a_wrong_match_moves_no_part_far():
     dark, bright = np.full((160, 240), 40, np.uint8), np.full((160, 240), 220, np.uint8)
     moved = shaded(dark, bright, np.full((80, 120), 4, np.float32)).astype(int) - dark
-    assert 10 < moved.max() <= 20
+    assert 10 < moved.max() <= 20 / 1.3 + 1
 
 
 def test_a_soft_light_on_one_picture_costs_best_little(monkeypatch):

@@ -59,7 +59,7 @@ def test_best_owns_up_to_its_guesses():
     assert wrong[1] > 2 * wrong[0]
     assert np.median(found.std_px[~found.matched]) > 2 * np.median(found.std_px[found.matched])
     ones = np.ones((40, 64), np.float32)  # the views contradict each other everywhere: nothing may claim to be known
-    filled = pipelines.fill_matched(census_sgm.SGMResult(9 * ones, 3 * ones, 300 * ones))
+    filled = pipelines.fill_matched(census_sgm.SGMResult(9 * ones, 3 * ones, 300 * ones), ones.astype(np.uint8))
     assert (filled.kind == deviation.Kind.BORDER).all()
     assert (deviation.std_px(filled.kind, filled.signs) > 5).all()
 
@@ -86,7 +86,7 @@ def test_nothing_is_told_beyond_the_signs_that_were_seen():
         sign = (np.array(law.mean) + z * np.array(law.scale)).astype(np.float32)[None]
         found = deviation.std_px(np.full((1, 40), kind), sign)[0]
         score = [w @ np.array(law.weights) + w @ np.array(law.products) @ w for w in z.astype(float)]
-        np.testing.assert_allclose(found, np.interp(score, law.score, law.std_px), rtol=5e-3)
+        np.testing.assert_allclose(found, np.exp(np.interp(score, law.score, np.log(law.std_px))), rtol=5e-3)
         far = [np.array(law.mean) + n * np.sign(z) * np.array(law.scale) for n in (3, 9)]
         ends = [deviation.std_px(np.full((1, 40), kind), one.astype(np.float32)[None]) for one in far]
         np.testing.assert_allclose(*ends, rtol=5e-3)
@@ -96,14 +96,14 @@ def test_deviations_do_not_jump():
     """Where any sign moves by a hundredth of its scale, the deviation hardly changes, at any pixel."""
     pair, _ = recorded("conditions/glare")
     matched = pipelines.match_best(*pair, 128)
-    found = pipelines.fill_matched(matched)
+    found = pipelines.fill_matched(matched, pair[0])
     was = deviation.std_px(found.kind, found.signs)
     scale = np.array([deviation.LAWS[kind].scale for kind in deviation.Kind], np.float32)[found.kind]
     for k in range(found.signs.shape[2]):
         moved = found.signs.copy()
         moved[..., k] += 0.01 * scale[..., k]
         change = np.abs(np.log(deviation.std_px(found.kind, moved) / was))
-        assert np.quantile(change, 0.99) < 0.05 and change.max() < 0.3, k
+        assert np.quantile(change, 0.99) < 0.07 and change.max() < 0.2, k
 
 
 def test_deviations_of_errors_with_heavy_tails(monkeypatch):
@@ -118,6 +118,23 @@ def test_deviations_of_errors_with_heavy_tails(monkeypatch):
     ]
     growth = np.array(found[1:]) / found[:-1]
     assert found[-1] > 15 and growth.min() > 0.95 and growth.max() < 6
+
+
+def test_a_mirrored_lamp_has_a_disparity_of_its_own(monkeypatch):
+    """The deviations are found under such lamps, too: each picture shows them at another place of the surface."""
+    monkeypatch.syspath_prepend(str(datasets.ROOT / "benchmarks"))
+    script = importlib.import_module("layered_pairs")
+    lamp = script.Lamp(np.array([40.0, 10.0]), np.array([4.0, 6.0]), 90.0, 7.0)
+    x, y = np.meshgrid(np.arange(80.0), np.arange(30.0))
+    lights = [lamp.light(x, y, right) for right in (False, True)]
+    assert [np.unravel_index(light.argmax(), light.shape) for light in lights] == [(10, 40), (10, 33)]
+    assert lights[0].max() == 90 and lights[0][10, 44] == pytest.approx(90 / 4)
+    small = {"size": (96, 64), "objects": (2, 3), "rods": (0, 1)}
+    plain, shining = (script.replace(script.TRAINING_SHINING, **small, shining=share) for share in (0.0, 1.0))
+    shown = [script.layered(look, 3) for look in (plain, shining)]
+    np.testing.assert_array_equal(*(pair.truth_px for pair in shown))  # the same surfaces
+    brighter = [(b.astype(float) - a).mean() for a, b in zip(*([p.left, p.right] for p in shown), strict=True)]
+    assert min(brighter) > 1
 
 
 def test_rows_that_disagree_are_corrected():
@@ -192,6 +209,10 @@ def test_the_settings_are_those_that_the_script_chose(monkeypatch):
     mean = lambda setting: coarse[script.key_of(setting, script.COARSE)]  # noqa: E731
     chosen |= script.choose(mean, script.COARSE, script.COARSE_KNOBS)
     assert census_sgm.CensusSGM(**chosen) == census_sgm.CensusSGM()
+    with script.RIVAL_FILE.open(encoding="utf-8", newline="") as stream:
+        rival = {script.key_of(row, script.RIVAL): float(row["mean"]) for row in csv.DictReader(stream)}
+    mean = lambda setting: rival[script.key_of(setting, script.RIVAL)]  # noqa: E731
+    assert script.choose(mean, script.RIVAL, script.RIVAL_KNOBS) == importlib.import_module("rivals").CHOSEN
     scenes = [name for name in rows[0] if "@" in name or "/" in name]
     assert len(scenes) == 20  # all of them virtual
     first = [float(rows[0][name]) for name in scenes]
@@ -209,9 +230,9 @@ def test_the_benchmark_says_what_the_library_uses():
     layered = measured["layered"]
     assert layered["mean"]["best_bad1_visible_pct"] < 0.8 * layered["mean"]["rival_bad1_visible_pct"]
     assert layered["mean"]["best_bad2_pct"] < 0.8 * layered["mean"]["rival_bad2_pct"]
-    assert layered["ahead_of_rival"] >= 0.9 * layered["pairs"]
+    assert layered["ahead_of_rival"] >= 0.8 * layered["pairs"]
     for scenes in (layered, measured["rig"]):
-        assert 63 <= scenes["inside1_pct"] <= 73 and 92 <= scenes["inside2_pct"] <= 97
+        assert 63 <= scenes["inside1_pct"] <= 74 and 92 <= scenes["inside2_pct"] <= 97
         assert scenes["mean"]["area"] <= 0.15
     times = (datasets.ROOT / "benchmarks" / "results" / "pipeline_time.json").read_text(encoding="utf-8")
     assert json.loads(times)["fast_times_plain"] >= 2
@@ -219,7 +240,7 @@ def test_the_benchmark_says_what_the_library_uses():
 
 
 #: On the motorcycle, measured with OpenCV 4.14: it rounds the corrected rows otherwise, in 6 % of the pixels.
-OPENCV4_BAD2_PCT = 6.13
+OPENCV4_BAD2_PCT = 6.12
 
 
 def test_best_on_a_real_pair():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from stereolib.matching.filling import fill_background
-from stereolib.matching.plane_fill import continue_background
+from stereolib.matching.plane_fill import behind_border, continue_background
 
 ROWS, COLUMNS = np.mgrid[0:80, 0:160].astype(np.float32)
 WALL = 20 + 0.08 * COLUMNS - 0.05 * ROWS
@@ -70,3 +70,42 @@ def test_maps_of_any_size(shape):
     assert np.isnan(continue_background(nothing)).all()
     nothing[-1, -1] = 4
     assert (continue_background(nothing) == 4).all()
+
+
+NEAR = COLUMNS < 60  # a near thing that ends at column 14 of the upper rows, which the right picture sees from 40 on
+SEEN = np.where(ROWS < 50, np.where(COLUMNS < 40, np.nan, np.where(NEAR, 40, 10)), 10).astype(np.float32)
+
+
+def picture(ends_at, levels, channels=3):
+    """What a camera shows of it: the thing has one grey, what is behind it another."""
+    thing = (ROWS < 50) & (ends_at <= COLUMNS) & NEAR
+    shown = np.where(thing, *levels) + np.random.default_rng(2).normal(0, 4, thing.shape)
+    shown = shown.round().clip(0, 255).astype(np.uint8)
+    return np.repeat(shown[..., None], channels, axis=2) if channels else shown
+
+
+@pytest.mark.parametrize("channels", [0, 3])
+def test_at_the_border_a_near_thing_ends_where_its_colour_does(channels):
+    filled = continue_background(SEEN)
+    assert (np.abs(filled[:50, :40] - 40) < 1).all()  # its plane alone goes on to the border
+    found = behind_border(filled, SEEN, picture(14, (180, 60), channels))
+    assert (found[20:45, :10] == 10).all() and (np.abs(found[5:45, 20:40] - 40) < 1).all()
+    np.testing.assert_array_equal(found[:, 40:], filled[:, 40:])
+    np.testing.assert_array_equal(found[50:], filled[50:])
+
+
+@pytest.mark.parametrize("shown", [picture(0, (180, 60)), picture(14, (66, 60)), picture(14, (100, 100))])
+def test_at_the_border_colours_that_tell_nothing_change_nothing(shown):
+    filled = continue_background(SEEN)
+    np.testing.assert_array_equal(behind_border(filled, SEEN, shown), filled)
+
+
+def test_at_the_border_nothing_nearer_is_taken():
+    far = np.where(np.isnan(SEEN) | (SEEN == 40), SEEN / 8, 20).astype(np.float32)
+    filled = continue_background(far)
+    np.testing.assert_array_equal(behind_border(filled, far, picture(14, (180, 60))), filled)
+
+
+@pytest.mark.parametrize("seen", [WALL, np.full_like(WALL, np.nan)], ids=["no hole", "nothing"])
+def test_without_a_hole_or_a_match_the_border_stays(seen):
+    np.testing.assert_array_equal(behind_border(seen, seen, picture(14, (180, 60))), seen)

@@ -150,7 +150,8 @@ def between(
     told = f"{found.length_mm:.1f} ± {found.std_mm:.1f} mm (one standard deviation), at depths of {depths}"
     told += "\nan edge that was left out is missing in it; without --between, things are told from edge to edge"
     told += f"\nthe pixels were taken for those of this picture: {frame}"
-    return draw_length(left, pixels, f"{found.length_mm:.1f} +- {found.std_mm:.1f} mm"), facts, told
+    drawn = f"{found.length_mm:.1f} mm (std {found.std_mm:.1f})"  # OpenCV 4 cannot write a ±
+    return draw_length(left, pixels, drawn), facts, told
 
 
 def _pixel(text: str) -> tuple[float, float]:

@@ -32,6 +32,7 @@ _FARTHEST_MM = 1200.0
 #: The camera must stand so far above a top to look down on it.
 LEAST_ABOVE_MM = 15.0
 _TRIED_PX, _TRIED_STDS, _MOST_TRIED = 0.3, 2.5, 10  # of disparity, heights of a top that are tried, either way
+_AWAY = 0.1  # rows' correlation that a standard deviation away from the known height, squared, has to gain
 _AGREES = 0.5  # correlation that speaks neither for nor against a top
 _LEVEL = 1e-3  # fall of a ray that meets no top any more
 _HIGHEST_MM, _PAST_RIM = 1000.0, 1.05
@@ -324,23 +325,25 @@ def follow_top(views: Views, world: World, own: Float64, front: Side, height_std
     Notes
     -----
     Seen at a slant, a top a little higher or lower has quite another disparity: heights that change it by 0.3 px are
-    tried, to 2.5 standard deviations. Each has the most that its rows' correlations, over 0.5, add up to.
+    tried, to 2.5 standard deviations, or 3 px. Each gains the most that its rows' correlations, over 0.5, add up to,
+    less ``z^2 / 10``; the known one stays where none gains.
     """
     known_mm, camera_mm = float(own[Own.HEIGHT]), float(world.camera_height)
-    middle = Box(own).edge(front.top).mean(axis=0) - [0.0, 0.0, camera_mm]
-    px_per_mm = float(world.scale) / (middle @ world.axes[:, 2]) / (camera_mm - known_mm)
-    most = min(round(_TRIED_STDS * height_std_mm * px_per_mm / _TRIED_PX), _MOST_TRIED)
-    tried = known_mm + np.arange(-most, most + 1) * _TRIED_PX / px_per_mm
-    tried = tried[tried < camera_mm - LEAST_ABOVE_MM]
-    if not len(tried):
+    if not camera_mm - known_mm > LEAST_ABOVE_MM:
         return None
+    middle = Box(own).edge(front.top).mean(axis=0) - [0.0, 0.0, camera_mm]
+    step_mm = _TRIED_PX / float(world.scale) * (middle @ world.axes[:, 2]) * (camera_mm - known_mm)
+    most = round(min(_MOST_TRIED, _TRIED_STDS * height_std_mm / step_mm))
+    steps = sorted(range(-most, most + 1), key=abs)  # of equal ones the first is taken: the nearest
+    tried = known_mm + step_mm * np.array(steps)
+    tried = tried[(tried > 0.0) & (tried < camera_mm - LEAST_ABOVE_MM)]
     first = np.stack([_top(world, own, front, height, _FIRST_PX)[1] for height in tried])
     alike = Samples.of(views, world, first).correlations.mean(axis=-1) - _AGREES
-    gained = np.cumsum(np.nan_to_num(alike, nan=-_AGREES), axis=1).max(axis=1)
-    height = float(tried[gained.argmax()])
+    gained = np.cumsum(np.nan_to_num(alike, nan=-_AGREES), axis=1).max(axis=1).clip(0.0, None)
+    off = (tried - known_mm) / max(height_std_mm, step_mm)
+    height = float(tried[(gained - _AWAY * off**2).argmax()])
     depth, points = _top(world, own, front, height, _WIDEST_PX)
-    shown = int(np.argmax(depth > _FARTHEST_MM)) or len(depth)
-    depth, points = depth[:shown], points[:shown]
+    depth, points = depth[np.isfinite(depth)], points[np.isfinite(depth)]
     if len(depth) <= _LEAST_SECOND_PX:
         return None
     reach = agreement(views, world, points).reach(_FIRST_PX, second=True)
@@ -348,7 +351,10 @@ def follow_top(views: Views, world: World, own: Float64, front: Side, height_std
 
 
 def _top(world: World, own: Float64, front: Side, height_mm: float, most_px: int) -> tuple[Float64, Float64]:
-    """Rows of a top at a height behind a face's upper edge, a pixel apart: depths (N,), points (N, samples, 3)."""
+    """Rows of a top at a height behind a face's upper edge, a pixel apart: depths (N,), points (N, samples, 3).
+
+    NaN from the first one on that lies too far behind.
+    """
     own, f = own.copy(), float(world.focal)
     own[Own.HEIGHT] = height_mm
     a, b = Box(own).edge(front.top)
@@ -358,6 +364,7 @@ def _top(world: World, own: Float64, front: Side, height_mm: float, most_px: int
     rays = np.stack([np.full_like(rows, (u - world.centre_px[0]) / f), (rows - world.centre_px[1]) / f], axis=-1)
     rays = np.column_stack([rays, np.ones_like(rows)]) @ world.axes.T
     depth = ((above / np.maximum(-rays[:, 2], _LEVEL))[:, None] * rays[:, :2] - ((a + b) / 2)[:2]) @ back[:2]
+    depth[~np.logical_and.accumulate(depth < _FARTHEST_MM)] = np.nan
     along = a + (b - a) * np.linspace(0.0, 1.0, _SAMPLES)[:, None]
     return depth, along[None] + depth[:, None, None] * back
 

@@ -6,40 +6,25 @@ Picture -> faces and edges (`pictured`); scan -> lines (`scanned`); laser and ca
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from stereolib.base import Float32, Float64, UInt8, direction
-from stereolib.laser import Footprint, LaserScan, find_segments, fit_footprint, points_mm
-from stereolib.measurement.agreement import Past
-from stereolib.measurement.box import Box, Edge, Own, Shared, Side
-from stereolib.measurement.contradictions import weigh_ends
+from stereolib.base import Float32, Float64, UInt8
+from stereolib.laser import LaserScan, points_mm
+from stereolib.measurement.box import Shared
 from stereolib.measurement.floor import Floor
-from stereolib.measurement.hypotheses import Judged, judge
+from stereolib.measurement.hypotheses import Judged
 from stereolib.measurement.instrument import Instrument
 from stereolib.measurement.laser_on_floor import LaserOnFloor, Lean
-from stereolib.measurement.measured_object import BoxFacts, MeasuredObject, from_box, from_region, from_scan
-from stereolib.measurement.pairing import Place, pair_up
-from stereolib.measurement.pictured import Pictured
-from stereolib.measurement.plane_alignment import CannotMeasure
-from stereolib.measurement.reasons import NOT_STANDING, Reason, ScanFit, Source, Why
-from stereolib.measurement.regions import OBJECTS_WITHIN_MM, ObjectRegion
-from stereolib.measurement.scanned import scan_observations, scanned_box
-from stereolib.measurement.scene_solver import COMMON_ERRORS, Priors, Seen, Solution
+from stereolib.measurement.measured_object import MeasuredObject
+from stereolib.measurement.reasons import ScanFit
+from stereolib.measurement.regions import OBJECTS_WITHIN_MM
 from stereolib.measurement.standing import Standing, see_standing
+from stereolib.measurement.things import NOWHERE, SCAN_REACH_M, Scene, nearest_mm, scan_fit, scanned_parts
 from stereolib.measurement.views import Views
 
-_SCAN_REACH_M = 3  # of `stereolib.laser.find_segments`
-_FEW_BEAMS = 6  # so few tell no round or irregular outline from faces
-_SHOWN = 0.5  # share of a footprint that the right camera must show
-_WALL_PX = 4.0  # of disparity, two of the half size: so near a wall of the scan a region without a face is a part of it
-_NOWHERE = np.zeros((0, 2))
 _LIKELY = 0.5  # probability from which something is said to have moved
-_LEAST_BEAMS = 2  # in the left picture: one may be a neighbour's
-_CONTRADICTION = 2.2  # standard deviations, as `Solution.misfits` counts: an end lies within 1.6 of its two beams
-_FOLLOWED = 0.9  # share of what was followed of a face that is surely its own
 _PAIR_ALONE = (
     "its sizes come from the pair alone. Were both taken at one moment, with nothing touching it? If this is said of "
     "many objects, the laser has moved: run calibrate-laser again"
@@ -139,23 +124,23 @@ def measure_standing(standing: Standing, scan: LaserScan | None) -> Measurement:
     if scan is not None:
         scan = _above_floor(scan, priors.laser.lean)
         warnings += _said_of_lean(priors.laser.lean)
-    footprints, walls_mm, no_object = ([], _NOWHERE, "") if scan is None else _scanned(scan, priors.laser.bias_mm)
+    footprints, walls_mm, no_object = ([], NOWHERE, "") if scan is None else scanned_parts(scan, priors.laser.bias_mm)
     warnings += [no_object] if no_object else []
-    scene = _Scene(standing, bool(footprints), priors.laser.points_mm(walls_mm))
+    scene = Scene(standing, bool(footprints), priors.laser.points_mm(walls_mm))
     things, unlike = scene.things(footprints)
     judged, things = scene.solved(things)
-    fit, everything = _scan_fit(things), len(things)
+    fit, everything = scan_fit(things), len(things)
     judged, things = scene.without_phantoms(judged, things, fit)
     elsewhere = [f"{fit.value} What it alone shows is left out"] if len(things) < everything else []
     found = scene.measured(judged, things)
     apart = [f"{disagreement(item)}: {_PAIR_ALONE}" for item, t in zip(found, things, strict=True) if t.disagrees]
     objects = sorted(found, key=lambda thing: float(np.hypot(*thing.position_mm)))
     if not objects:
-        reach = f"{OBJECTS_WITHIN_MM / 1000:g} m of the cameras or {_SCAN_REACH_M} m of the laser"
+        reach = f"{OBJECTS_WITHIN_MM / 1000:g} m of the cameras or {SCAN_REACH_M} m of the laser"
         warnings.append(f"nothing stands on the floor within {reach}")
     laser = priors.laser.moved(*judged.solution.laser)
-    readings = _NOWHERE if scan is None else laser.points_mm(points_mm(scan))
-    warnings += [*unlike, *apart, *elsewhere, *_said_of_the_rig(views, judged, _nearest_mm(judged, things), instrument)]
+    readings = NOWHERE if scan is None else laser.points_mm(points_mm(scan))
+    warnings += [*unlike, *apart, *elsewhere, *_said_of_the_rig(views, judged, nearest_mm(judged, things), instrument)]
     pictures = views.left, views.right, views.disparity_px
     return Measurement(tuple(objects), tuple(warnings), standing.floor, laser, readings, *pictures, fit)
 
@@ -172,246 +157,6 @@ def disagreement(item: MeasuredObject) -> str:
     str
     """
     return f"scan and pair disagree about the object {np.hypot(*item.position_mm):.0f} mm away"
-
-
-def _scanned(scan: LaserScan, bias_mm: float) -> tuple[list[Footprint], Float64, str]:
-    """Outlines of the objects in a scan, its other readings (N, 2), and what to say if there is no object."""
-    try:
-        parts = find_segments(scan)
-    except ValueError as error:
-        return [], _NOWHERE, f"the scan tells nothing, sizes come from the pair alone: {error}"
-    found = [fit_footprint(part, bias_mm=bias_mm) for part in parts if part.kind == "object"]
-    walls = [part.points_mm for part in parts if part.kind != "object"]
-    none = f"the scan shows no object within {_SCAN_REACH_M} m: sizes come from the pair alone"
-    return found, np.concatenate([_NOWHERE, *walls]), "" if found else none
-
-
-@dataclass(frozen=True, eq=False)
-class _Thing:
-    """One object before the least squares: what pictures and scan show of it, and why the pictures show no box.
-
-    Where both disagree, the scan is left out.
-    """
-
-    pictured: Pictured | None = None
-    region: ObjectRegion | None = None
-    footprint: Footprint | None = None
-    why: Why | None = None
-    seen: Seen | None = None
-    scanned: bool = False
-    disagrees: bool = False
-
-    @property
-    def is_round(self) -> bool:
-        """Its outline in the scan is no box's: round, or of no shape where the pictures show none either."""
-        if self.footprint is None or len(self.footprint.segment.points_mm) <= _FEW_BEAMS:
-            return False
-        shows_box = self.seen is not None and self.pictured is not None
-        return self.footprint.shape == "circle" or (self.footprint.shape == "irregular" and not shows_box)
-
-
-@dataclass(frozen=True, eq=False)
-class _Scene:
-    """What all objects of one pair and one scan share."""
-
-    standing: Standing
-    scan_has_objects: bool
-    walls_mm: Float64
-
-    @property
-    def priors(self) -> Priors:
-        return self.standing.priors
-
-    def things(self, footprints: list[Footprint]) -> tuple[list[_Thing], Sequence[str]]:
-        """Objects as pictures and scan show them, paired; and what does not fit together."""
-        every = [_pictured(*seen) for seen in zip(self.standing.regions, self.standing.boxes, strict=True)]
-        alone = [thing for thing in every if not self._of_a_wall(thing)]
-        pairs = pair_up([_place(thing, self.priors.floor) for thing in alone], footprints, self.priors.laser)
-        both = [self._with_scan(alone[i], footprints[j]) for i, j in pairs.both]
-        rest = [self._scanned(_Thing(footprint=footprints[j])) for j in pairs.scanned]
-        return [*both, *(alone[i] for i in pairs.pictured), *rest], pairs.warnings
-
-    def _of_a_wall(self, thing: _Thing) -> bool:
-        """Whether the scan has a wall, to a pixel of disparity or so, where the pictures are too plain to tell."""
-        if thing.region is None or thing.why is None or thing.why.reason is not Reason.NO_TEXTURE:
-            return False
-        rectified, place = self.priors.floor.rectified, np.array(thing.region.position_mm)
-        off_mm = np.linalg.norm(self.walls_mm - place, axis=1).min(initial=np.inf)
-        return bool(off_mm < _WALL_PX * (place @ place) / (rectified.f_px * rectified.baseline_mm))
-
-    def _with_scan(self, thing: _Thing, footprint: Footprint) -> _Thing:
-        thing = replace(thing, footprint=footprint)
-        if thing.seen is None or thing.pictured is None:
-            return thing if thing.why and thing.why.reason in NOT_STANDING else self._scanned(thing)
-        if thing.is_round:
-            return thing
-        readings = scan_observations(footprint, self.priors.laser, float(thing.pictured.own[Own.TURN]))
-        seen = replace(thing.seen, observations=(*thing.seen.observations, *readings))
-        return replace(thing, seen=seen, scanned=bool(readings))
-
-    def _scanned(self, thing: _Thing) -> _Thing:
-        assert thing.footprint is not None
-        seen = None if thing.is_round else scanned_box(thing.footprint, self.priors.laser)
-        why = thing.why or _why_unseen(thing.footprint, self.standing)
-        return replace(thing, seen=seen, why=why, scanned=seen is not None, pictured=None)
-
-    def solved(self, things: list[_Thing]) -> tuple[Judged, list[_Thing]]:
-        """The least squares, without the scan of what contradicts the pair."""
-        judged, kept = self._judged(things), list[_Thing]()
-        numbers = _numbers(things)
-        for thing in things:
-            k = numbers.get(id(thing))
-            if k is None or thing.seen is None or thing.pictured is None or not thing.scanned:
-                kept.append(thing)
-                continue
-            scanned = not _contradicts(thing.pictured, thing.seen, judged.solution, k)
-            agree = tuple(o for o in thing.seen.observations if scanned or not o.of_scan)
-            seen = Seen(judged.solution.boxes[k], agree, judged.solution.shared)
-            pictured = thing.pictured if scanned else _doubted(self.priors, thing.pictured, thing.seen)
-            kept.append(replace(thing, pictured=pictured, seen=seen, scanned=scanned, disagrees=not scanned))
-        count = [len(t.seen.observations) if t.seen else 0 for t in things]
-        changed = count != [len(t.seen.observations) if t.seen else 0 for t in kept]
-        return (self._judged(kept) if changed else judged), kept if changed else things
-
-    def without_phantoms(self, judged: Judged, things: list[_Thing], fit: ScanFit) -> tuple[Judged, list[_Thing]]:
-        """Leave out what the scan alone shows where it opposes the pictures: it is of another place.
-
-        It must disagree about several things, or show one that both cameras should see and do not: one thing may have
-        been moved.
-        """
-        kept = [thing for thing in things if thing.region is not None]
-        moved_one = sum(thing.disagrees for thing in things) == 1 and not any(map(_should_be_seen, things))
-        if fit is not ScanFit.OPPOSES or moved_one or len(kept) == len(things):
-            return judged, things
-        return self._judged(kept), kept
-
-    def _judged(self, things: list[_Thing]) -> Judged:
-        both = any(thing.scanned and thing.pictured for thing in things)
-        return judge(self.priors, [thing.seen for thing in things if thing.seen], scanned=both)
-
-    def measured(self, judged: Judged, things: list[_Thing]) -> list[MeasuredObject]:
-        """Make the measured objects."""
-        numbers = _numbers(things)
-        return [self._measured(judged.solution, thing, numbers.get(id(thing))) for thing in things]
-
-    def _measured(self, solution: Solution, thing: _Thing, number: int | None) -> MeasuredObject:
-        facts = self._facts(solution, thing, number)
-        if number is not None and not thing.is_round:
-            return from_box(solution, number, facts)
-        height, common = (np.nan, np.nan), np.zeros((3, COMMON_ERRORS))
-        if number is not None:
-            box = from_box(solution, number, facts)
-            height, common[2] = (float(box.size_mm[2]), float(box.std_mm[2])), box.common_mm[2]
-        if thing.footprint is not None and (thing.why is None or thing.why.reason not in NOT_STANDING):
-            laser = self.priors.laser.moved(*solution.laser)
-            found = from_scan(thing.footprint, laser, height, facts.reasons)
-        else:
-            assert thing.region is not None
-            found = from_region(thing.region, height, facts.reasons)
-        return replace(found, common_mm=common)
-
-    def _facts(self, solution: Solution, thing: _Thing, number: int | None) -> BoxFacts:
-        """What is told of an object besides its sizes."""
-        reasons, pictured = dict[str, Why](), thing.pictured
-        if thing.why is not None:
-            reasons["object" if thing.why.reason in NOT_STANDING else "height"] = thing.why
-        elif thing.footprint is None and self.scan_has_objects:
-            reasons["object"] = Why(Reason.NOT_IN_SCAN)
-        elif thing.footprint is not None and thing.footprint.shape == "irregular" and number is not None:
-            reasons["object"] = Why(Reason.SCAN_IRREGULAR)
-        if number is None:
-            return BoxFacts(reasons=reasons)
-        if pictured is None:
-            return BoxFacts(sources={"lines": Source.SCAN}, reasons=reasons, scan_share=1.0)
-        share = _scan_share(solution, number, pictured.solution) if thing.scanned else 0.0
-        sources = {"lines": Source.BOTH if thing.scanned else Source.IMAGE, "height": Source.IMAGE}
-        for name, edge in (("right end", Edge.RIGHT_END), ("left end", Edge.LEFT_END)):
-            shown = pictured.past.get(edge, pictured.past.get(Edge.CORNER))
-            sources[name] = Source.IMAGE if shown is Past.OPEN or not thing.scanned else Source.SCAN
-        return BoxFacts(pictured.past, sources, reasons, share, pictured.doubtful, pictured.doubt)
-
-
-def _pictured(region: ObjectRegion, box: Pictured | CannotMeasure) -> _Thing:
-    if isinstance(box, CannotMeasure):
-        return _Thing(region=region, why=Why(Reason.NO_TEXTURE))
-    return _Thing(box, region, why=box.refused, seen=None if box.refused else box.seen)
-
-
-def _scan_fit(things: list[_Thing]) -> ScanFit:
-    """Whether a scan is of what the pictures show; what stands beside them, or behind plain faces, tells nothing."""
-    if any(thing.scanned and thing.pictured for thing in things):
-        return ScanFit.AGREES
-    shown = any(thing.pictured and thing.seen for thing in things)
-    opposed = shown and any(thing.disagrees or _should_be_seen(thing) for thing in things)
-    return ScanFit.OPPOSES if opposed else ScanFit.UNTOLD
-
-
-def _should_be_seen(thing: _Thing) -> bool:
-    """The scan alone shows it, and both cameras should."""
-    return thing.region is None and thing.why is not None and thing.why.reason is Reason.NO_TEXTURE
-
-
-def _numbers(things: list[_Thing]) -> dict[int, int]:
-    """Numbers in the least squares, by the things' identities."""
-    return {id(thing): k for k, thing in enumerate(thing for thing in things if thing.seen)}
-
-
-def _contradicts(pictured: Pictured, seen: Seen, solution: Solution, number: int) -> bool:
-    """The scan's readings or ends miss the box, or it ends a face that the pictures followed farther."""
-    pairs = zip(seen.observations, solution.misfits[number].tolist(), strict=True)
-    hidden = [side.extent for side in Side if pictured.past.get(side.end, Past.OPEN) is not Past.OPEN]
-    shorter = (solution.boxes[number][hidden] < _FOLLOWED * pictured.own[hidden]).any()
-    return bool(shorter or any(o.of_scan and misfit > _CONTRADICTION for o, misfit in pairs))
-
-
-def _doubted(priors: Priors, pictured: Pictured, seen: Seen) -> Pictured:
-    """A box about whose ends the scan disagrees: if it confirms the faces, nobody knows who is mistaken."""
-    return replace(pictured, doubt=pictured.doubt + weigh_ends(priors, seen, pictured.own))
-
-
-def _scan_share(both: Solution, number: int, pictured: Solution) -> float:
-    """Share of what is known of a box's place and turn that the scan gave: ``1 - tr(C_both C_pair^-1) / 3``."""
-    first, n = len(Shared), 3
-    at = first + len(Own) * number
-    mine, theirs = both.covariance[at : at + n, at : at + n], pictured.covariance[first : first + n, first : first + n]
-    return float(np.clip(1 - np.trace(mine @ np.linalg.inv(theirs)) / n, 0.0, 1.0))
-
-
-def _place(thing: _Thing, floor: Floor) -> Place:
-    """Where an object of the pictures stands."""
-    if thing.pictured is not None:
-        corners = Box(thing.pictured.own).points(np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]))[:, :2]
-        seen = [True, Edge.RIGHT_END in thing.pictured.past, Edge.LEFT_END in thing.pictured.past]
-        return Place.of(corners[seen])
-    assert thing.region is not None
-    region, rectified = thing.region, floor.rectified
-    bearings = np.arctan((rectified.P1[0, 2] - np.array([region.bounds[2], region.bounds[0]])) / rectified.f_px)
-    return Place.of(float(np.hypot(*region.position_mm)) * direction(bearings))
-
-
-def _why_unseen(footprint: Footprint, standing: Standing) -> Why:
-    """Why the pictures say nothing of an object in the scan."""
-    priors = standing.priors
-    if standing.floor is None:
-        return Why(Reason.NO_FLOOR)
-    p, rectified = priors.laser.points_mm(footprint.segment.points_mm), priors.floor.rectified
-    ahead = np.maximum(p[:, 0], 1.0)
-    u, shift = rectified.P1[0, 2] - rectified.f_px * p[:, 1] / ahead, rectified.f_px * rectified.baseline_mm / ahead
-    in_left = (p[:, 0] > 0) & (u > 0) & (u < rectified.size[0])
-    if in_left.sum() < _LEAST_BEAMS:
-        return Why(Reason.NOT_IN_PICTURE)
-    if (in_left & (u > shift)).mean() < _SHOWN:
-        return Why(Reason.ONE_CAMERA)
-    if np.linalg.norm(p, axis=1).min() > OBJECTS_WITHIN_MM:
-        return Why(Reason.TOO_FAR, f"farther than {OBJECTS_WITHIN_MM / 1000:g} m")
-    return Why(Reason.NO_TEXTURE)
-
-
-def _nearest_mm(judged: Judged, things: list[_Thing]) -> float:
-    """How far the nearest box is of which the pictures tell something."""
-    boxes, numbers = judged.solution.boxes, _numbers(things)
-    pictured = (boxes[numbers[id(thing)]] for thing in things if thing.seen and thing.pictured)
-    return min((float(np.hypot(*own[[Own.X, Own.Y]])) for own in pictured), default=np.inf)
 
 
 def _above_floor(scan: LaserScan, lean: Lean | None) -> LaserScan:
@@ -432,11 +177,11 @@ def _said_of_lean(lean: Lean | None) -> list[str]:
     return [f"{how}: {where}; for objects and walls there level it over the floor, and run calibrate-laser again"]
 
 
-def _said_of_the_rig(views: Views, judged: Judged, nearest_mm: float, instrument: Instrument) -> list[str]:
+def _said_of_the_rig(views: Views, judged: Judged, near_mm: float, instrument: Instrument) -> list[str]:
     """What has moved since its calibration, and what nobody could tell."""
     said, solution = [views.rows.warning] if views.rows.warning else [], judged.solution
-    if np.isfinite(nearest_mm) and not judged.scanned:
-        pct = 100 * nearest_mm / (instrument.rectified.f_px * instrument.rectified.baseline_mm)
+    if np.isfinite(near_mm) and not judged.scanned:
+        pct = 100 * near_mm / (instrument.rectified.f_px * instrument.rectified.baseline_mm)
         said.append(
             "sizes are the pair's alone: if a camera was turned sideways since its calibration, nothing here shows it; "
             f"each pixel of it changes them by {pct:.1f} %, which is not in their intervals"
@@ -444,9 +189,8 @@ def _said_of_the_rig(views: Views, judged: Judged, nearest_mm: float, instrument
     if instrument.lidar is None and judged.scanned:
         (x, y, yaw), std = solution.laser, solution.laser_std
         place = f"{x:.0f} ± {std[0]:.0f} mm ahead, {y:.0f} ± {std[1]:.0f} mm to the left"
-        said.append(
-            f"the objects place the laser {place}, turned by {np.degrees(yaw):.1f} ± {np.degrees(std[2]):.1f} degrees"
-        )
+        turn = f"turned by {np.degrees(yaw):.1f} ± {np.degrees(std[2]):.1f} degrees against the pictures' axis"
+        said.append(f"the objects place the laser {place}, {turn}")
     elif judged.chance(laser=True) > _LIKELY:
         (x, y, yaw), std = solution.laser, solution.laser_std
         move = f"{np.hypot(x, y):.0f} mm and {np.degrees(yaw):.1f} ± {np.degrees(std[2]):.1f} degrees"

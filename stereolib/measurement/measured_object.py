@@ -225,12 +225,13 @@ def _why(size: int, facts: BoxFacts, value: float, std: float, worst_std: float)
         return Why(Reason.CONTRADICTION, f"{value:.0f} mm")
     if std < worst_std * value and (whole is None or whole.reason.leaves_the_pair):
         return None
-    ends = (Edge.RIGHT_END, Edge.LEFT_END, None)[size]
-    shown = {past.get(Edge.CORNER), past.get(ends)} if ends else {p for e, p in past.items() if e in _TOPS}
-    if not past or (ends and ends not in past):
+    side = None if size == len(_SIDES) else _SIDES[size]
+    ends = {side.end, side.other.back} & set(past) if side else set()
+    shown = {past.get(Edge.CORNER), *map(past.get, ends)} if side else {p for e, p in past.items() if e in _TOPS}
+    if not past or (side and not ends):
         return Why(Reason.DEPTH_HIDDEN)
     if Past.CUT in shown:
-        return Why(Reason.CUT if ends else Reason.TOP_CUT)
+        return Why(Reason.CUT if side else Reason.TOP_CUT)
     if Past.HIDDEN in shown:
         return Why(Reason.HIDDEN)
     return Why(Reason.TOO_UNCERTAIN, f"{value:.0f} ± {std:.0f} mm")

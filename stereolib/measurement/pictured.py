@@ -36,7 +36,8 @@ _LEAST_MM = 1.0  # of a width
 _SURE_STDS = 3.0  # of an extent: less may be none
 _HIDDEN_MM = 100.0  # what an extent is taken as that nobody sees
 _UNLOCATED_PX = 6.0  # how well an edge is known that was not located, at best
-_LEAST_PLANE_PX = 20.0  # a second face must be so wide to have a plane of its own
+_LEAST_PLANE_PX = 20.0  # a second face must be so wide to have a plane of its own, a top so high
+_TOP = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 1.0], [0.0, 1.0, 1.0], [1.0, 1.0, 1.0]])  # its corners
 _ROUGHLY = 1e-2  # tolerance of the first least squares, which only predicts
 _ROUNDS = 3  # of edges and least squares: the last one only where the second met a sliver
 _PRIOR_PX = (1.0, 4.0)  # how well an edge is taken to be known beforehand, at least and at most
@@ -305,20 +306,24 @@ def _with_top(views: Views, world: World, rough: _Rough, own_std: Float64) -> tu
     is_open = any(end.past is Past.OPEN for edge, end in ends.items() if edge.is_top)
     if not is_open or float(world.camera_height) - own[Own.HEIGHT] < LEAST_ABOVE_MM:
         return rough, raised
+    std = float(own_std[Own.HEIGHT])
     for side in Side:
         depth = side.other
         if depth.end in rough.open and own_std[depth.extent] < _KNOWN * own[depth.extent]:
             ends[side.back] = End(0.0, Past.OPEN)
-        elif side.end in ends and (top := follow_top(views, world, own, side, float(own_std[Own.HEIGHT]))) is not None:
+        elif side.end in ends and (top := follow_top(views, world, own, side, std)) is not None:
+            if top[0] != own[Own.HEIGHT]:
+                raised |= {edge: Expected(_END_PRIOR_PX) for edge in rough.open if edge.is_top}
             own[Own.HEIGHT], ends[side.back] = top
-            own[depth.extent] = ends[side.back].at
-            raised |= {edge: Expected(_END_PRIOR_PX) for edge in rough.open if edge.is_top}
+            own[depth.extent], std = ends[side.back].at, 0.0  # from the other face it has the same height
     return replace(rough, own=own, ends=ends), raised
 
 
 def _top_plane(views: Views, world: World, rough: _Rough) -> list[PlaneSeen]:
-    """The top as both pictures show it, where the camera looks down on it."""
-    if not any(edge.is_back for edge in rough.open):
+    """The top as both pictures show it, where the camera looks down on it and its ends were seen."""
+    is_known = all(side.end in rough.open or side.other.back in rough.open for side in Side)
+    is_seen = any(edge.is_back for edge in rough.open)
+    if not (is_known and is_seen) or np.ptp(world.pixels(Box(rough.own).points(_TOP))[:, 1]) < _LEAST_PLANE_PX:
         return []
     tops = align_surface(views.pair, world, rough.own, Level.TOP)
     return [PlaneSeen.of(replace(top, plane_covariance=_SLANTED**2 * top.plane_covariance), Level.TOP) for top in tops]
@@ -411,7 +416,7 @@ def _without_edges(rough: _Rough, peaks: dict[Edge, Peak]) -> Why | None:
     if outer and not any(edge in peaks for edge in outer):
         return Why(Reason.NO_EDGE)
     upright = any(edge.upright for edge in rough.open) and not _stands(peaks)
-    return Why(Reason.LEANS, "no upright edge of it stands out") if upright else None
+    return Why(Reason.MAY_LEAN, "no upright edge of it stands out") if upright else None
 
 
 def _stands(peaks: dict[Edge, Peak]) -> bool:

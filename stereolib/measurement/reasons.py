@@ -18,6 +18,7 @@ class Reason(Enum):
     CONTRADICTION = "its edges contradict each other: see that it is a box, and that nothing touches it"
     IN_THE_AIR = "it does not stand on the floor, or is too plain to be followed to it; put it down, or texture it"
     LEANS = "it leans; put it upright"
+    MAY_LEAN = "it may lean; put it upright, or change light or background"
     NO_EDGE = "its outline does not stand out; change light or background"
     NO_FACE = "no straight face was found"
     NO_TEXTURE = "no texture: the pair matched too little there; light or texture it"
@@ -90,4 +91,4 @@ UNSURE = {
     "both cameras see it",
 }
 #: Reasons for which neither pictures nor scan tell any size.
-NOT_STANDING = (Reason.IN_THE_AIR, Reason.LEANS)
+NOT_STANDING = (Reason.IN_THE_AIR, Reason.LEANS, Reason.MAY_LEAN)

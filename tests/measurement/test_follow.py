@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import cv2
 import numpy as np
 import pytest
 from support.boxes import OWN, PRIORS, STILL, planes
@@ -11,7 +14,7 @@ from stereolib.measurement import Face
 from stereolib.measurement.agreement import Past, Reach
 from stereolib.measurement.box import Box, Own, Side
 from stereolib.measurement.faces import find_face
-from stereolib.measurement.follow import End, follow_again, follow_face, follow_top, look_round
+from stereolib.measurement.follow import _FIRST_PX, End, _top, follow_again, follow_face, follow_top, look_round
 from stereolib.measurement.pictured import see_box
 from stereolib.measurement.upright_line import UprightLine, upright_line
 
@@ -116,6 +119,24 @@ def test_tops_are_followed_backwards_from_above_also_where_their_height_is_wrong
         height_mm, end = follow_top(shown.views, shown.world, unknown, side, 3.0)
         assert end.past is Past.OPEN and end.at == pytest.approx(depth, abs=12)
         assert height_mm == pytest.approx(own[Own.HEIGHT], abs=1.0)
+
+
+@pytest.mark.parametrize("std_mm", [0.0, 3.0, np.inf])
+def test_a_top_whose_first_rows_show_nothing_stays_as_high_as_it_was(std_mm):
+    shown, own = rendered(*FROM_ABOVE, camera=HIGH), true_box(*FROM_ABOVE)
+    for side in Side:
+        _, points = _top(shown.world, own, side, own[Own.HEIGHT], _FIRST_PX + 4)
+        strip = np.concatenate([points[0, [0, -1]], points[-1, [-1, 0]]])
+        levels = [[picture.copy() for picture in level] for level in shown.views.pair.levels]
+        for level in levels:
+            for right, picture in enumerate(level):
+                zoom = len(picture) / len(shown.views.left)
+                corners = np.rint(zoom * shown.world.pixels(strip, bool(right))).astype(np.int32)
+                strip_of = cv2.fillConvexPoly(np.zeros(picture.shape[:2], np.uint8), corners, 1)
+                picture[cv2.dilate(strip_of, np.ones((25, 25), np.uint8)) == 1] = 0
+        plain = replace(shown.views, pair=replace(shown.views.pair, levels=tuple(map(tuple, levels))))
+        found = follow_top(plain, shown.world, own, side, std_mm)
+        assert found is None or found[0] == own[Own.HEIGHT]
 
 
 def test_what_the_picture_cuts():

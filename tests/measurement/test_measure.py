@@ -24,8 +24,9 @@ from stereolib.measurement import (
     floor_from_pose,
     measure_objects,
 )
-from stereolib.measurement.measure import _scanned, measure_standing
+from stereolib.measurement.measure import measure_standing
 from stereolib.measurement.standing import see_standing
+from stereolib.measurement.things import scanned_parts
 from stereolib.rig import rigid
 from stereolib.virtual import cube_scene, recordings
 
@@ -61,7 +62,7 @@ def test_the_recorded_cube_within_its_deviations(name):
 
 
 def test_what_the_scan_shows_besides_the_cube_stands_behind_it():
-    footprints, others_mm, none = _scanned(scan_of(), 1.0)
+    footprints, others_mm, none = scanned_parts(scan_of(), 1.0)
     assert len(footprints) == 1 and none == ""
     assert len(others_mm) > 100 and np.linalg.norm(others_mm, axis=1).min() > np.linalg.norm(footprints[0].centre_mm)
 

@@ -17,6 +17,7 @@ from stereolib.measurement.reasons import UNSURE
 from stereolib.measurement.scene_solver import COMMON_ERRORS, Seen, Solution, solve
 
 OPEN = dict.fromkeys(EDGES, Past.OPEN)
+FROM_ABOVE = {edge: past for edge, past in OPEN.items() if edge is not Edge.RIGHT_END}  # one face is hidden
 
 
 def solution(own=OWN, spread=None):
@@ -62,8 +63,11 @@ def test_deviations_of_sizes_volume_and_surface_against_draws():
         ({}, Reason.DEPTH_HIDDEN),
         (OPEN | {Edge.RIGHT_END: Past.CUT}, Reason.CUT),
         (OPEN | {Edge.RIGHT_END: Past.HIDDEN}, Reason.HIDDEN),
-        ({edge: past for edge, past in OPEN.items() if edge is not Edge.RIGHT_END}, Reason.DEPTH_HIDDEN),
+        (FROM_ABOVE, Reason.DEPTH_HIDDEN),
         (OPEN, Reason.TOO_UNCERTAIN),
+        (FROM_ABOVE | {Edge.BACK_LEFT: Past.OPEN}, Reason.TOO_UNCERTAIN),
+        (FROM_ABOVE | {Edge.BACK_LEFT: Past.HIDDEN}, Reason.HIDDEN),
+        (FROM_ABOVE | {Edge.BACK_RIGHT: Past.OPEN}, Reason.DEPTH_HIDDEN),
     ],
 )
 def test_a_side_that_is_too_vague_is_refused_with_why_and_the_other_stays(past, reason):

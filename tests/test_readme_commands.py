@@ -17,7 +17,7 @@ import pytest
 from stereolib.base import ROOT
 from stereolib.cli import commands
 from stereolib.reproduction import own_rig
-from stereolib.virtual import cube_scene, emulator
+from stereolib.virtual import VirtualLidar, camera_emulator, cube_scene, emulator, stage, staged_rig
 
 #: What is asked for its --help alone, and why.
 HELP_ALONE = {
@@ -61,6 +61,25 @@ def run(words: Sequence[str], port: str) -> int:
         return int(stopped.code or 0)
 
 
+def take_box(rig: int, scale: float, folder: Path) -> None:
+    """What `capture` and `lrf record` take of an emulated rig's box, and its true calibration, in smaller pictures."""
+    staged, true = stage("box", rig=rig), camera_emulator.scaled_rig(staged_rig(rig), scale)
+    shown = camera_emulator.show_scene(staged, np.random.default_rng(1), true)
+    addresses = camera_emulator.write_show("shown", shown)
+    assert commands.main(["capture", *map(str, addresses), "--no-preview", "--output", str(folder / "box")]) == 0
+    played = emulator.emulate(
+        staged.scene,
+        staged.laser_pose,
+        lidar=VirtualLidar(height_mm=staged.laser_height_mm),
+        rng=np.random.default_rng(1),
+    )
+    with emulator.serve(played, "socket") as served:
+        scan = str(folder / "box" / "scans" / "01.bin")
+        assert commands.main(["lrf", "record", served.port, scan, "--seconds", "3"]) == 0
+    (folder / "boards").mkdir()
+    true.save(folder / "boards" / "calibration.json")
+
+
 def test_what_is_typed_are_commands_of_ours() -> None:
     names = {words_of(command)[0] for command in typed() if command.startswith("stereolib ")}
     assert {"calibrate", "disparity", "measure", "map", "report"} <= names <= {each.name for each in commands.COMMANDS}
@@ -81,14 +100,21 @@ def test_every_command_can_be_typed_as_it_stands(
     monkeypatch.chdir(tmp_path)
     (tmp_path / "data").symlink_to(ROOT / "data", target_is_directory=True)
     schedule = emulator.emulate(cube_scene(), rng=np.random.default_rng(0))
+    take_box(7, 1.0, Path("rig7"))
+    told = []
     with emulator.serve(schedule, "socket") as served:
         for command in typed():
             if command.startswith("stereolib "):
+                told.append(capsys.readouterr().out)
                 code = run(words_of(command), served.port)
                 assert code == 0, f"{command}: {code}\n{capsys.readouterr()}"
+                if "rig7/box" in command:
+                    said = capsys.readouterr().out
+                    sizes = [float(mm) for mm in re.findall(r"([\d.]+) ±", said)[:3]]
+                    assert sizes == pytest.approx(stage("box", rig=7).sizes_mm[0], abs=5), said
             else:
                 exec(compile(command, "README.md", "exec"), {})
-    assert "matched" in capsys.readouterr().out
+    assert "matched" in "".join([*told, capsys.readouterr().out])
     made = {path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*") if "data" not in path.parts}
     assert {"board.pdf", "rig/calibration.json", "demo_report/report.html", "d_depth_mm.png", "room.bin"} <= made
     page = (tmp_path / "demo_report" / "report.html").read_text(encoding="utf-8")

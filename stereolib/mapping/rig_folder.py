@@ -382,9 +382,9 @@ class _Said:
             raise self.wrong(part, name, f"a number of millimetres is expected, {_LEAST_MM:g} or more, got {value!r}")
         return float(value)
 
-    def _two(self, value: Any, part: str, name: str, what: str) -> tuple[Any, Any]:
+    def _two(self, value: Any, part: str, name: str, expected: str) -> tuple[Any, Any]:
         if not (isinstance(value, list) and len(value) == 2 and all(map(_is_number, value))):
-            raise self.wrong(part, name, f"{what} are expected, as [9, 6], got {value!r}")
+            raise self.wrong(part, name, f"{expected}, got {value!r}")
         return value[0], value[1]
 
     def board(self) -> Board:
@@ -392,9 +392,12 @@ class _Said:
         part = self.parts.get("board", {})
         if "square_mm" not in part:
             raise self.wrong("board", "square_mm", "say how large a square is, by a ruler: take away the # before it")
-        columns, rows = self._two(part.get("inner_corners"), "board", "inner_corners", "columns and rows")
+        columns, rows = self._two(
+            part.get("inner_corners"), "board", "inner_corners", "columns and rows are expected, as [9, 6]"
+        )
         edges = part["square_mm"]
-        width, height = (edges, edges) if _is_number(edges) else self._two(edges, "board", "square_mm", "two lengths")
+        one_or_two = "a length or two are expected, as 25 or [24.9, 25.1]"
+        width, height = (edges, edges) if _is_number(edges) else self._two(edges, "board", "square_mm", one_or_two)
         try:
             if (marker := self.length("board", "marker_mm")) is None:
                 return Checkerboard(columns, rows, (width + height) / 2, height / width)
@@ -408,7 +411,8 @@ class _Said:
     def lengths(self) -> tuple[AskedLength, ...]:
         found = []
         for entry in self.parts.get("length", []):
-            ends = tuple(self._two(entry.get(name), "length", name, "a column and a row") for name in ("from", "to"))
+            pixel = "a column and a row are expected, as [320, 240]"
+            ends = tuple(self._two(entry.get(name), "length", name, pixel) for name in ("from", "to"))
             ruler = self._millimetres(entry.get("ruler_mm"), "length", "ruler_mm")
             if not isinstance(is_rectified := entry.get("rectified", False), bool):
                 raise self.wrong("length", "rectified", f"true or false is expected, got {is_rectified!r}")

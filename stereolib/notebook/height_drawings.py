@@ -31,7 +31,7 @@ def height_text(attempt: HeightAttempt) -> str:
     -------
     str
     """
-    return attempt.refused or f"{attempt.height_mm / 10:.1f} cm ± {1.96 * attempt.std_mm:.0f} mm"
+    return attempt.refused or f"{attempt.height_mm / 10:.1f} ± {0.196 * attempt.std_mm:.1f} cm"
 
 
 def recording_labels(names: Sequence[str]) -> list[str]:

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 
 from stereolib.base import Bools, Floats, UInt8
 from stereolib.matching import score
-from stereolib.plotting.style import DPI, NOTHING_GREY, default_style
+from stereolib.plotting.style import DPI, GREY_NONE, NOTHING_GREY, default_style
 
 _WIDTH_IN, _POINTS = 7.5, 8.5  # printed 16 cm wide, the text is of 7 points
 _WITH_PHOTOS_IN = 6.5  # photographs take many bytes
@@ -124,7 +124,8 @@ def plot_gallery(
     for k, (kind, image) in enumerate(shown.items()):
         place = 0.06 + 0.48 * k, (_BARS_IN - 0.2) / whole_in, 0.38 if len(shown) > 1 else 0.88, 0.09 / whole_in
         bar = figure.colorbar(image, cax=figure.add_axes(place), orientation="horizontal", extend="both")
-        bar.set_label(KINDS[kind][0], fontsize=_POINTS, labelpad=1)
+        grey = GREY_NONE if kind == "disparity" and _has_holes(exhibits, rows) else ""
+        bar.set_label(KINDS[kind][0] + grey, fontsize=_POINTS, labelpad=1)
         bar.ax.tick_params(labelsize=_POINTS, pad=2)
     return figure
 
@@ -190,6 +191,7 @@ def plot_cells(values: Floats, ax: Axes, title: str = "", *, high: float | None 
         if np.isfinite(value):
             ink = "black" if value > 0.55 * most else "white"
             ax.text(column, row, f"{value:g}", ha="center", va="center", color=ink, fontsize=_POINTS)
+    ax.set(xticks=[], yticks=[])  # where a major tick stands, no minor one has a line
     ax.set_xticks(np.arange(values.shape[1] + 1) - 0.5, minor=True)
     ax.set_yticks(np.arange(values.shape[0] + 1) - 0.5, minor=True)
     ax.grid(which="minor", color="white", lw=0.8)
@@ -201,6 +203,12 @@ def plot_cells(values: Floats, ax: Axes, title: str = "", *, high: float | None 
 def _texts(exhibits: Sequence[Exhibit]) -> tuple[list[str], list[str]]:
     """What stands above the exhibits and beneath them."""
     return [one.name for one in exhibits], [one.told for one in exhibits]
+
+
+def _has_holes(exhibits: Sequence[Exhibit], rows: Mapping[str, str]) -> bool:
+    """Whether any map has pixels without a disparity."""
+    maps = (p for one in exhibits for p, kind in zip(one.pictures, rows.values(), strict=True) if kind == "disparity")
+    return any(bool(np.isnan(each).any()) for each in maps)
 
 
 def _hang(picture: Floats | UInt8, axis: Axes, kind: str, ends: tuple[float, float]) -> Any:

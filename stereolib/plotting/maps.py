@@ -67,7 +67,7 @@ def plot_scan(
 
 @default_style
 def plot_scan_polar(angles_rad: Float64, ranges_mm: Float64, ax: Axes, title: str = "", *, color: str = LASER) -> Axes:
-    """Draw laser readings in the sensor's own polar frame; dropouts lie on the rim.
+    """Draw laser readings in the sensor's own polar frame; dropouts are crosses on the rim, named below.
 
     Parameters
     ----------
@@ -90,6 +90,7 @@ def plot_scan_polar(angles_rad: Float64, ranges_mm: Float64, ax: Axes, title: st
     rim = 1.0 if lost.all() else 1.05 * np.nanmax(ranges_mm)
     polar.scatter(angles_rad[lost], np.full(lost.sum(), rim), s=36, marker="x", color="black", lw=1.2)
     polar.set_title(title, pad=14)
+    polar.set_xlabel("\N{MULTIPLICATION SIGN}: no reading" if lost.any() else "")
     rings_mm = np.arange(1000.0, max(1001.0, rim), 1000.0)
     polar.set_rgrids(rings_mm, labels=[])
     angle = _free_angle_rad(angles_rad, ranges_mm, rings_mm)

@@ -15,7 +15,7 @@ from stereolib.base import Bools, Floats, Ints, UInt8
 from stereolib.plotting.gallery import Exhibit, plot_gallery
 from stereolib.plotting.pictures import plot_image
 from stereolib.plotting.quantities import plot_disparity
-from stereolib.plotting.style import OURS, TRUTH, default_style, panels
+from stereolib.plotting.style import GREY_NONE, OURS, TRUTH, default_style, panels
 
 _BGR_MARKED = (200, 0, 230)
 _SIDES = {"left": "#56B4E9", "right": "#CC79A7"}  # colours that mean nothing else
@@ -46,8 +46,8 @@ def plot_pixel_cost(costs: Floats | Ints, true_px: float, ax: Axes, title: str =
     ax.plot(np.arange(len(costs)), costs, color="0.45", lw=1.2)
     ax.plot(cheapest, costs[cheapest], "o", color=OURS, ms=7, label="cheapest")
     ax.grid(alpha=0.3)
-    low, high = np.min(costs), np.max(costs)
-    ax.set(title=title, xlabel="disparity d (px)", ylabel=ylabel, ylim=(low - 0.05 * (high - low), 1.35 * high))
+    high = np.max(costs)
+    ax.set(title=title, xlabel="disparity d (px)", ylabel=ylabel, ylim=(-0.05 * high, 1.35 * high))
     ax.legend(fontsize=_FONT_PT, loc="upper right")
     return ax
 
@@ -115,17 +115,22 @@ def plot_cost_cells(costs: Ints, true_px: Ints, ax: Axes, title: str = "") -> Ax
 
 
 @default_style
-def plot_row_pair(left: UInt8, right: UInt8, row: int, columns_px: tuple[float, float], title: str = "") -> Figure:
+def plot_row_pair(
+    left: UInt8, right: UInt8, row: int, columns_px: tuple[float, float], title: str = "", *, first_row: int = 0
+) -> Figure:
     """Draw two strips with a ringed speck in each, and the grey values of the row in which both lie.
 
     Parameters
     ----------
     left, right : (H, W) uint8
     row : int
+        Of the strips.
     columns_px : (left, right), px
         Where the speck is.
     title : str
         What the strips are.
+    first_row : int
+        Of the pictures, with which the strips begin.
 
     Returns
     -------
@@ -135,8 +140,12 @@ def plot_row_pair(left: UInt8, right: UInt8, row: int, columns_px: tuple[float, 
     figure, axes = panels(1, 4, width_in=_WIDTH_IN, aspect=0.19)
     for ax, below, name, strip, column in zip(axes, axes[2:], _SIDES, (left, right), columns_px, strict=False):
         plot_image(strip, ax, f"{name} picture, {title}").set(xlabel="", ylabel="row (px)")
-        ax.axhline(row, color=_SIDES[name], lw=1)
-        ax.plot(column, row, "o", ms=18, mfc="none", mec=_SIDES[name], mew=3)
+        height, width = strip.shape
+        frame = (-0.5, width - 0.5, first_row + height - 0.5, first_row - 0.5)
+        ax.images[0].set_extent(frame)
+        ax.set(xlim=frame[:2], ylim=frame[2:])
+        ax.axhline(first_row + row, color=_SIDES[name], lw=1)
+        ax.plot(column, first_row + row, "o", ms=18, mfc="none", mec=_SIDES[name], mew=3)
         below.plot(strip[row], color=_SIDES[name], lw=1.4, label=name)
         below.set(ylabel=f"grey, {name}", xlim=(0, left.shape[1] - 1), ylim=(30, 215))
         for each in columns_px:
@@ -171,7 +180,8 @@ def plot_strips(strips: Mapping[str, Floats], *, first: int, high: float) -> Fig
         shown = plot_disparity(strip, ax, name, high=high, bar=False)
         ax.set(xlabel="", ylabel="", yticks=[], xlim=(first, strip.shape[1] - 1))
     axes[-1].set_xlabel("column (px)")
-    figure.colorbar(shown, ax=list(axes), label="disparity (px)", pad=0.01)
+    grey = GREY_NONE if any(np.isnan(strip[:, first:]).any() for strip in strips.values()) else ""
+    figure.colorbar(shown, ax=list(axes), label=f"disparity (px){grey}", pad=0.01)
     return figure
 
 
@@ -229,5 +239,5 @@ def plot_matched(
     """
     told = notes or {}
     exhibits = [Exhibit(name, (pictures[name], found), told.get(name, "")) for name, found in maps.items()]
-    rows = {"left picture": "photo", "map": "disparity"}
+    rows = {"picture": "photo", "map": "disparity"}  # short: strips are low
     return plot_gallery(exhibits, rows, columns=columns or len(maps), disparity_px=(0.0, high), title=title)

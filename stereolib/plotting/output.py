@@ -88,6 +88,7 @@ def show_figure(name: str | None, figure: Figure) -> Picture:
     """
     from PIL import Image, PngImagePlugin
 
+    figure.draw_without_rendering()  # where pictures keep their shape, a layout settles with the second drawing
     stream = io.BytesIO()
     figure.savefig(stream, format="png", dpi=DPI, facecolor="white")
     stream.seek(0)

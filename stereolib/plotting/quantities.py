@@ -14,7 +14,7 @@ from matplotlib.patches import Rectangle
 from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator, NullLocator
 
 from stereolib.base import Bools, Float64, Floats, Ints, UInt8
-from stereolib.plotting.style import COLORS, NOTHING_GREY, default_style, image_axes
+from stereolib.plotting.style import COLORS, GREY_NONE, NOTHING_GREY, default_style, image_axes
 
 _LONGEST_CELLS = 2  # of the arrow of one error
 _APART = 0.12  # of the image's width, between the labels of lines
@@ -71,8 +71,20 @@ def _plot_map(values: Floats, ax: Axes, title: str, limits: tuple[float, float |
     shown = ax.imshow(np.ma.masked_invalid(values), cmap=cmap, vmin=low, vmax=high, interpolation="nearest")
     ax.set(title=title, xlabel="column (px)", ylabel="row (px)")
     if label and ax.figure is not None:
-        ax.figure.colorbar(shown, ax=ax, label=label, shrink=0.85)
+        _bar(shown, values, ax, label)
     return shown
+
+
+def _bar(shown: Any, values: Floats, ax: Axes, label: str) -> None:
+    """The key of a map's colours, as tall as the map, pointed where values lie beyond its end."""
+    known = np.asarray(values)[np.isfinite(values)]
+    low, high = shown.get_clim()
+    beyond = bool((known < low).any()), bool((known > high).any())
+    extend = {(False, False): "neither", (True, False): "min", (False, True): "max", (True, True): "both"}[beyond]
+    grey = GREY_NONE if known.size < np.size(values) else ""
+    place = ax.inset_axes((1.04, 0.0, 0.05, 1.0))
+    assert ax.figure is not None
+    ax.figure.colorbar(shown, cax=place, label=label + grey, extend=extend)
 
 
 @default_style
@@ -95,7 +107,7 @@ def plot_errors(error_px: Floats, ax: Axes, title: str = "", *, limit: float = 4
     shown = ax.imshow(np.ma.masked_invalid(error_px), cmap=colors, vmin=-limit, vmax=limit, interpolation="nearest")
     ax.set(title=title, xlabel="column (px)", ylabel="row (px)")
     if ax.figure is not None:
-        ax.figure.colorbar(shown, ax=ax, label="error (px)", shrink=0.85)
+        _bar(shown, error_px, ax, "error (px)")
     return ax
 
 

@@ -20,6 +20,8 @@ TRUTH, PAPER, OURS, LASER, RIVAL, REFUSED = "#000000", "#D55E00", "#0072B2", "#0
 LINE_STYLES = ("-", "--", "-.", ":")
 BGR_BLUE, BGR_VERMILLION, BGR_ORANGE, BGR_SKY = (178, 114, 0), (0, 94, 213), (0, 159, 230), (233, 180, 86)
 NOTHING_GREY = "#d9d9d9"  # where a map holds no value
+GREY_NONE = "; grey: none"  # said beside the key of the colours where that occurs
+_PAD_IN = 0.08  # round each panel: a label touches neither its neighbour nor the border
 _Arguments = ParamSpec("_Arguments")
 _Result = TypeVar("_Result")
 
@@ -88,7 +90,8 @@ def panels(columns: int, rows: int = 1, *, width_in: float = 10.0, aspect: float
     >>> len(axes), figure.get_size_inches().tolist()
     (2, [8.0, 2.0])
     """
-    figure = Figure(figsize=(width_in, width_in / columns * aspect * rows), dpi=DPI, layout="constrained")
+    figure = Figure(figsize=(width_in, width_in / columns * aspect * rows), dpi=DPI)
+    figure.set_layout_engine("constrained", w_pad=_PAD_IN, h_pad=_PAD_IN)
     FigureCanvasAgg(figure)
     return figure, figure.subplots(rows, columns, squeeze=False, **subplots).ravel()
 

@@ -50,6 +50,7 @@ def plot_triangulation(f_px: float, baseline_mm: float, depth_mm: float, ax: Axe
             arrowprops={"arrowstyle": "-", "color": "0.4", "lw": 0.8, "shrinkB": 3},
             path_effects=_HALO,
         )
+    ax.text(0.95 * plane, -0.7 * half, "image planes, enlarged; in px", ha="right", va="center", fontsize=9)
     ax.plot(depth_mm, point_mm, "s", color=TRUTH)
     ax.annotate("P", (depth_mm, point_mm), (8, 0), textcoords="offset points", va="center")
     below, beside = 1.75 * baseline_mm, -0.36 * depth_mm

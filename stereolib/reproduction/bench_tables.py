@@ -103,7 +103,7 @@ def rigs_table(results: Path) -> str:
     inside, silent = goals["within_2_sigma_pct"], goals["silent"]
     head = (
         "what is wrong", "boxes refused", "lack a size, of those that could have all",
-        "of those with a second face 12 px wide", "sizes told",
+        "of those with a top or second face 12 px wide", "sizes told",
         "median error of length / width / height / volume, %", "95th percentile of all, %",
         f"in the 95 % interval, % ({inside})", "inside ± σ, %", f"wrong, unsaid ({silent})",
     )  # fmt: skip

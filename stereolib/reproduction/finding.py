@@ -20,6 +20,7 @@ _PRINTED = "camera 8.5 cm up"  # how notebook 06 names the set-ups with the prin
 _LINE = "0.70 m to the edge's line"  # ... those with any ...
 _WIDEST = "0.70 m to its nearest point"  # ... and with any, in the other reading of the distance
 _CAMERA = "8.5 cm up"
+_STDS_95 = 1.96  # standard deviations that hold 95 %
 
 
 def finding(figures: Path, *, short: bool = False) -> str:
@@ -74,6 +75,8 @@ def _quoted(figures: Path) -> dict[str, Any]:
         "every": len(seen),
         "measured": int(known.sum()),
         "worst_mm": seen["plane off mm"].abs().max(),
+        "held": int((seen["plane off mm"].abs() <= _STDS_95 * seen["plane std mm"]).sum()),
+        "mean_mm": seen["plane off mm"].mean(),
     }
 
 

@@ -62,12 +62,19 @@ def _blocks(figures: Path, results: Path) -> dict[str, str]:
     """What stands between which marks."""
     rows = recorded_rows(figures)
     return {
-        "finding": textwrap.fill(f"**The main finding.** {finding(figures)}", 125),
+        "finding": _finding(figures),
         "counts": ledger_summary(rows),
         "ledger": ledger_table(rows),
         "bench": bench_table(results),
         "rigs": rigs_table(results),
     }
+
+
+def _finding(figures: Path) -> str:
+    """The finding in three sentences, and the whole of it, folded."""
+    parts = f"**The main finding.** {finding(figures, short=True)}", finding(figures)
+    short, full = (textwrap.fill(part, 125) for part in parts)
+    return f"{short}\n\n<details><summary>The finding in full</summary>\n\n{full}\n\n</details>"
 
 
 def ledger_table(rows: pd.DataFrame) -> str:

@@ -80,16 +80,16 @@ def _locked(path: Path) -> Iterator[None]:
         yield
 
 
-def _promote(staged_dir: Path, target_dir: Path) -> int:
-    """Move staged files over their predecessors, each whole at any moment; equal ones stay. Return how many moved."""
-    moved = 0
+def _promote(staged_dir: Path, target_dir: Path) -> list[Path]:
+    """Move staged files over their predecessors, each whole at any moment; equal ones stay. Return what moved."""
+    moved = list[Path]()
     for staged in sorted(path for path in staged_dir.rglob("*") if path.is_file()):
         target = target_dir / staged.relative_to(staged_dir)
         if target.is_file() and read_bytes(target) == read_bytes(staged):
             continue
         target.parent.mkdir(parents=True, exist_ok=True)
         os.replace(staged, target)
-        moved += 1
+        moved.append(target)
     return moved
 
 
@@ -172,8 +172,11 @@ def reproduce(
             return changed
         moved = _promote(staged_figures, figures_dir) + _promote(staged_notebooks, notebooks_dir)
         if (readme := figures_dir.parent / "README.md").is_file():
+            before = read_bytes(readme)
             update_readme_tables(readme, figures_dir, figures_dir.parent / "benchmarks" / "results")
+            moved += [readme] if read_bytes(readme) != before else []
+        named = "".join(f"\n  {os.path.relpath(path, figures_dir.parent)}" for path in moved)
         done = counted(len(sources), "notebook")
-        print(f"{done} executed; new: {counted(moved, 'file')}; the others came out the same")
+        print(f"{done} executed; new: {counted(len(moved), 'file')}; the others came out the same{named}")
         shutil.rmtree(staging, ignore_errors=True)
     return changed

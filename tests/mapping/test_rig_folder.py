@@ -75,7 +75,7 @@ def test_a_board_is_asked_for_only_where_there_are_some(folder):
         ("[bord]\n", "'bord' is no part; did you mean board?"),
         ("board = 3\n", "board is a part of its own"),
         ("[board]\nsquares = 3\n", r"'squares' is no entry of \[board\]; did you mean square_mm?"),
-        (SQUARE.replace("25", '"25"'), r"\[board\] square_mm: two lengths are expected"),
+        (SQUARE.replace("25", '"25"'), r"\[board\] square_mm: a length or two are expected, as 25 or \[24.9, 25.1\]"),
         (SQUARE.replace("25", "0.025"), "millimetres are expected"),
         (SQUARE.replace("25", "[25, 0]"), "height over its width must be near 1"),
         (SQUARE.replace("25", "[0, 25]"), "rig.toml"),

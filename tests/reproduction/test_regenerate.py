@@ -62,7 +62,7 @@ def test_numbers_repeat_and_equal_files_are_not_touched(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("no_kernels")
-def test_changed_number_keeps_the_committed_files(tmp_path: Path) -> None:
+def test_changed_number_keeps_the_committed_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder, ledger = tmp_path / "notebooks", tmp_path / "figures" / "ledger.csv"
     write_notebook(folder, "01_one", record("1.25"))
     assert run(tmp_path) == []
@@ -75,7 +75,12 @@ def test_changed_number_keeps_the_committed_files(tmp_path: Path) -> None:
     ]
     assert "1.25" in ledger.read_text() and source.read_bytes() == unexecuted
     assert "1.29" in (tmp_path / ".staging" / "figures" / "ledger.csv").read_text()
+    capsys.readouterr()
     assert run(tmp_path, accept=True) == changed
+    *_, said, first, second, third = capsys.readouterr().out.splitlines()
+    assert said.endswith("new: 3 files; the others came out the same")
+    new = ["figures/ledger.csv", "figures/tables/ledger_01.csv", "notebooks/01_one.ipynb"]
+    assert [first, second, third] == [f"  {name}" for name in new]
     assert "1.29" in ledger.read_text() and source.read_bytes() != unexecuted
     assert not (tmp_path / ".staging").exists()
 

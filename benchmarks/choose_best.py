@@ -24,6 +24,9 @@ scenes of ``layered_pairs.py``; the simplest value of each comes first. Their li
 well: 5.71 % instead of 5.67 %, and matches on smooth surfaces were a quarter less exact. The sums now have 8 bits:
 windows and penalties of the grid that need more are refused, if the first file is ever begun anew.
 
+Last came `surfaces.choose_surface`, from ``SURFACE``: infinitely sure leaves it out. Its lines are in
+``results/choose_surface.csv``.
+
 The rival's settings are chosen by the same measures on the same scenes, whole, from ``RIVAL``; its lines are in
 ``results/choose_rival.csv``, `rivals.CHOSEN` is what came out.
 
@@ -39,6 +42,7 @@ import itertools
 import math
 import statistics
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -52,6 +56,7 @@ from tqdm import tqdm
 from virtual_pairs import CHOSEN_ON, Pair, bad_pct, cluttered, recorded
 
 from stereolib.matching import CensusSGM, pipelines, seen_by_both
+from stereolib.matching.surfaces import choose_surface
 from stereolib.rig import to_grey
 
 GRID: dict[str, tuple[Any, ...]] = {
@@ -75,6 +80,8 @@ COARSE: dict[str, tuple[Any, ...]] = {
     "color_cap": (20.0, 30.0),
 }
 COARSE_KNOBS = [(name,) for name in COARSE]
+SURFACE: dict[str, tuple[Any, ...]] = {"sure": (math.inf, 2.0, 1.5, 1.0), "unlike": (8.0, 4.0, 12.0)}
+SURFACE_KNOBS = [(name,) for name in SURFACE]
 RIVAL: dict[str, tuple[Any, ...]] = {
     "block_size": (1, 3, 5, 7, 9),
     "p1_times": (8, 4, 16),
@@ -86,7 +93,7 @@ RIVAL_KNOBS = [(name,) for name in RIVAL]
 PLATEAU = 1.01  # times the least
 MIDDLE, HALF_ROWS = (120, 360), 90  # the rows that are matched: half the time; of layered pairs, to each side
 FILE, COARSE_FILE = RESULTS / "choose_best.csv", RESULTS / "choose_coarse.csv"
-RIVAL_FILE = RESULTS / "choose_rival.csv"
+SURFACE_FILE, RIVAL_FILE = RESULTS / "choose_surface.csv", RESULTS / "choose_rival.csv"
 Setting = dict[str, Any]
 Measure = Callable[[Pair, Setting], float]
 
@@ -112,6 +119,14 @@ def measure_coarse(pair: Pair, setting: Setting) -> float:
     visible, cut = seen_by_both(pair.truth_px)[rows], pair.rows(rows.start, rows.stop)
     matched = pipelines.match_best(cut.left, cut.right, pair.num_disparities, CensusSGM(**setting))
     return both_measures(pipelines.fill_matched(matched, cut.left).disparity_px, cut.truth_px, visible)
+
+
+def measure_surface(pair: Pair, setting: Setting) -> float:
+    """The same, from whole pairs."""
+    cv2.setNumThreads(1)
+    matched = pipelines.match_best(pair.left, pair.right, pair.num_disparities)
+    found = pipelines.fill_matched(matched, pair.left, surface=partial(choose_surface, **setting))
+    return both_measures(found.disparity_px, pair.truth_px, seen_by_both(pair.truth_px))
 
 
 def measure_rival(pair: Pair, setting: Setting) -> float:
@@ -200,4 +215,5 @@ if __name__ == "__main__":
     print(choose(Tried(FILE, [pair.rows(*MIDDLE) for pair in scenes], GRID, measure).mean))
     every = scenes + layered_set("training")
     print(choose(Tried(COARSE_FILE, every, COARSE, measure_coarse).mean, COARSE, COARSE_KNOBS))
+    print(choose(Tried(SURFACE_FILE, every, SURFACE, measure_surface).mean, SURFACE, SURFACE_KNOBS))
     print(choose(Tried(RIVAL_FILE, every, RIVAL, measure_rival).mean, RIVAL, RIVAL_KNOBS))

@@ -15,11 +15,12 @@ from .pipelines import (
     stereo_pipeline,
 )
 from .pixel_cost import PixelCost, pixel_cost
-from .plane_fill import continue_background
+from .plane_fill import behind_border, continue_background
 from .rows import RowOffset, find_rows
 from .scenes import correlation_length_px, near_edge_mask, smallest_window
 from .scoring import RepairScore, Score, fattening_px, overreach_px, score, score_repair
 from .sgbm import SGBMParams, match_pair
+from .surfaces import Surfaces, choose_surface
 from .sweeps import Workers, settings_grid, sweep
 
 __all__ = [
@@ -37,11 +38,14 @@ __all__ = [
     "SGBMParams",
     "SGMResult",
     "Score",
+    "Surfaces",
     "Workers",
+    "behind_border",
     "census_transform",
     "check_matchable",
     "check_rectified",
     "check_sides",
+    "choose_surface",
     "compare_filters",
     "compute_disparity",
     "compute_disparity_guided",

@@ -276,6 +276,8 @@ def _guide(disparity: Float32, image: Any) -> Float32:
 
 
 def _last_valid(values: Float32) -> Float32:
-    columns = np.arange(values.shape[1], dtype=np.intp)
-    where = np.maximum.accumulate(np.where(np.isnan(values), np.intp(-1), columns), axis=1)
-    return np.where(where < 0, np.float32(np.nan), np.take_along_axis(values, np.maximum(where, 0), axis=1))
+    """At or before each pixel of its row; before the first one that of column 0, which is NaN."""
+    height, width = values.shape
+    where = np.maximum.accumulate(np.where(np.isnan(values), np.int32(0), np.arange(width, dtype=np.int32)), axis=1)
+    where += np.arange(0, height * width, width, dtype=np.int32)[:, None]
+    return values.ravel().take(where)

@@ -76,7 +76,7 @@ def read_off(total: Int16) -> tuple[Float32, Float32, Float32]:
     left = roomy[:, :width]
     right = np.lib.stride_tricks.as_strided(roomy, (depth, width), (line + 2, 2), writeable=False)
     code = np.arange(depth)[::-1, None].astype(np.uint8 if depth <= 256 else np.uint16)
-    start, along = np.arange(width), width + depth
+    start, along, beside = np.arange(width), width + depth, np.array([[-1], [0], [1]])
     best, around = np.empty((2, height, width), np.intp), np.empty((2, 3, height, width), np.int16)
     far = np.empty((height, width), np.int16)
     for y, sums in enumerate(total):
@@ -88,8 +88,8 @@ def read_off(total: Int16) -> tuple[Float32, Float32, Float32]:
             around[k, 1, y] = least
             for j in (0, 2):
                 flat.take(where + (j - 1) * step, out=around[k, j, y], mode="clip")
-        for off in (-1, 0, 1):
-            flat[(start + np.clip(best[0, y] + off, 0, depth - 1) * along)] = _NEVER
+        near = np.minimum(np.maximum(best[0, y] + beside, 0), depth - 1)
+        flat[start + near * along] = _NEVER
         far[y] = left.min(axis=0)
     left_px, right_px = (_refined(one, three, depth) for one, three in zip(best, around, strict=True))
     return left_px, right_px, np.asarray(far - around[0, 1], np.float32)

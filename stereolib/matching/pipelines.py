@@ -24,6 +24,7 @@ from stereolib.matching.levels import evened, shaded
 from stereolib.matching.plane_fill import behind_border, continue_background
 from stereolib.matching.rows import find_rows
 from stereolib.matching.sgbm import SGBMParams, check_window
+from stereolib.matching.surfaces import Surfaces, choose_surface
 from stereolib.rig import check_pair, to_grey
 
 _SPECKLE_PX = 11  # patches below 11 x 11 px go
@@ -84,7 +85,8 @@ def stereo_pipeline(name: str = "best", num_disparities: int | None = 128) -> Pi
           enlarged. A quarter of the pixels, half of the disparities: several times faster than plain SGBM.
         - ``"best"``: rows corrected, then exposure, as a whole and part by part (`shaded`); `match_census_sgm`, checked
           from right to left, specks removed, holes filled by the planes behind them, at the left border by colour, too
-          (`behind_border`), 5 x 5 median; a standard deviation for each pixel. Dense; some seconds.
+          (`behind_border`), pixels beside steps given to the surface that has their colour (`choose_surface`), 5 x 5
+          median; a standard deviation for each pixel. Dense; some seconds.
     num_disparities : int or None, px
         Disparities from 0 to this are looked for; a multiple of 16, of 32 for ``"fast"``. None takes what
         `search_range` tells of the pair.
@@ -149,19 +151,26 @@ def search_range(rough_px: Float32, width_px: int, step: int = 16) -> int:
 
 
 def fill_matched(
-    matched: SGMResult, left: UInt8, *, speckle_px: int = _SPECKLE_PX, median_px: int = _MEDIAN_PX
+    matched: SGMResult,
+    left: UInt8,
+    *,
+    speckle_px: int = _SPECKLE_PX,
+    median_px: int = _MEDIAN_PX,
+    surface: Callable[[Float32, Bools, UInt8], Surfaces] = choose_surface,
 ) -> FilledMap:
-    """Make the dense map of ``"best"``: checked, specks removed, holes filled by planes, or by colour, smoothed.
+    """Make the dense map of ``"best"``: checked, specks removed, holes filled, steps moved to the colour's, smoothed.
 
     Parameters
     ----------
     matched : SGMResult
     left : (H, W) or (H, W, 3) uint8
-        The left picture, whose colours tell where near surfaces end at the border.
+        The left picture, whose colours tell where near surfaces end.
     speckle_px : int
         Patches of fewer than ``speckle_px ** 2`` pixels are removed.
     median_px : {3, 5}
         Edge of the median at the end.
+    surface : callable
+        `choose_surface`, with other settings of it or without.
 
     Returns
     -------
@@ -173,6 +182,8 @@ def fill_matched(
     dense = behind_border(continue_background(checked), checked, left)
     if np.isnan(dense).any():  # nothing was accepted anywhere
         dense = matched.left_px
+    dense, moved = surface(dense, np.isfinite(checked), left)
+    checked[moved] = np.nan  # another surface's: no match any more
     disparity = cv2.medianBlur(dense, median_px)
     signs = deviation.signs(disparity, matched, checked)
     return FilledMap(disparity, deviation.kinds(disparity, checked), signs)

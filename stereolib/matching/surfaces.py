@@ -1,0 +1,134 @@
+"""Pixels beside steps go to the surface, in front or behind, whose colour they have."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+from stereolib.base import Bools, Float32, Ints, UInt8
+
+_STEP_PX = 2.0  # neighbours farther apart are two surfaces
+_BESIDE_PX = 2  # so near a step a disparity is not trusted
+_APART_PX = 3.0  # surfaces nearer to each other are taken for one
+_AROUND_PX = np.arange(-10, 11, 5)  # rows and columns around a pixel that are looked at
+_NO_COLOUR = 1e4  # of what does not vote: like none
+_AT_ONCE = 2**13  # pixels: so many stay in the processor's cache
+_LEAST = 0.01  # pixels of the same colour, so that none is no proof
+
+
+class Surfaces(NamedTuple):
+    """A map whose pixels beside steps were asked anew which surface they belong to.
+
+    Parameters
+    ----------
+    disparity_px : (H, W) float32, px
+    moved : (H, W) bool
+        Pixels that were given to the other surface.
+    """
+
+    disparity_px: Float32
+    moved: Bools
+
+
+def choose_surface(
+    disparity_px: Float32, kept: Bools, left: UInt8, *, unlike: float = 8.0, sure: float = 2.0
+) -> Surfaces:
+    """Give pixels beside steps, and those of holes, to the surface nearby that has their colour.
+
+    Matching makes near surfaces too wide where the one behind is hidden from the other camera, and loses what is thin;
+    what fills a hole goes on in its row whatever it shows.
+
+    Parameters
+    ----------
+    disparity_px : (H, W) float32, px
+        Without holes.
+    kept : (H, W) bool
+        Where it was matched and not filled.
+    left : (H, W) or (H, W, 3) uint8
+        The rectified left picture.
+    unlike : float
+        Grey levels, root mean square of the channels: colours that differ by so much are hardly one.
+    sure : float
+        Logarithm of how many times more the other surface has to speak for itself. Both were chosen on virtual scenes
+        by `benchmarks/choose_best.py`.
+
+    Returns
+    -------
+    Surfaces
+        A pixel that goes to the other surface gets the mean of that one's disparities, with the weights below.
+
+    Notes
+    -----
+    Asked are holes and pixels within 2 px of a step of 2 px. Of 5 x 5 places within 10 px, those that were matched and
+    are no such pixel vote, for near if their disparity is beyond the middle of the largest and the smallest one there,
+    which have to be 3 px apart. With ``w = exp(-|c - c_q|^2 / (2 unlike^2))``, c the colour (mean square of the
+    channels), the near surface's vote is ``ln(sum_near w / sum_far w) - ln(n_near / n_far) / 2``, half-way from the
+    weights' sums to their means (a hundredth is added to sums and numbers). From `sure` on against what the map says,
+    the pixel changes.
+
+    Examples
+    --------
+    >>> left, disparity = np.full((40, 60), 50, np.uint8), np.full((40, 60), 10, np.float32)
+    >>> left[:, 30:] = 200
+    >>> disparity[:, 27:] = 30  # a near thing that was made 3 px too wide
+    >>> found = choose_surface(disparity, np.ones(left.shape, bool), left)
+    >>> found.disparity_px[20, [26, 27, 29, 30]], int(found.moved.sum())
+    (array([10., 10., 10., 30.], dtype=float32), 120)
+    """
+    flat = np.ones((3, 3), np.uint8)
+    step = (cv2.dilate(disparity_px, flat) - cv2.erode(disparity_px, flat) > _STEP_PX).astype(np.uint8)
+    beside = cv2.dilate(step, np.ones((2 * _BESIDE_PX + 1,) * 2, np.uint8)) > 0
+    voters = np.where(kept & ~beside, disparity_px, np.float32(-1))
+    reach = int(_AROUND_PX[-1])
+    window = np.ones((2 * reach + 1,) * 2, np.uint8)
+    near, far = cv2.dilate(voters, window), cv2.erode(np.where(voters < 0, np.float32(np.inf), voters), window)
+    y, x = np.nonzero((near - far > _APART_PX) & (beside | ~kept))
+    moved, out = np.zeros(kept.shape, bool), disparity_px.copy()
+    if not y.size:
+        return Surfaces(out, moved)
+    middle = (near + far)[y, x] / 2
+    vote, near_px, far_px = _vote(voters, np.atleast_3d(left), (y, x), middle, unlike)
+    is_near = disparity_px[y, x] > middle
+    changes = np.where(is_near, -vote, vote) > sure
+    moved[y, x] = changes
+    out[moved] = np.where(is_near, far_px, near_px)[changes]
+    return Surfaces(out, moved)
+
+
+def _vote(
+    voters: Float32, left: UInt8, at: tuple[Ints, Ints], middle: Float32, unlike: float
+) -> tuple[Float32, Float32, Float32]:
+    """What speaks for the near surface at some pixels, and the disparities of both; (N,) each.
+
+    `voters` are disparities, below 0 where nothing votes.
+    """
+    reach = int(_AROUND_PX[-1])
+    rim = ((reach, reach), (reach, reach))
+    levels = np.pad(voters, rim, constant_values=-1).ravel()
+    colours = [np.pad(channel, rim).ravel().astype(np.float32) for channel in np.moveaxis(left, -1, 0)]
+    colours[0][levels < 0] = _NO_COLOUR
+    width = voters.shape[1] + 2 * reach
+    offsets = (_AROUND_PX[:, None] * width + _AROUND_PX).ravel()
+    scale = np.float32(-1 / (2 * unlike**2 * len(colours)))
+    found = [np.zeros((3, 0), np.float32)]
+    for part in np.array_split(np.arange(len(middle)), max(len(middle) // _AT_ONCE, 1)):
+        places, limit = (at[0][part] + reach) * width + at[1][part] + reach, middle[part]
+        own = [channel[places] for channel in colours]
+        own[0] = left[..., 0][at[0][part], at[1][part]].astype(np.float32)
+        near, every = np.zeros((2, 3, len(part)), np.float32)  # of each: weights, their sum with disparities, number
+        for there in (places + offset for offset in offsets):
+            level, square = levels[there], np.zeros_like(limit)
+            for channel, mine in zip(colours, own, strict=True):
+                off = channel[there] - mine
+                square += off * off
+            alike, is_near = np.exp(scale * square), level > limit
+            near_alike = alike * is_near
+            every += alike, alike * level, level >= 0
+            near += near_alike, near_alike * level, is_near
+        far = every - near
+        vote = np.log((near[0] + _LEAST) / (far[0] + _LEAST)) - np.log((near[2] + _LEAST) / (far[2] + _LEAST)) / 2
+        found.append(np.array([vote, *(side[1] / np.maximum(side[0], np.float32(1e-9)) for side in (near, far))]))
+    vote, near_px, far_px = np.concatenate(found, axis=1)
+    return vote, near_px, far_px

@@ -217,9 +217,13 @@ def measure_rows(left: UInt8, right: UInt8, disparity_px: Float32) -> RowOffset:
     if len(cells.weight) < _LEAST_CELLS:
         return _unknown(left.shape)
     plane = np.zeros(3)
-    for _ in range(_STEPS):
-        plane, *residuals = cells.plane(cells.offsets(plane))
-    return RowOffset(plane, cells.covariance(*residuals), ((width - 1) / 2, (height - 1) / 2))
+    try:
+        for _ in range(_STEPS):
+            plane, *residuals = cells.plane(cells.offsets(plane))
+        covariance = cells.covariance(*residuals)
+    except np.linalg.LinAlgError:  # all that tells it stands in one place
+        return _unknown(left.shape)
+    return RowOffset(plane, covariance, ((width - 1) / 2, (height - 1) / 2))
 
 
 def _unknown(shape: tuple[int, ...]) -> RowOffset:

@@ -199,25 +199,22 @@ def test_the_settings_are_those_that_the_script_chose(monkeypatch):
     """Its procedure, gone through again over the file of what it measured, ends at the library's defaults."""
     monkeypatch.syspath_prepend(str(datasets.ROOT / "benchmarks"))
     script = importlib.import_module("choose_best")
-    with script.FILE.open(encoding="utf-8", newline="") as stream:
-        rows = list(csv.DictReader(stream))
-    means = {script.key_of(row): float(row["mean"]) for row in rows}
-    chosen = script.choose(lambda setting: means[script.key_of(setting)])
+
+    def chosen_from(file, grid, knobs):
+        with file.open(encoding="utf-8", newline="") as stream:
+            rows = list(csv.DictReader(stream))
+        means = {script.key_of(row, grid): float(row["mean"]) for row in rows}
+        return script.choose(lambda setting: means[script.key_of(setting, grid)], grid, knobs), rows
+
+    chosen, rows = chosen_from(script.FILE, script.GRID, script.KNOBS)
     assert chosen.pop("blur_from_grey") == 1.0  # which reads texture as noise: what replaced it has no such limit
     assert (chosen.pop("speckle_px"), chosen.pop("median_px")) == (pipelines._SPECKLE_PX, pipelines._MEDIAN_PX)
-    with script.COARSE_FILE.open(encoding="utf-8", newline="") as stream:
-        coarse = {script.key_of(row, script.COARSE): float(row["mean"]) for row in csv.DictReader(stream)}
-    mean = lambda setting: coarse[script.key_of(setting, script.COARSE)]  # noqa: E731
-    chosen |= script.choose(mean, script.COARSE, script.COARSE_KNOBS)
+    chosen |= chosen_from(script.COARSE_FILE, script.COARSE, script.COARSE_KNOBS)[0]
     assert census_sgm.CensusSGM(**chosen) == census_sgm.CensusSGM()
-    with script.SURFACE_FILE.open(encoding="utf-8", newline="") as stream:
-        surface = {script.key_of(row, script.SURFACE): float(row["mean"]) for row in csv.DictReader(stream)}
-    mean = lambda setting: surface[script.key_of(setting, script.SURFACE)]  # noqa: E731
-    assert script.choose(mean, script.SURFACE, script.SURFACE_KNOBS) == choose_surface.__kwdefaults__
-    with script.RIVAL_FILE.open(encoding="utf-8", newline="") as stream:
-        rival = {script.key_of(row, script.RIVAL): float(row["mean"]) for row in csv.DictReader(stream)}
-    mean = lambda setting: rival[script.key_of(setting, script.RIVAL)]  # noqa: E731
-    assert script.choose(mean, script.RIVAL, script.RIVAL_KNOBS) == importlib.import_module("rivals").CHOSEN
+    surface, _ = chosen_from(script.SURFACE_FILE, script.SURFACE, script.SURFACE_KNOBS)
+    assert surface == choose_surface.__kwdefaults__
+    rival, _ = chosen_from(script.RIVAL_FILE, script.RIVAL, script.RIVAL_KNOBS)
+    assert rival == importlib.import_module("rivals").CHOSEN
     scenes = [name for name in rows[0] if "@" in name or "/" in name]
     assert len(scenes) == 20  # all of them virtual
     first = [float(rows[0][name]) for name in scenes]

@@ -69,6 +69,11 @@ def clustered_covariance(
     -------
     (k, k) float64
 
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If what remains without some cluster does not tell the fit, as where there is but one.
+
     Notes
     -----
     The jackknife: with ``g_c`` the sum of ``w r x`` over cluster c and ``A_c`` that of ``b x x'``, b being w or `bend`,

@@ -13,9 +13,9 @@ from stereolib.base import Float32, Floats
 from stereolib.matching.census_sgm import SGMResult
 from stereolib.matching.disparity import left_right_difference
 from stereolib.matching.filling import neighbours
+from stereolib.matching.surfaces import STEP_PX
 
 _NEAR_PX, _AROUND_PX, _WIDE_PX = 5, 15, 31  # edges of the windows that are looked at
-_STEP_PX = 2.0  # neighbours farther apart are two surfaces
 _MOST_BENT_PX, _MOST_APART_PX = 2.0, 4.0  # more counts as so much
 _FAR = 3.0  # scales from the mean: signs beyond count as so far
 _BENT_FLOOR_PX, _SPREAD_FLOOR_PX, _APART_FLOOR_PX = 0.01, 0.1, 0.05  # added before the logarithm is taken
@@ -185,7 +185,7 @@ def kinds(disparity_px: Float32, kept_px: Float32) -> Kinds:
     """
     hole, (before, after) = np.isnan(kept_px), neighbours(kept_px)
     filled = np.where(np.isnan(before + after), Kind.BORDER, Kind.GAP)
-    return np.where(hole, filled, _spread(disparity_px, _NEAR_PX) > _STEP_PX).astype(np.int8)
+    return np.where(hole, filled, _spread(disparity_px, _NEAR_PX) > STEP_PX).astype(np.int8)
 
 
 def signs(disparity_px: Float32, matched: SGMResult, kept_px: Float32) -> Float32:
@@ -278,5 +278,4 @@ def _wider_than_step(kept_px: Float32) -> Float32:
 
 
 def _spread(disparity_px: Float32, size_px: int) -> Any:
-    window = np.ones((size_px, size_px), np.uint8)
-    return cv2.dilate(disparity_px, window) - cv2.erode(disparity_px, window)
+    return cv2.morphologyEx(disparity_px, cv2.MORPH_GRADIENT, np.ones((size_px, size_px), np.uint8))

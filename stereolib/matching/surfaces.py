@@ -9,7 +9,7 @@ import numpy as np
 
 from stereolib.base import Bools, Float32, Ints, UInt8
 
-_STEP_PX = 2.0  # neighbours farther apart are two surfaces
+STEP_PX = 2.0  # neighbours farther apart are two surfaces
 _BESIDE_PX = 2  # so near a step a disparity is not trusted
 _APART_PX = 3.0  # surfaces nearer to each other are taken for one
 _AROUND_PX = np.arange(-10, 11, 5)  # rows and columns around a pixel that are looked at
@@ -77,8 +77,8 @@ def choose_surface(
     >>> found.disparity_px[20, [26, 27, 29, 30]], int(found.moved.sum())
     (array([10., 10., 10., 30.], dtype=float32), 120)
     """
-    flat = np.ones((3, 3), np.uint8)
-    step = (cv2.dilate(disparity_px, flat) - cv2.erode(disparity_px, flat) > _STEP_PX).astype(np.uint8)
+    spread_px = cv2.morphologyEx(disparity_px, cv2.MORPH_GRADIENT, np.ones((3, 3), np.uint8))
+    step = (spread_px > STEP_PX).astype(np.uint8)
     beside = cv2.dilate(step, np.ones((2 * _BESIDE_PX + 1,) * 2, np.uint8)) > 0
     voters = np.where(kept & ~beside, disparity_px, np.float32(-1))
     reach = int(_AROUND_PX[-1])

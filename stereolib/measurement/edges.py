@@ -22,7 +22,10 @@ _LEAST_SAMPLES = 8
 _APART, _BESIDE = 6, 16  # which is looked at so many lines from it, over so many
 _LEAST = 1e-3  # of a difference: what is less is none
 _NONE = np.zeros(1)
-_FLOOR = 0.03  # least standard deviation of an edge, of its width: what blur and staircase do to all of it alike
+_K = np.arange(-2.0, 3.0)  # samples about a peak's highest one: half a pixel either way
+_BEND, _SLOPE, _ = np.linalg.pinv(np.vander(_K, 3))  # give those of the parabola that fits them best
+_LEAST_BEND = 1e-9
+_FLOOR = 0.015  # least standard deviation of an edge, of its width: what blur and staircase do to all of it alike
 
 
 @dataclass(frozen=True)
@@ -121,8 +124,9 @@ def locate_edge(
     best = start + int(strength[start : best + 3 * half + 1].argmax())  # the prior chooses the peak, it moves none
     first = max(best - 2 * half, 0)
     own = middle[first] + STEP_PX * _highest(groups[first : best + 2 * half + 1])
-    beside = max(best - 1, 0)
-    position = float(middle[beside] + STEP_PX * _highest(strength[beside : best + 2, None])[0])
+    beside = max(best - len(_K) // 2, 0)
+    around = strength[beside : best + len(_K) // 2 + 1, None]
+    position = float(middle[beside] + STEP_PX * _highest(around)[0])
     scatter = 1.48 * median(np.abs(own - median(own))) / (_GROUPS / 1.57) ** 0.5
     rivals = _rivals(strength, likely, middle, best)
     std = float(np.sqrt(scatter**2 + (_FLOOR * _width_px(strength, best)) ** 2 + rivals))
@@ -188,15 +192,15 @@ def _rivals(strength: Float64, likely: Float64, off: Float64, best: int) -> floa
     return float((weight * (off[peaks] - off[best]) ** 2).sum() / max(weight.sum(), 1.0))
 
 
-def _highest(values: Float32) -> Float64:
-    """Where each column (N, k) is highest, by the parabola through its highest sample and both beside: (k,)."""
+def _highest(values: Floats) -> Float64:
+    """Where each column (N, k) is highest, by the parabola that fits it and two samples on either side best: (k,).
+
+    Between a picture's pixels light is interpolated, so that a peak has corners, and is flat for some samples at the
+    top: the parabola through three of them errs by up to an eighth of a pixel.
+    """
     columns, at = np.arange(values.shape[1]), values.argmax(axis=0)
-    before, after = (values[np.clip(at + step, 0, len(values) - 1), columns] for step in (-1, 1))
-    inside = (at > 0) & (at < len(values) - 1)
-    return np.asarray(at + np.where(inside, _parabola(before, values[at, columns], after), 0.0))
-
-
-def _parabola(a: Floats, b: Floats, c: Floats) -> Float64:
-    """Offset of the peak of the parabola through three samples from the middle one, -0.5..0.5."""
-    bend = np.maximum(2 * b - a - c, 1e-9)
-    return np.asarray(np.clip(0.5 * (c - a) / bend, -0.5, 0.5))
+    reach = len(_K) // 2
+    inside = (at >= reach) & (at < len(values) - reach)
+    around = values[np.clip(at + np.arange(-reach, reach + 1)[:, None], 0, len(values) - 1), columns]
+    offset = _SLOPE @ around / np.maximum(-2 * (_BEND @ around), _LEAST_BEND)
+    return np.asarray(at + np.where(inside, np.clip(offset, -reach, reach), 0.0))

@@ -286,7 +286,10 @@ def fit_floor(
     plane, weight = pixels.refined(_vote(disparity, rectified, limits), int(_LEAST_SUPPORT * disparity.size / _STEP**2))
     if pair is None:
         rest = pixels.d - pixels.rays @ plane
-        covariance = clustered_covariance(pixels.rays, rest, weight, cell_of(pixels.u, pixels.v))
+        try:
+            covariance = clustered_covariance(pixels.rays, rest, weight, cell_of(pixels.u, pixels.v))
+        except np.linalg.LinAlgError:  # all of it lies in one place
+            raise CannotMeasure("no floor", _NO_FLOOR) from None
     else:
         u, v = pixels.of_floor(plane, weight > 0, disparity.shape)
         fit = align(pair, u, v, pixel_rays(u, v, rectified), plane, most=_MOST_PIXELS)

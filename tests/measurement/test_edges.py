@@ -43,11 +43,12 @@ def located(light, among, belief, powers=_POWERS):
     return locate_edge(light, among, belief, powers)
 
 
-@pytest.mark.parametrize("place", [118.0, 120.0, 121.3, 127.77])
+@pytest.mark.parametrize("place", [*np.arange(118.0, 119.05, 0.1), 120.0, 121.3, 127.77])
 def test_an_edge_is_found_to_a_fraction_of_a_pixel(place):
+    """Wherever between two pixels it lies, though all of an upright edge lies there alike."""
     peak = located(both((place, 0.3)), lines(), FLAT)
-    assert peak.position_px == pytest.approx(place - 120, abs=0.15)
-    assert 0.05 <= peak.std_px < 0.2 and peak.contrast > 10
+    assert peak.position_px == pytest.approx(place - 120, abs=0.08)
+    assert 0.02 <= peak.std_px < 0.1 and peak.contrast > 10
 
 
 def test_the_stated_deviation_holds_on_faint_edges():

@@ -15,8 +15,9 @@ from stereolib.measurement import (
     floor_from_pose,
     floor_tolerance_px,
 )
-from stereolib.paper import rig_pose
+from stereolib.paper import paper_rig, rig_pose
 from stereolib.virtual import Scene, cube_scene, recordings, render_truth, room
+from stereolib.virtual.camera_emulator import scaled_rig
 
 
 @pytest.mark.parametrize("name", ["pitched", "level"])
@@ -121,6 +122,16 @@ def test_a_floor_beyond_its_limits_is_none():
     for limits in (FloorLimits(camera_height_mm=399.0), FloorLimits(tilt_rad=0.19)):
         with pytest.raises(CannotMeasure, match="no floor"):
             fit_floor(disparity, RECT, limits=limits)
+
+
+def test_a_floor_of_one_spot_is_none():
+    """All of a small picture's floor lies in one place: nothing tells how well its plane is known."""
+    small = scaled_rig(paper_rig(), 0.25).rectify()
+    floor = floor_from_pose(small, rig_pose(small, -0.2, 400.0))
+    disparity = floor.disparity(*np.meshgrid(np.arange(160.0), np.arange(120.0)))
+    disparity[:, :72] = disparity[:, 96:] = disparity[:72] = disparity[96:] = np.nan
+    with pytest.raises(CannotMeasure, match="no floor"):
+        fit_floor(disparity, small)
 
 
 def test_pixels_of_a_floor_lie_on_it_and_others_do_not():

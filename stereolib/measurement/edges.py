@@ -25,7 +25,7 @@ _NONE = np.zeros(1)
 _K = np.arange(-2.0, 3.0)  # samples about a peak's highest one: half a pixel either way
 _BEND, _SLOPE, _ = np.linalg.pinv(np.vander(_K, 3))  # give those of the parabola that fits them best
 _LEAST_BEND = 1e-9
-_FLOOR = 0.015  # least standard deviation of an edge, of its width: what blur and staircase do to all of it alike
+_FLOOR = 0.03  # least standard deviation of an edge, of its width: what blur and staircase do to all of it alike
 
 
 @dataclass(frozen=True)

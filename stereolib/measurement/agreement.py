@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from enum import Enum
 from functools import cached_property
 
@@ -19,11 +19,14 @@ _LEAST_SEEN = 0.5  # share of a line that both pictures must show
 _NEARER_PX, _NEARER = 2.0, 0.03  # what hides a surface has so much more disparity, px and share; what is behind, less
 _FIRST, _SECOND = (0.8, 0.55), (0.55, 0.35)  # correlations from which on pictures agree, and up to which they do not
 _QUIET, _TYPICAL = 0.3, 0.75  # what has less than this share of a surface's typical contrast (a quantile) is plain
+_MUDDY = 0.7  # so much where the surface was matched: there, noise and JPEG disagree
 _COST = 0.2  # of a line that does not agree, in lines that do: so many must follow on a plain part
 _DISAGREE = 3  # lines in a row that disagree end a surface
 _AGAIN = 2.0  # but where it goes on beyond: so many lines that agree outweigh each that these three are moved on
 _EVEN, _WEIGHT = 0.5, 1.0  # correlation that speaks neither for nor against a surface; logarithm of odds to a unit
 _LEAST_POWER = 1e-12  # of two lines' slopes: a correlation of nothing with nothing is 0
+_GOES_ON, _UNMATCHED, _ELSEWHERE = 1.0, -0.25, -2.0  # votes of lines past an end: a surface was matched, none, another
+_FATTENED = 10.0  # votes that a surface gets beyond its end, as blocks of pixels are matched
 _BESIDE = 12  # lines past an end that tell what is there
 _SURFACE, _COVERS = 0.25, 0.5  # less than this share of a line's samples matched is no surface, or hides none
 
@@ -115,8 +118,9 @@ class Agreement:
         Notes
         -----
         Lines agree from a correlation on and disagree below another; in between, and where the contrast is less than
-        0.3 of what is typical, they tell nothing, unless they disagree and something farther was matched there. Three
-        lines in a row that disagree, or one that a picture does not show, stop it.
+        0.3 of what is typical (0.7 where the surface was matched: there, noise and JPEG disagree), they tell nothing,
+        unless they disagree and something farther was matched there. Three lines in a row that disagree, or one that a
+        picture does not show, stop it.
 
         Examples
         --------
@@ -125,8 +129,7 @@ class Agreement:
         Reach(last=3, stop=5, past=<Past.OPEN: 'it ends there'>, sure=3)
         """
         (least, most), values = (_SECOND, self.whole) if second else (_FIRST, self.fine)
-        plain = self._plain(known)
-        good, bad = (values > least) & ~plain, ~(values > most) & (~plain | self._farther)
+        good, bad = (values > least) & self._has(_QUIET, known), ~(values > most) & self._tells(known)
         shown, run = np.isfinite(values), np.zeros(len(values), bool)
         run[: 1 - _DISAGREE] = np.convolve(bad, np.ones(_DISAGREE), "valid") == _DISAGREE
         rim = _first(~shown, len(values))
@@ -134,7 +137,7 @@ class Agreement:
         last = int(np.argmax(gained)) if good[:rim].any() else -1
         stop = min(last + 1 + _first(run[last + 1 :], len(values)), rim)
         cut = stop < len(values) and not shown[stop : stop + _MARGIN].all()
-        nearer = (1 + _NEARER) * self.predicted_px[max(last, 0)] + _NEARER_PX
+        nearer = self.predicted_px[max(last, 0)] + self._room_px[max(last, 0)]
         beside = self.covering_px[last + 1 + _MARGIN : last + 1 + _BESIDE]
         hidden = np.count_nonzero(beside > nearer) > len(beside) / 2
         past = Past.HIDDEN if hidden else Past.CUT if cut else Past.OPEN
@@ -143,6 +146,35 @@ class Agreement:
         last, sure = (max(at - _MARGIN, min(at, 0)) for at in (last, sure))
         return Reach(last, max(stop - 1, 0), past, sure)
 
+    def carried_on(self, reach: Reach) -> Reach:
+        """A reach that may end as far out as the disparity map has its surface going on, which only that can tell.
+
+        Parameters
+        ----------
+        reach : Reach
+            Along these lines.
+
+        Returns
+        -------
+        Reach
+            With a later `stop`, where past it more than ten lines speak for the surface: it was matched there. A line
+            on which nothing was matched counts a quarter against it, one on which something else was, two.
+
+        Examples
+        --------
+        >>> alike, flat = np.array([1.0] * 6 + [0.0] * 26), np.ones(32)
+        >>> matched = np.array([50.0] * 24 + [20.0] * 8)
+        >>> seen = Agreement(alike, alike, flat, flat, 50 * flat, matched, matched)
+        >>> seen.reach(4).stop, seen.carried_on(seen.reach(4)).stop
+        (5, 23)
+        """
+        beyond = slice(reach.stop + 1, None)
+        votes = np.where(self._matches, _GOES_ON, np.where(np.isnan(self.matched_px), _UNMATCHED, _ELSEWHERE))
+        gained = np.cumsum(votes[beyond])
+        if reach.past is not Past.OPEN or gained.max(initial=0.0) < _FATTENED:
+            return reach
+        return replace(reach, stop=reach.stop + 1 + int(gained.argmax()))
+
     def evidence(self) -> Float64:
         """How much each line speaks for lying on the surface, as a logarithm of odds; 0 where it is too plain to tell.
 
@@ -150,18 +182,33 @@ class Agreement:
         -------
         (lines,) float64
         """
-        tells = np.isfinite(self.whole) & (~self._plain(len(self.whole)) | self._farther)
-        return np.where(tells, _WEIGHT * (self.whole - _EVEN), 0.0)
+        n = len(self.whole)
+        tells = (self._has(_QUIET, n) & (self.whole > _EVEN)) | self._tells(n)
+        return np.where(np.isfinite(self.whole) & tells, _WEIGHT * (self.whole - _EVEN), 0.0)
 
-    def _plain(self, known: int) -> Bools:
-        """Lines of little contrast, against the first ones."""
+    def _tells(self, known: int) -> Bools:
+        """Lines that, where they disagree, speak against the surface."""
+        return self._has(np.where(self._matches, _MUDDY, _QUIET), known) | self._farther
+
+    def _has(self, share: float | Float64, known: int) -> Bools:
+        """Lines of such a share of the contrast that is typical of the first ones, at least."""
         typical = np.sort(self.contrast[: max(known, 1)])
-        return np.asarray(self.contrast < _QUIET * typical[round(_TYPICAL * (len(typical) - 1))])
+        return np.asarray(self.contrast >= share * typical[round(_TYPICAL * (len(typical) - 1))])
+
+    @property
+    def _room_px(self) -> Float64:
+        """By so much a disparity may differ that was matched on the surface."""
+        return _NEARER * self.predicted_px + _NEARER_PX
+
+    @property
+    def _matches(self) -> Bools:
+        """Lines where the surface was matched."""
+        return np.asarray(np.abs(self.matched_px - self.predicted_px) < self._room_px)
 
     @property
     def _farther(self) -> Bools:
         """Lines where something farther was matched."""
-        return np.asarray(self.matched_px < (1 - _NEARER) * self.predicted_px - _NEARER_PX)
+        return np.asarray(self.matched_px < self.predicted_px - self._room_px)
 
 
 def _first(flags: Bools, none: int) -> int:

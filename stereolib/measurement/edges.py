@@ -25,7 +25,8 @@ _NONE = np.zeros(1)
 _K = np.arange(-2.0, 3.0)  # samples about a peak's highest one: half a pixel either way
 _BEND, _SLOPE, _ = np.linalg.pinv(np.vander(_K, 3))  # give those of the parabola that fits them best
 _LEAST_BEND = 1e-9
-_FLOOR = 0.03  # least standard deviation of an edge, of its width: what blur and staircase do to all of it alike
+_FLOOR = 0.016  # least standard deviation of an edge, of its width: what blur and staircase do to all of it alike
+_UNIFORM = float(np.sqrt(12.0))  # an interval over its standard deviation
 
 
 @dataclass(frozen=True)
@@ -108,34 +109,42 @@ def locate_edge(
     geometric mean over both pictures and eight groups of samples, so that what only one of them, or a part of the line,
     shows is none. On a texture neighbouring lines resemble each other, across an outline they do not, and often one
     side of it has more texture than the other: the odds of two lines are a power of their strengths' ratio, times one
-    of E's beside them, larger over smaller, times their belief's. A parabola refines the likeliest. The deviation comes
-    from eight groups of samples, each located by itself, from the edge's width, and from rival peaks.
+    of E's beside them, larger over smaller, times their belief's. A parabola refines the likeliest.
+
+    A lens blurs light, what a webcam does to its picture afterwards blurs grey levels, and the same edge stands
+    elsewhere in light than in grey levels, of which the root of light is near enough: the wider the blur and the larger
+    the step, the farther, and what is darker than its surroundings comes out too large or too small. Nobody knows how
+    much of the blur is whose: the edge lies anywhere between both places, ``(a + b) / 2``, with
+    ``|a - b| / sqrt(12)`` in its deviation. The rest of that comes from eight groups of samples, each located by
+    itself, from the edge's width, and from rival peaks.
     """
     half = max(1, round(_SPAN_PX / 2 / STEP_PX))
-    differences = _differences(light, lines, samples, half)
-    if not differences:
+    seen = _light_along(light, lines, samples)
+    if not seen:
         return None
-    groups = differences[0] if len(differences) == 1 else np.sqrt(differences[0] * differences[1])
+    groups = _differences(seen, half)
     middle = lines.off_px[half:-half]
-    strength = np.exp(np.log(np.maximum(groups, _LEAST)).mean(axis=1))
+    strength = _mean(groups)
     likely = powers.strength * np.log(strength) + powers.step * _steps(strength) + np.log(belief[half:-half])
     best = int(likely.argmax())
     start = max(best - 3 * half, 0)
     best = start + int(strength[start : best + 3 * half + 1].argmax())  # the prior chooses the peak, it moves none
-    first = max(best - 2 * half, 0)
-    own = middle[first] + STEP_PX * _highest(groups[first : best + 2 * half + 1])
+    first, last = max(best - 2 * half, 0), best + 2 * half + 1
+    own = middle[first] + STEP_PX * _highest(groups[first:last])
     beside = max(best - len(_K) // 2, 0)
-    around = strength[beside : best + len(_K) // 2 + 1, None]
-    position = float(middle[beside] + STEP_PX * _highest(around)[0])
+    in_light = middle[beside] + STEP_PX * _highest(strength[beside : best + len(_K) // 2 + 1, None])[0]
+    grey = _mean(_differences([np.sqrt(values[first : last + 2 * half]) for values in seen], half))
+    in_grey = middle[first] + STEP_PX * _highest(grey[:, None])[0]
     scatter = 1.48 * median(np.abs(own - median(own))) / (_GROUPS / 1.57) ** 0.5
+    blur = (in_grey - in_light) / _UNIFORM
     rivals = _rivals(strength, likely, middle, best)
-    std = float(np.sqrt(scatter**2 + (_FLOOR * _width_px(strength, best)) ** 2 + rivals))
+    std = float(np.sqrt(scatter**2 + blur**2 + (_FLOOR * _width_px(strength, best)) ** 2 + rivals))
     contrast = float(strength[best] / max(median(strength), 1e-9))
-    return Peak(position, std, contrast, float(np.sqrt(rivals)))
+    return Peak(float(in_light + in_grey) / 2, std, contrast, float(np.sqrt(rivals)))
 
 
-def _differences(light: Light, lines: ParallelLines, samples: int, half: int) -> list[Float32]:
-    """How much neighbouring lines differ, in either picture that shows them: (lines - 2 half, groups)."""
+def _light_along(light: Light, lines: ParallelLines, samples: int) -> list[Float32]:
+    """Light at places along the lines, in either picture that shows them: (lines, values) each."""
     share = ((np.arange(samples, dtype=np.float32) + 0.5) / samples)[None]
 
     def along(ends: Float64) -> Float32:
@@ -154,10 +163,20 @@ def _differences(light: Light, lines: ParallelLines, samples: int, half: int) ->
         if (count := np.count_nonzero(inside)) < _LEAST_SAMPLES:
             continue
         mine, y = (x, v) if count == samples else (x[:, inside], v[:, inside])
-        values = light_at(picture, mine, y).reshape(len(x), -1)
-        difference = cv2.absdiff(values[2 * half :], values[: -2 * half])
-        found.append(cv2.resize(difference, (_GROUPS, len(difference)), interpolation=cv2.INTER_AREA))
+        found.append(light_at(picture, mine, y).reshape(len(x), -1))
     return found
+
+
+def _differences(seen: list[Float32], half: int) -> Float32:
+    """How much neighbouring lines differ, in all pictures that show them: (lines - 2 half, groups)."""
+    differences = [cv2.absdiff(values[2 * half :], values[: -2 * half]) for values in seen]
+    first, *second = (cv2.resize(each, (_GROUPS, len(each)), interpolation=cv2.INTER_AREA) for each in differences)
+    return np.asarray(np.sqrt(first * second[0]) if second else first)
+
+
+def _mean(groups: Float32) -> Float64:
+    """The geometric mean over groups of samples."""
+    return np.asarray(np.exp(np.log(np.maximum(groups, _LEAST)).mean(axis=1)))
 
 
 def _width_px(strength: Float64, best: int) -> float:

@@ -85,6 +85,32 @@ def test_lines_speak_for_a_surface_or_against_it():
     assert (lines(until(40, np.nan), contrast).evidence()[40:] == 0).all()
 
 
+def test_noise_and_jpeg_end_nothing_where_the_surface_was_matched():
+    """A part without print: what little is in it disagrees, but the disparity map has the surface there."""
+    at = np.arange(N)
+    blank = (at >= 20) & (at < 35)
+    alike, contrast = np.where(blank, 0.2, until(50, 0.1)), np.where(blank, 0.5, 1.0)
+    elsewhere = np.where(blank, np.nan, 50.0)
+    assert lines(alike, contrast).reach(16).last == 47
+    assert lines(alike, contrast, elsewhere).reach(16).last == 17  # nothing was matched: it ends there
+    assert (lines(alike, contrast).evidence()[blank] == 0).all()
+    assert (lines(alike, contrast, elsewhere).evidence()[blank] < 0).all()
+    assert (lines(alike, matched=50.0).evidence()[blank] < 0).all()  # nor may what has as much contrast as all else
+
+
+def test_a_surface_may_end_as_far_out_as_it_was_matched():
+    at = np.arange(N)
+    blank = lines(until(20, 0.1), matched=np.where(at < 45, 50.0, 30.0))
+    reach = blank.reach(16)
+    assert (reach.last, reach.stop, blank.carried_on(reach).stop) == (17, 19, 44)
+    fattened = lines(until(20, 0.1), matched=np.where(at < 28, 50.0, 30.0))  # as blocks of pixels are matched
+    assert fattened.carried_on(fattened.reach(16)).stop == 19
+    gap = lines(until(20, 0.1), matched=np.where(at < 45, np.where((at > 25) & (at < 31), np.nan, 50.0), 30.0))
+    assert gap.carried_on(gap.reach(16)).stop == 44
+    cut = lines(until(30, np.nan))
+    assert cut.carried_on(cut.reach(16)) == cut.reach(16)
+
+
 def test_single_lines_that_disagree_end_nothing():
     alike = until(40, 0.1)
     alike[[10, 11, 20, 30]] = 0.0

@@ -48,7 +48,21 @@ def test_an_edge_is_found_to_a_fraction_of_a_pixel(place):
     """Wherever between two pixels it lies, though all of an upright edge lies there alike."""
     peak = located(both((place, 0.3)), lines(), FLAT)
     assert peak.position_px == pytest.approx(place - 120, abs=0.08)
-    assert 0.05 <= peak.std_px < 0.1 and peak.contrast > 10
+    assert 0.03 <= peak.std_px < 0.1 and peak.contrast > 10
+
+
+@pytest.mark.parametrize("dark", [-0.3, 0.3], ids=["dark at the right", "dark at the left"])
+def test_an_edge_is_right_whether_light_was_blurred_or_grey_levels(dark):
+    """A lens blurs light, a camera its picture: 3 px of either move the edge, and the deviation knows by how much."""
+    sigma, sharp = 3 / 2.355, both((120.0, dark), noise=0.003)
+    lens = [cv2.GaussianBlur(light, (0, 0), sigma) for light in sharp]
+    camera = [cv2.GaussianBlur(light ** (1 / 2.2), (0, 0), sigma) ** 2.2 for light in sharp]
+    off = {}
+    for name, pair in {"lens": lens, "camera": camera}.items():
+        peak = located((pair[0], pair[1]), lines(), FLAT)
+        off[name] = peak.position_px
+        assert abs(peak.position_px) < 2 * peak.std_px < 0.4
+    assert abs(off["lens"] - off["camera"]) > 0.02
 
 
 def test_the_stated_deviation_holds_on_faint_edges():

@@ -289,6 +289,10 @@ ROWS: dict[str, Row] = {
     "cartons_rows_1": Row(
         "printed cartons on terrazzo, right camera tilted: picture 1 px up or down", right_moved(rows_px=1.0), "cartons"
     ),
+    "cartons_jpeg_20": Row(
+        "printed cartons on terrazzo, both pictures as JPEG of quality 20", compressed(20), "cartons"
+    ),
+    "cartons_webcam": Row("printed cartons on terrazzo, a cheap webcam as above", _CHEAP_WEBCAM, "cartons"),
     "faint": Row("nothing is wrong, with surfaces of little contrast", untouched, "faint"),
     "faint_gain_0.7": Row("surfaces of little contrast, right picture 0.7 times as bright", right_gain(0.7), "faint"),
     "faint_gain_1.4": Row("surfaces of little contrast, right picture 1.4 times as bright", right_gain(1.4), "faint"),

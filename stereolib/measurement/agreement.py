@@ -157,7 +157,7 @@ class Agreement:
         Returns
         -------
         Reach
-            With a later `stop`, where past it more than ten lines speak for the surface: it was matched there. A line
+            With a later `stop`, where past it ten lines or more speak for the surface: it was matched there. A line
             on which nothing was matched counts a quarter against it, one on which something else was, two.
 
         Examples

@@ -12,6 +12,7 @@ from stereolib.measurement.agreement import Past, Samples
 from stereolib.measurement.box import Box, Edge, Level, Own, Shared, Side, World
 from stereolib.measurement.contradictions import weigh_contradictions
 from stereolib.measurement.edges import SHARP_PX, Peak
+from stereolib.measurement.edges_beyond import upper_edge_beyond, uprights_beyond
 from stereolib.measurement.faces import Face, align_surface, find_face
 from stereolib.measurement.follow import (
     LEAST_ABOVE_MM,
@@ -28,7 +29,6 @@ from stereolib.measurement.outline import Expected, Found, find_edge, find_far_e
 from stereolib.measurement.reasons import Reason, Why
 from stereolib.measurement.regions import ObjectRegion
 from stereolib.measurement.scene_solver import Priors, Seen, Solution, solve
-from stereolib.measurement.upper_edge import upper_edge_beyond
 from stereolib.measurement.upright_line import upright_line
 from stereolib.measurement.views import Views
 
@@ -145,10 +145,11 @@ def see_box(views: Views, priors: Priors, region: ObjectRegion) -> Pictured:
         if solution is not None:  # the height is known now
             world = priors.world(solution.shared)
             rough, anew = _seen_again(views, world, stretch, rough.solved(solution.boxes[0]), peaks)
+            rough, higher = _as_high_as_its_ends(views, world, rough)
             rough, raised = _with_top(views, world, rough, np.sqrt(np.diag(solution.covariance))[len(Shared) :])
             tops = _top_plane(views, world, rough)
             rough, farther = _as_far_as_its_top(views, world, rough)
-            anew = anew | raised | farther
+            anew = anew | higher | raised | farther
             peaks = {edge: peak for edge, peak in peaks.items() if edge not in anew}
             stds = predicted_stds_px(rough.open, rough.first, priors, *solution.at(rough.own).of_box(0))
         found = _located(views, world, rough, peaks, rough.expected(peaks, stds) | anew)
@@ -327,6 +328,18 @@ def _top_plane(views: Views, world: World, rough: _Rough) -> list[PlaneSeen]:
         return []
     tops = align_surface(views.pair, world, rough.own, Level.TOP)
     return [PlaneSeen.of(replace(top, plane_covariance=_SLANTED**2 * top.plane_covariance), Level.TOP) for top in tops]
+
+
+def _as_high_as_its_ends(views: Views, world: World, rough: _Rough) -> tuple[_Rough, dict[Edge, Expected]]:
+    """A box whose upright ends go straight on beyond its upper edge: that was a line on it, it ends where they do."""
+    tops = [edge for edge in rough.open if edge.is_top]
+    ends = [side.end for side in Side if side.end in rough.open]
+    found = uprights_beyond(views.pair.pictures, world, rough.own, ends) if tops else None
+    if found is None or found[1] < _GOES_ON:
+        return rough, {}
+    own = rough.own.copy()
+    own[Own.HEIGHT] = found[0]
+    return replace(rough, own=own), {edge: Expected(_TOP_END_PX) for edge in tops}
 
 
 def _as_far_as_its_top(views: Views, world: World, rough: _Rough) -> tuple[_Rough, dict[Edge, Expected]]:

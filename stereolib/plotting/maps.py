@@ -294,7 +294,7 @@ def plot_sizes(labels: Sequence[str], series: Mapping[str, tuple[Any, ...]], ax:
             ax.plot(errors_mm[empty], rows[empty], "o", ms=3, color="white", zorder=3)
         ax.axvline(0, color="0.4", lw=0.8)
     ax.set_yticks(np.arange(len(labels)), labels)
-    ax.set(ylim=(len(labels) - 0.4, -0.6), xlabel="error (mm)")
+    ax.set(ylim=(len(labels) - 0.4, -0.6), xlabel="error and 95 % interval (mm)")
     ax.grid(alpha=0.3, axis="x")
     return ax
 

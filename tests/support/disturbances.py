@@ -14,6 +14,7 @@ import numpy as np
 
 from stereolib.base import Float64, UInt8
 from stereolib.measurement import Instrument
+from stereolib.rig import to_light
 from support import box_scenes
 from support.box_scenes import BoxScene, Shot
 
@@ -192,12 +193,15 @@ def right_moved(*, rows_px: float = 0.0, columns_px: float = 0.0, roll_deg: floa
     return disturb
 
 
-def blurred(fwhm_px: float) -> Disturbance:
-    """Blur both pictures by a normal spread of that full width at half maximum."""
+def blurred(fwhm_px: float, *, by_lens: bool = False) -> Disturbance:
+    """Blur both pictures by a normal spread of that full width at half maximum: grey levels, or, by a lens, light."""
+    sigma_px = fwhm_px / _FWHM_PER_SIGMA
 
     def disturb(shot: Shot, known: Instrument, rng: np.random.Generator) -> Case:
         def blur(picture: UInt8) -> UInt8:
-            return np.asarray(cv2.GaussianBlur(picture, (0, 0), fwhm_px / _FWHM_PER_SIGMA))
+            if by_lens:
+                return _to_8_bits(255 * cv2.GaussianBlur(to_light(picture), (0, 0), sigma_px) ** (1 / 2.2))
+            return np.asarray(cv2.GaussianBlur(picture, (0, 0), sigma_px))
 
         return _pictures(shot, blur, blur), known
 
@@ -275,7 +279,8 @@ ROWS: dict[str, Row] = {
         "right camera turned since the calibration, no scan: picture 1 px left or right",
         one_after_another(right_moved(columns_px=1.0), no_scan),
     ),
-    "blur_3": Row("both pictures blurred by 3 px (full width at half maximum)", blurred(3.0)),
+    "blur_3": Row("grey levels of both pictures blurred by 3 px (full width at half maximum)", blurred(3.0)),
+    "lens_blur_3": Row("both lenses out of focus: light blurred by 3 px", blurred(3.0, by_lens=True)),
     "jpeg_20": Row("both pictures as JPEG of quality 20", compressed(20)),
     "cheap_webcam": Row(
         "a cheap webcam: laser and right camera moved, gain, noise, blur and JPEG, each mildly", _CHEAP_WEBCAM

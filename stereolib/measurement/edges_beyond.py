@@ -1,11 +1,13 @@
-"""Where the upper edge of a face ends: beyond a line that is only printed on the face it goes straight on."""
+"""Where edges of a face end: beyond a line that is only printed on it, its outline goes straight on."""
 
 from __future__ import annotations
+
+from collections.abc import Iterable
 
 import numpy as np
 
 from stereolib.base import Float64
-from stereolib.measurement.box import Box, Own, Side, World
+from stereolib.measurement.box import Box, Edge, Own, Side, World
 from stereolib.measurement.light import Light, Picture, light_at
 
 _ACROSS_PX, _STEPS = np.arange(-6.0, 6.5, 0.5), 3  # points that are compared across it are a webcam's edge apart
@@ -57,7 +59,74 @@ def upper_edge_beyond(light: Light, world: World, own: Float64, side: Side) -> t
         return None
     length = float(np.hypot(*(far - corner)))
     share = np.arange(1.0, min(known + _BEYOND_PX, length)) / length
-    strength = _strength(picture, corner + share[:, None] * (far - corner))
+    odds = _odds(picture, corner + share[:, None] * (far - corner), known)
+    if odds is None:
+        return None
+    total = np.concatenate([[0.0], np.cumsum(odds)])
+    best = int(total.argmax())
+    at = (known + best) / length
+    return float(_FARTHEST_MM * at / (at + (1 - at) * ahead[2] / ahead[0])), float(total[best])
+
+
+def uprights_beyond(light: Light, world: World, own: Float64, ends: Iterable[Edge]) -> tuple[float, float] | None:
+    """How high the upright edges of a box go, at the height that it is taken to have or beyond.
+
+    Parameters
+    ----------
+    light : (left, right), each (H, W, 3) or (H, W) uint8 or float32, or RawPicture
+        Rectified pictures, or their light.
+    world : World
+        One, real.
+    own : (8,) float64
+        The box, in the order of `Own`.
+    ends : iterable of Edge
+        Upright ones.
+
+    Returns
+    -------
+    (height_mm, log_odds) or None
+        Where they likeliest end, and the logarithm of the odds for that against the known height; None where none
+        stands out in both pictures, or where they go on to the pictures' rim.
+
+    Notes
+    -----
+    As `upper_edge_beyond`, of all edges together, and of both pictures the one that speaks for it less: what lies in
+    line with an edge in one of them, farther away, does not in the other.
+    """
+    eye_mm = np.array([0.0, 0.0, float(world.camera_height)])
+    votes = list[Float64]()
+    per_px = float((np.array([*own[[Own.X, Own.Y]], own[Own.HEIGHT]]) - eye_mm) @ world.axes[:, 2]) / float(world.focal)
+    known = int(own[Own.HEIGHT] / max(per_px, _LEAST)) if per_px > 0 else 0
+    if known < _LEAST_PX:
+        return None
+    heights = own[Own.HEIGHT] + per_px * np.arange(1 - known, 1 + int(_BEYOND_PX))
+    for edge in ends:
+        line = np.column_stack([np.tile(Box(own).edge(edge)[0, :2], (len(heights), 1)), heights])
+        if ((line - eye_mm) @ world.axes[:, 2]).min() < _LEAST_AHEAD_MM:
+            continue
+        odds = [
+            _odds(picture, world.pixels(line, right), known)
+            for picture, right in zip(light, (False, True), strict=True)
+            if picture is not None
+        ]
+        shown = [each for each in odds if each is not None]
+        if len(shown) == len(odds):
+            n = min(len(each) for each in shown)
+            votes.append(np.min([each[:n] for each in shown], axis=0))
+    if not votes:
+        return None
+    n = min(len(each) for each in votes)
+    total = np.concatenate([[0.0], np.cumsum(np.sum([each[:n] for each in votes], axis=0))])
+    best = int(total.argmax())
+    return None if best == n else (float(heights[known - 1 + best]), float(total[best]))
+
+
+def _odds(picture: Picture, line_px: Float64, known: int) -> Float64 | None:
+    """Logarithm of the odds that points of a line are the edge that the first ones are, of those beyond, a pixel each.
+
+    None where it does not stand out from what is beside it, and where the picture ends.
+    """
+    strength = _strength(picture, line_px)
     if strength.shape[1] <= known:
         return None
     off = np.abs(_ACROSS_PX[_STEPS:] + _ACROSS_PX[:-_STEPS]) / 2
@@ -66,11 +135,7 @@ def upper_edge_beyond(light: Light, world: World, own: Float64, side: Side) -> t
     S, T = float(np.median(on_edge[sure])), max(float(np.median(highest[off[1:-1] > _BESIDE_PX, sure])), _LEAST)
     if S < _STANDS_OUT * T:
         return None
-    odds = np.log(T / S) + on_edge[known:] * (1 / T - 1 / S)
-    total = np.concatenate([[0.0], np.cumsum(_WEIGHT * np.clip(odds, -_MOST, _MOST))])
-    best = int(total.argmax())
-    at = (known + best) / length
-    return float(_FARTHEST_MM * at / (at + (1 - at) * ahead[2] / ahead[0])), float(total[best])
+    return np.asarray(_WEIGHT * np.clip(np.log(T / S) + on_edge[known:] * (1 / T - 1 / S), -_MOST, _MOST))
 
 
 def _strength(picture: Picture, line_px: Float64) -> Float64:

@@ -1,4 +1,4 @@
-"""The upper edge of a face, beyond an end that it is taken to have: a line printed on it ends no face."""
+"""Edges beyond an end or a height that a box is taken to have: a line printed on a face ends none."""
 
 from __future__ import annotations
 
@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 from support.pictured import HIGH, rendered, true_box
 
-from stereolib.measurement.box import Own, Side
-from stereolib.measurement.upper_edge import upper_edge_beyond
+from stereolib.measurement.box import Box, Edge, Own, Side
+from stereolib.measurement.edges_beyond import upper_edge_beyond, uprights_beyond
 
 CASES = {
     "near": ((700.0, (260.0, 260.0, 220.0), 30.0), {}),
     "far": ((1100.0, (300.0, 200.0, 250.0), 40.0), {}),
 }
+ENDS = (Edge.RIGHT_END, Edge.LEFT_END)
 
 
 @pytest.mark.parametrize("side", Side)
@@ -36,6 +37,38 @@ def test_nothing_goes_on_beyond_a_true_end(case, side):
     assert odds < 2
 
 
+@pytest.mark.parametrize(("case", "share"), [("near", 0.5), ("near", 0.75), ("far", 0.8)])
+def test_a_height_too_low_is_told_with_the_true_one(case, share):
+    box, how = CASES[case]
+    shown, own = rendered(*box, **how), true_box(*box)
+    low = own.copy()
+    low[Own.HEIGHT] *= share
+    height, odds = uprights_beyond(shown.views.pair.pictures, shown.world, low, ENDS)
+    assert height == pytest.approx(own[Own.HEIGHT], rel=0.04) and odds > 6
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_nothing_goes_on_above_a_true_height(case):
+    box, how = CASES[case]
+    shown, own = rendered(*box, **how), true_box(*box)
+    _, odds = uprights_beyond(shown.views.pair.pictures, shown.world, own, ENDS)
+    assert odds < 2
+
+
+def test_what_stands_behind_in_line_with_an_edge_of_one_picture_does_not_raise_it():
+    """A dark post far behind, above the right end in the left picture: in the right one it is elsewhere."""
+    box, how = CASES["far"]
+    shown, own = rendered(*box, **how), true_box(*box)
+    pictures = shown.views.left.copy(), shown.views.right.copy()
+    column, top = shown.world.pixels(Box(own).edge(Edge.RIGHT_END)[1:])[0]
+    for picture, shift in zip(pictures, (0, 15), strict=True):
+        picture[int(top) - 60 : int(top) - 2, round(column) - shift :] = 20
+    _, odds = uprights_beyond(pictures, shown.world, own, [Edge.RIGHT_END])
+    assert odds < 2
+    _, alone = uprights_beyond((pictures[0], None), shown.world, own, [Edge.RIGHT_END])
+    assert alone > 6
+
+
 def test_an_edge_seen_from_above_tells_nothing():
     """Its shadow on the floor is parallel to it, and may lie in its line."""
     box = (700.0, (240.0, 300.0, 200.0), 35.0)
@@ -50,7 +83,13 @@ def test_what_tells_nothing():
     rng, pictures = np.random.default_rng(0), shown.views.pair.pictures
     noise = tuple(rng.uniform(0, 1, picture.shape).astype(np.float32) for picture in pictures)
     assert upper_edge_beyond(noise, shown.world, own, Side.RIGHT) is None
+    assert (
+        uprights_beyond(noise, shown.world, own, ENDS) is None
+        and uprights_beyond(pictures, shown.world, own, []) is None
+    )
     narrow, high, behind = own.copy(), own.copy(), own.copy()
     narrow[Own.RIGHT], high[Own.HEIGHT], behind[Own.X] = 3.0, 5000.0, -2000.0
     for odd in (narrow, high, behind):
         assert upper_edge_beyond(pictures, shown.world, odd, Side.RIGHT) is None
+    for odd in (high, behind):
+        assert uprights_beyond(pictures, shown.world, odd, ENDS) is None

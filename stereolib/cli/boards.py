@@ -107,7 +107,7 @@ def square_edges(text: str) -> list[float]:
         raise ValueError(f"--square-mm is an edge in mm, as 25, or width x height, as 24.9x25.1; got {text!r}")
     for edge in edges:
         if not 0 < edge <= MM:
-            raise ValueError(f"--square-mm must be a positive number of mm, {MM:g} at most; got {edge:g}")
+            raise ValueError(f"--square-mm must be a positive number of mm, got {edge:g}; {MM:g} at most")
     return edges
 
 

@@ -191,7 +191,7 @@ def _upwards(views: Views, world: World, face: Face, top_mm: float) -> Stretch:
     level = np.swapaxes(_upright(ground, heights), 0, 1)
     along, known = agreement(views, world, level), round(0.4 * top_mm / per_px)
     above, down = along.part(slice(middle, None)), along.part(slice(middle, None, -1)).reach(known)
-    up = above.carried_on(above.reach(known))
+    up = above.carried_on(above.reach(known))  # not down, nor aside: there the floor, or the other face, is as far away
     low, foot = (float(heights[max(middle - max(k, 0), 0)]) for k in (down.last, down.stop))
     foot = 0.0 if down.past is Past.HIDDEN and foot > 0 and _nearer_below(along, heights, foot) else foot
     is_cut = bool(np.isnan(along.fine[(heights >= 0.0) & (heights < foot)]).any())

@@ -65,12 +65,12 @@ def test_an_end_that_was_mistaken_for_a_line_inside_is_looked_for_where_the_face
     assert len(one.off) == 2 and pct.max() < 5 and z.max() < 3
 
 
-@pytest.mark.parametrize("number", [1012, 1017])
-def test_an_upper_line_of_print_is_no_upper_edge(number: int) -> None:
+@pytest.mark.parametrize(("number", "least"), [(1012, 4), (1017, 2)])
+def test_an_upper_line_of_print_is_no_upper_edge(number: int, least: int) -> None:
     """Their heights were those of their print, 36 % too low with 0.3 % of deviation: JPEG fills what is blank above.
 
     The scenes are none of the bench's 160.
     """
     one = tell(*case("cartons_jpeg_20", number, shoot))
     pct, z = np.abs(list(one.off.values())).T
-    assert len(one.off) > 1 and pct.max() < 3 and z.max() < 4
+    assert len(one.off) >= least and pct.max() < 2 and z.max() < 4

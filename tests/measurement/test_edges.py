@@ -48,7 +48,7 @@ def test_an_edge_is_found_to_a_fraction_of_a_pixel(place):
     """Wherever between two pixels it lies, though all of an upright edge lies there alike."""
     peak = located(both((place, 0.3)), lines(), FLAT)
     assert peak.position_px == pytest.approx(place - 120, abs=0.08)
-    assert 0.03 <= peak.std_px < 0.1 and peak.contrast > 10
+    assert abs(peak.position_px - (place - 120)) / 2 < peak.std_px < 0.06 and peak.std_px > 0.03 and peak.contrast > 10
 
 
 @pytest.mark.parametrize("dark", [-0.3, 0.3], ids=["dark at the right", "dark at the left"])

@@ -1,4 +1,4 @@
-"""Edges in pictures that are rectified as light: within their deviation; interpolated grey levels move them."""
+"""Pictures that are rectified as light: right in the mean, where those interpolated in grey levels are not."""
 
 from __future__ import annotations
 
@@ -37,6 +37,14 @@ def step(place, dark, bright, sigma_px):
     return np.rint(255 * light ** (1 / 2.2)).astype(np.uint8)
 
 
+def crossing_px(picture, place, middle):
+    """How far to the right of its place a step's light passes a value, in the mean over all rows."""
+    across, rows = np.arange(-6.0, 6.25, 0.25), np.linspace(20.0, 220.0, 96)
+    x = place + across[:, None] + LEAN * (rows - 120)
+    y = np.broadcast_to(rows, x.shape)
+    return np.interp(middle, light_at(picture, x.astype(np.float32), y.astype(np.float32)).mean(axis=1), across)
+
+
 def off_px(picture, place):
     """How far to the right of its place an edge is located, and its standard deviation."""
     ends = np.empty((len(OFF), 2, 2))
@@ -45,6 +53,17 @@ def off_px(picture, place):
     lines = ParallelLines(ends, np.zeros((len(OFF), 2)), OFF)
     peak = locate_edge((picture, None), lines, np.ones(len(OFF)), _POWERS)
     return peak.position_px + round(place) - place, peak.std_px
+
+
+@pytest.mark.parametrize("dark", [0.08, 0.2])
+def test_light_is_right_in_the_mean_and_interpolated_grey_levels_move_steps_to_the_bright_side(dark):
+    light, grey = [], []
+    for place, shift in zip(PLACES, SHIFTS, strict=True):
+        raw, maps = step(place, dark, 0.6, 0.6), moved(shift)
+        at = place - shift, (dark + 0.6) / 2
+        light.append(crossing_px(RawPicture(raw, maps, np.eye(2, 3)), *at))
+        grey.append(crossing_px(cv2.remap(raw, *maps, cv2.INTER_LINEAR), *at))
+    assert abs(np.mean(light)) < 0.01 < 0.02 < np.mean(grey)
 
 
 @pytest.mark.parametrize("dark", [0.08, 0.2])

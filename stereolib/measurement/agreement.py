@@ -20,6 +20,7 @@ _NEARER_PX, _NEARER = 2.0, 0.03  # what hides a surface has so much more dispari
 _FIRST, _SECOND = (0.8, 0.55), (0.55, 0.35)  # correlations from which on pictures agree, and up to which they do not
 _QUIET, _TYPICAL = 0.3, 0.75  # what has less than this share of a surface's typical contrast (a quantile) is plain
 _MUDDY = 0.7  # so much where the surface was matched: there, noise and JPEG disagree
+_NOISY, _NOISY_FARTHER = 2.0, 1.3  # of what noise has, as well; so much where something farther was matched
 _COST = 0.2  # of a line that does not agree, in lines that do: so many must follow on a plain part
 _DISAGREE = 3  # lines in a row that disagree end a surface
 _AGAIN = 2.0  # but where it goes on beyond: so many lines that agree outweigh each that these three are moved on
@@ -77,6 +78,8 @@ class Agreement:
         Disparity of the surface, and the median one that was matched there; NaN where none was.
     covering_px : (lines,) float64
         The same where half of the line was matched, else NaN: less, as the floor at a foot, hides no end.
+    noise : (lines,) float64
+        What the pictures' noise has of `contrast` (`Views.slope_noise`).
     """
 
     fine: Float64
@@ -86,6 +89,7 @@ class Agreement:
     predicted_px: Float64
     matched_px: Float64
     covering_px: Float64
+    noise: Float64
 
     def part(self, some: slice) -> Agreement:
         """Some of the lines.
@@ -118,14 +122,15 @@ class Agreement:
         Notes
         -----
         Lines agree from a correlation on and disagree below another; in between, and where the contrast is less than
-        0.3 of what is typical (0.7 where the surface was matched: there, noise and JPEG disagree), they tell nothing,
-        unless they disagree and something farther was matched there. Three lines in a row that disagree, or one that a
+        0.3 of what is typical (0.7 where the surface was matched: there, noise and JPEG disagree) or than twice the
+        noise, they tell nothing, unless they disagree and something farther was matched there, on more than 1.3 times
+        the noise: over a plain part, what is behind is matched too. Three lines in a row that disagree, or one that a
         picture does not show, stop it.
 
         Examples
         --------
         >>> alike, flat = np.array([1.0] * 6 + [0.0] * 6), np.ones(12)
-        >>> Agreement(alike, alike, flat, flat, 50 * flat, 50 * flat, 50 * flat).reach(4)
+        >>> Agreement(alike, alike, flat, flat, 50 * flat, 50 * flat, 50 * flat, 0 * flat).reach(4)
         Reach(last=3, stop=5, past=<Past.OPEN: 'it ends there'>, sure=3)
         """
         (least, most), values = (_SECOND, self.whole) if second else (_FIRST, self.fine)
@@ -164,7 +169,7 @@ class Agreement:
         --------
         >>> alike, flat = np.array([1.0] * 6 + [0.0] * 26), np.ones(32)
         >>> matched = np.array([50.0] * 24 + [20.0] * 8)
-        >>> seen = Agreement(alike, alike, flat, flat, 50 * flat, matched, matched)
+        >>> seen = Agreement(alike, alike, flat, flat, 50 * flat, matched, matched, 0 * flat)
         >>> seen.reach(4).stop, seen.carried_on(seen.reach(4)).stop
         (5, 23)
         """
@@ -188,7 +193,8 @@ class Agreement:
 
     def _tells(self, known: int) -> Bools:
         """Lines that, where they disagree, speak against the surface."""
-        return self._has(np.where(self._matches, _MUDDY, _QUIET), known) | self._farther
+        textured = self._has(np.where(self._matches, _MUDDY, _QUIET), known) & (self.contrast > _NOISY * self.noise)
+        return textured | (self._farther & (self.contrast > _NOISY_FARTHER * self.noise))
 
     def _has(self, share: float | Float64, known: int) -> Bools:
         """Lines of such a share of the contrast that is typical of the first ones, at least."""
@@ -253,6 +259,8 @@ class Samples:
         Both show it.
     predicted_px, matched_px : (..., lines, samples) float32
         Disparity of the surface, and that which was matched there.
+    noise : float
+        Of the slopes in `left` and `right`.
     """
 
     left: Float32
@@ -261,6 +269,7 @@ class Samples:
     inside: Bools
     predicted_px: Float32
     matched_px: Float32
+    noise: float
 
     @classmethod
     def of(cls, views: Views, world: World, points_mm: Float64) -> Samples:
@@ -284,7 +293,7 @@ class Samples:
         slope = cv2.remap(views.slope, u, v, cv2.INTER_LINEAR) * inside
         a, b = (x.reshape(*shape, 2) for x in (a, b))
         inside, slope = inside.reshape(shape), np.asarray(slope.reshape(shape), np.float32)
-        return cls(a, b, slope, inside, shift.reshape(shape), matched.reshape(shape))
+        return cls(a, b, slope, inside, shift.reshape(shape), matched.reshape(shape), views.slope_noise)
 
     def part(self, some: slice) -> Samples:
         """Some of each line's samples.
@@ -297,10 +306,8 @@ class Samples:
         -------
         Samples
         """
-        left, right, slope = self.left[..., some, :], self.right[..., some, :], self.slope[..., some]
-        return Samples(
-            left, right, slope, self.inside[..., some], self.predicted_px[..., some], self.matched_px[..., some]
-        )
+        cut = {each: getattr(self, each)[..., some] for each in ("slope", "inside", "predicted_px", "matched_px")}
+        return replace(self, left=self.left[..., some, :], right=self.right[..., some, :], **cut)
 
     @cached_property
     def sums(self) -> Float64:
@@ -342,7 +349,8 @@ class Samples:
         whole, predicted = (alike[..., 0] + alike[..., 1]) / 2, self.predicted_px.mean(axis=-1)
         shown, seen = np.where(self.inside, self.matched_px, np.nan), np.count_nonzero(self.inside, axis=1)
         matched, covering = (_medians(shown, share * seen) for share in (_SURFACE, _COVERS))
-        return Agreement(alike[..., 1], whole, contrast, relief, predicted, matched, covering)
+        noise = np.full(len(whole), self.noise)
+        return Agreement(alike[..., 1], whole, contrast, relief, predicted, matched, covering, noise)
 
 
 def _projected(views: Views, world: World, points_mm: Float64) -> tuple[list[Float32], Bools]:

@@ -38,6 +38,9 @@ _LEVEL = 1e-3  # fall of a ray that meets no top any more
 _HIGHEST_MM, _PAST_RIM = 1000.0, 1.05
 _FLOOR_SHARE = 0.4  # of a gap below a face: nearer to the floor all are alike
 _FARTHER_PX = 1.0  # of disparity: what stands before a gap
+_AT_FLOOR, _AT_FLOOR_PX = 0.03, 2.0  # of disparity, share and px: the floor that lies so little behind a face may be it
+_DOWNWARDS = 0.5  # of the noise: the floor in the shadow of what hangs is nearly plain, and no face
+_REACHED = 8  # lines: so near to there, it goes down to the floor
 _BELOW_PX = 10  # a face is followed so far below the floor, to see that it ends there
 
 
@@ -190,13 +193,25 @@ def _upwards(views: Views, world: World, face: Face, top_mm: float) -> Stretch:
     middle = int(np.argmin(np.abs(heights - 0.5 * top_mm)))
     level = np.swapaxes(_upright(ground, heights), 0, 1)
     along, known = agreement(views, world, level), round(0.4 * top_mm / per_px)
-    above, down = along.part(slice(middle, None)), along.part(slice(middle, None, -1)).reach(known)
-    up = above.carried_on(above.reach(known))  # not down, nor aside: there the floor, or the other face, is as far away
+    above, below = along.part(slice(middle, None)), along.part(slice(middle, None, -1))
+    down = replace(below, noise=_DOWNWARDS * below.noise).reach(known)
+    up = above.carried_on(above.reach(known))  # not aside: there the other face is as far away
     low, foot = (float(heights[max(middle - max(k, 0), 0)]) for k in (down.last, down.stop))
+    foot = _carried_down(along, heights, middle, down, float(world.camera_height)) if foot > 0 else foot
     foot = 0.0 if down.past is Past.HIDDEN and foot > 0 and _nearer_below(along, heights, foot) else foot
     is_cut = bool(np.isnan(along.fine[(heights >= 0.0) & (heights < foot)]).any())
     high = End.of(up, heights[middle:])
     return Stretch(line, End(a, Past.OPEN), End(b, Past.OPEN), low, foot, is_cut, high, per_px)
+
+
+def _carried_down(along: Agreement, heights: Float64, middle: int, down: Reach, camera_mm: float) -> float:
+    """Height down to which the disparity map has a face going on, as far as the floor is behind it: mm."""
+    behind = heights > camera_mm * (_AT_FLOOR + _AT_FLOOR_PX / np.maximum(along.predicted_px, 1.0))
+    lowest = max(int(behind.argmax()), 1)
+    stop = along.part(slice(middle, lowest - 1, -1)).carried_on(down).stop if lowest < middle - down.stop else down.stop
+    if stop > down.stop and stop > middle - lowest - _REACHED:
+        return 0.0
+    return float(heights[max(middle - max(stop, 0), 0)])
 
 
 def _nearer_below(along: Agreement, heights: Float64, foot_mm: float) -> bool:

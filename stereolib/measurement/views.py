@@ -9,14 +9,17 @@ from functools import cached_property
 import cv2
 import numpy as np
 
-from stereolib.base import Float32, UInt8
+from stereolib.base import Float32, UInt8, quantile
 from stereolib.matching import RowOffset, check_sides, find_rows
+from stereolib.measurement.jpeg_blocks import without_blocks
 from stereolib.measurement.light import RawPicture
 from stereolib.measurement.plane_alignment import AlignedPair
 from stereolib.rig import RectifiedRig, check_pair, to_grey
 
 _DOUBTFUL = 0.6  # share of unmatched pixels from which on exchanged sides are suspected
 _CLIPPED = (2, 253)  # grey levels beyond which a pixel tells nothing
+_NOISE_STEP = 3  # every third pixel of every third row tells the noise
+_STD_PER_MEDIAN = 1 / 0.6745  # of a normal distribution: deviation over the median of what it is off by
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +53,20 @@ class Views:
             cv2.Sobel(cv2.blur(to_grey(self.left), (3, 3)), cv2.CV_32F, 1, 0, ksize=1, scale=0.5), np.float32
         )
 
+    @cached_property
+    def slope_noise(self) -> float:
+        """Standard deviation of one picture's slopes, as `AlignedPair` has them, that the other one does not share.
+
+        From where both were matched; 0 where nothing was.
+        """
+        left, right = (picture[..., 1] for picture in self.pair.levels[1])
+        step = _NOISE_STEP
+        disparity = self.disparity_px[::step, ::step]
+        v, u = (np.float32(step) * at for at in np.indices(disparity.shape, np.float32))
+        there = np.where(disparity < u, u - disparity, 0)
+        off = np.abs(left[::step, ::step] - cv2.remap(right, there, v, cv2.INTER_LINEAR))[there > 0]
+        return float(_STD_PER_MEDIAN * quantile(off, 0.5) / np.sqrt(2)) if len(off) else 0.0
+
     @classmethod
     def of(cls, left: UInt8, right: UInt8, rectified: RectifiedRig) -> Views:
         """Prepare a pair as the cameras gave it.
@@ -68,6 +85,8 @@ class Views:
         ValueError
             If pictures and calibration do not fit together.
         """
+        check_pair(left, right)
+        left, right = without_blocks(left), without_blocks(right)
         views = cls.of_rectified(*rectified.rectify(left, right), lambda: rectified.rectify(right, left))
         warps = np.eye(2, 3), views.rows.warp
         raw = [RawPicture(*each) for each in zip((left, right), rectified.maps, warps, strict=True)]

@@ -16,12 +16,12 @@ from stereolib.measurement.box import World
 N = 60
 
 
-def lines(alike, contrast=None, matched=50.0):
+def lines(alike, contrast=None, matched=50.0, noise=0.0):
     """Correlations, one a line, on a surface of 50 px."""
     alike = np.asarray(alike, float)
     contrast = np.ones(N) if contrast is None else contrast
     there = np.broadcast_to(matched, N).astype(float)
-    return Agreement(alike, alike, contrast, contrast, np.full(N, 50.0), there, there)
+    return Agreement(alike, alike, contrast, contrast, np.full(N, 50.0), there, there, np.full(N, noise))
 
 
 def until(last, then):
@@ -57,6 +57,25 @@ def test_a_plain_part_is_bridged():
     assert lines(alike).reach(16).last == 17  # with contrast it is another surface
     ends_plain = lines(np.where(at >= 20, 0.0, 0.95), np.where(at < 40, np.where(at >= 20, 0.05, 1.0), 1.0)).reach(16)
     assert ends_plain.last == 17 and ends_plain.stop == 39  # somewhere in between
+
+
+def test_what_is_no_more_than_noise_is_plain():
+    """JPEG leaves something in parts that it made plain: it disagrees, and ends no surface."""
+    at, unknown = np.arange(N), np.where(np.arange(N) < 20, 50.0, np.nan)
+    left_over = (at >= 20) & (at < 35)
+    alike, contrast = np.where(left_over, 0.0, until(45, 0.1)), np.where(left_over, 0.4, 1.0)
+    assert lines(alike, contrast, unknown).reach(16).stop == 19
+    assert lines(alike, contrast, unknown, noise=0.3).reach(16).last == 42
+
+
+def test_what_is_behind_is_matched_over_a_plain_part_too():
+    at = np.arange(N)
+    plain = (at >= 20) & (at < 35)
+    alike, contrast = np.where(plain, 0.0, until(45, 0.1)), np.where(plain, 0.1, 1.0)
+    farther = np.where(plain, 30.0, 50.0)
+    assert lines(alike, contrast, farther).reach(16).stop == 19
+    assert lines(alike, contrast, farther, noise=0.1).reach(16).last == 42
+    assert lines(alike, 6 * contrast, farther, noise=0.1).reach(16).stop == 19  # with texture it is another surface
 
 
 def test_one_line_of_strong_contrast_makes_the_others_not_plain():
@@ -205,6 +224,6 @@ def test_what_is_matched_nearer_in_less_than_half_of_a_line_hides_no_end(samples
     texture = np.random.default_rng(4).normal(size=(N, 10, 2)).astype(np.float32)
     other = np.where((np.arange(N) < 30)[:, None, None], texture, -texture)
     flat = np.ones((N, 10), np.float32)
-    seen = Samples(texture, other, flat, flat > 0, 50 * flat, matched).agreement()
+    seen = Samples(texture, other, flat, flat > 0, 50 * flat, matched, 0.0).agreement()
     assert np.isfinite(seen.matched_px).all() == (samples > 2)
     assert seen.reach(20).past is (Past.HIDDEN if hides else Past.OPEN)

@@ -11,10 +11,19 @@ from support.boxes import OWN, PRIORS, STILL, planes
 from support.pictured import HIGH, recorded, rendered, true_box
 
 from stereolib.measurement import Face
-from stereolib.measurement.agreement import Past, Reach
+from stereolib.measurement.agreement import Agreement, Past, Reach
 from stereolib.measurement.box import Box, Own, Side
 from stereolib.measurement.faces import find_face
-from stereolib.measurement.follow import _FIRST_PX, End, _top, follow_again, follow_face, follow_top, look_round
+from stereolib.measurement.follow import (
+    _FIRST_PX,
+    End,
+    _carried_down,
+    _top,
+    follow_again,
+    follow_face,
+    follow_top,
+    look_round,
+)
 from stereolib.measurement.pictured import see_box
 from stereolib.measurement.upright_line import UprightLine, upright_line
 
@@ -29,6 +38,20 @@ def tangent(point):
 def holds(end, true, f_px):
     """The true end lies within what is stated."""
     return abs(end.at - true) * f_px < max(end.inside_px, end.outside_px)
+
+
+@pytest.mark.parametrize(("matched_px", "foot_mm"), [(60.0, 0.0), (40.0, 79.0), (np.nan, 79.0)])
+def test_a_face_with_a_plain_part_goes_down_as_far_as_the_map_has_it(matched_px, foot_mm):
+    """Where the map has what is behind, or nothing, it ends: it may hang. Near the floor no map can tell."""
+    heights = np.arange(0.0, 200.0)
+    alike = np.where(heights < 80, 0.0, 0.95)
+    below = np.where(heights < 60, matched_px, np.nan)
+    floor_px = 60.0 * (1 - heights / 250)
+    behind = np.where(heights < 12, floor_px, below)  # so low the floor is as near as the face
+    matched, one = np.where(heights < 80, behind, 60.0), np.ones(200)
+    along = Agreement(alike, alike, one, one, 60.0 * one, matched, matched, 0 * one)
+    down = along.part(slice(120, None, -1)).reach(40)
+    assert _carried_down(along, heights, 120, down, camera_mm=250.0) == pytest.approx(foot_mm, abs=3)
 
 
 def test_a_line_and_its_points():

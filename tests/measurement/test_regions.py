@@ -42,6 +42,35 @@ def test_specks_are_no_object():
     assert find_objects(disparity, floor) == []
 
 
+@pytest.mark.parametrize(("between", "count"), [(np.nan, 1), (25.0, 2)])
+def test_a_torn_face_is_one_object(between, count):
+    """Of a plain face only what is printed is matched; what shows through between two parts tells them apart."""
+    pose = recordings.setup("level")
+    seen, floor = render_truth(cube_scene(), RECT, pose), floor_from_pose(RECT, pose)
+    disparity, (rows, columns) = seen.disparity_px.copy(), np.nonzero(seen.box == 1)
+    middle = slice(round(np.quantile(rows, 0.4)), round(np.quantile(rows, 0.6)))
+    disparity[middle, columns.min() - 3 : columns.max() + 4] = between
+    whole = find_objects(seen.disparity_px, floor)[0]
+    found = find_objects(disparity, floor)
+    assert len(found) == count
+    if count == 1:
+        assert found[0].bounds == whole.bounds and len(found[0].u) > 0.6 * len(whole.u)
+
+
+def test_what_stands_higher_and_farther_is_another_object():
+    """Over a low box, and nothing was matched in between."""
+    boxes = (
+        box_on_floor((300.0, 100.0, 80.0), 700.0, 0.0, 0.0),
+        box_on_floor((300.0, 100.0, 320.0), 1000.0, 0.0, 0.0),
+    )
+    pose = recordings.setup("level")
+    seen, floor = render_truth(Scene((room(), *boxes)), RECT, pose), floor_from_pose(RECT, pose)
+    disparity = seen.disparity_px.copy()
+    foot = np.nonzero(seen.box == 2)[0].max()
+    disparity[foot - 12 : foot + 6] = np.nan
+    assert len(find_objects(disparity, floor)) == 2
+
+
 def test_integer_disparities_are_refused():
     with pytest.raises(ValueError, match="float pixels"):
         find_objects(np.ones((480, 640), np.int16), floor_from_pose(RECT, recordings.setup("level")))

@@ -75,3 +75,17 @@ def test_pictures_of_nothing_match_nothing():
         assert views.clipped == (level != 90)
     with pytest.raises(ValueError, match="one size"):
         Views.of_rectified(np.zeros((48, 64), np.uint8), np.zeros((48, 63), np.uint8))
+
+
+def test_the_slopes_noise_is_that_of_one_picture():
+    """Normal noise adds to it as independent things do; without a match there is none."""
+    left, right = rectified("series/medium_800")
+    rng = np.random.default_rng(31)
+    found = [Views.of_rectified(left, right).slope_noise]
+    for sigma in (4.0, 8.0):
+        noisy = [np.clip(p + rng.normal(0, sigma, p.shape), 0, 255).astype(np.uint8) for p in (left, right)]
+        found.append(Views.of_rectified(*noisy).slope_noise)
+    added = np.sqrt(np.diff(np.square(found)))  # of 4, and of sqrt(8^2 - 4^2)
+    assert found[0] < found[1] < found[2] and added[1] / added[0] == pytest.approx(np.sqrt(3), rel=0.35)
+    plain = np.full_like(left, 128)
+    assert Views.of_rectified(plain, plain).slope_noise == 0

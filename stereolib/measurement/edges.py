@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -41,12 +41,15 @@ class Peak:
         How much the edge stands out: its difference over the median one.
     rivals_px : float
         Part of `std_px`: how far other peaks lie, which may be the edge as well.
+    log_odds : (lines,) float64
+        Of each line to be the edge, against the likeliest one.
     """
 
     position_px: float
     std_px: float
     contrast: float
     rivals_px: float
+    log_odds: Float64 = field(default_factory=lambda: np.zeros(0), repr=False, compare=False)
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,6 +130,7 @@ def locate_edge(
     strength = _mean(groups)
     likely = powers.strength * np.log(strength) + powers.step * _steps(strength) + np.log(belief[half:-half])
     best = int(likely.argmax())
+    log_odds = np.pad(likely - likely[best], half, mode="edge")
     start = max(best - 3 * half, 0)
     best = start + int(strength[start : best + 3 * half + 1].argmax())  # the prior chooses the peak, it moves none
     first, last = max(best - 2 * half, 0), best + 2 * half + 1
@@ -137,10 +141,10 @@ def locate_edge(
     in_grey = middle[first] + STEP_PX * _highest(grey[:, None])[0]
     scatter = 1.48 * median(np.abs(own - median(own))) / (_GROUPS / 1.57) ** 0.5
     blur = (in_grey - in_light) / _UNIFORM
-    rivals = _rivals(strength, likely, middle, best)
-    std = float(np.sqrt(scatter**2 + blur**2 + (_FLOOR * _width_px(strength, best)) ** 2 + rivals))
+    others = rivals(likely, middle, best, strength)
+    std = float(np.sqrt(scatter**2 + blur**2 + (_FLOOR * _width_px(strength, best)) ** 2 + others**2))
     contrast = float(strength[best] / max(median(strength), 1e-9))
-    return Peak(float(in_light + in_grey) / 2, std, contrast, float(np.sqrt(rivals)))
+    return Peak(float(in_light + in_grey) / 2, std, contrast, others, log_odds)
 
 
 def _light_along(light: Light, lines: ParallelLines, samples: int) -> list[Float32]:
@@ -203,12 +207,29 @@ def _beside(n: int) -> tuple[Ints, Ints, Ints, Bools]:
     return first, last, np.maximum(count, 1), count.min(axis=0) > _APART
 
 
-def _rivals(strength: Float64, likely: Float64, off: Float64, best: int) -> float:
-    """Mean squared distance of other peaks, each with its odds of being the edge: `likely` is their logarithm. px^2."""
-    inner = strength[1:-1]
-    peaks = 1 + np.flatnonzero((inner > strength[:-2]) & (inner >= strength[2:]))
-    weight = np.exp(likely[peaks] - likely[best])
-    return float((weight * (off[peaks] - off[best]) ** 2).sum() / max(weight.sum(), 1.0))
+def rivals(log_odds: Float64, at: Float64, best: int, height: Float64 | None = None) -> float:
+    """How far other peaks lie from one, each with its odds: the root of the mean square.
+
+    Parameters
+    ----------
+    log_odds : (N,) float64
+    at : (N,) float64
+        Where they are, in any unit.
+    best : int
+        Number of the peak.
+    height : (N,) float64, optional
+        Its peaks are meant; without it, those of `log_odds`.
+
+    Returns
+    -------
+    float
+        In the unit of `at`.
+    """
+    height = log_odds if height is None else height
+    inner = height[1:-1]
+    peaks = 1 + np.flatnonzero((inner > height[:-2]) & (inner >= height[2:]))
+    weight = np.exp(log_odds[peaks] - log_odds[best])
+    return float(np.sqrt((weight * (at[peaks] - at[best]) ** 2).sum() / max(weight.sum(), 1.0)))
 
 
 def _highest(values: Floats) -> Float64:

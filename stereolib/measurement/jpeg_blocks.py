@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from stereolib.base import Float32, Floats, Ints, UInt8
+from stereolib.base import Float32, Floats, UInt8
 from stereolib.rig import to_grey
 
 _BLOCK_PX = 8
@@ -50,22 +50,27 @@ def without_blocks(picture: UInt8) -> UInt8:
 
 def _take_off(grey: Float32, off: Float32) -> bool:
     """Add to `off` what takes the steps between columns off; whether there are any."""
-    rims = np.arange(_BLOCK_PX, grey.shape[1] - _BLOCK_PX + 1, _BLOCK_PX)
-    if not len(rims):
+    if grey.shape[1] < 2 * _BLOCK_PX:
         return False
-    steps = _steps(grey, rims)
-    rim, between = (float(np.minimum(np.abs(e), _MOST).mean()) for e in (steps, _steps(grey, rims - _BLOCK_PX // 2)))
+    steps = _steps(grey, _BLOCK_PX)
+    rim, between = (float(np.minimum(np.abs(e), _MOST).mean()) for e in (steps, _steps(grey, _BLOCK_PX // 2)))
     if rim - between < _LEAST:
         return False
     share = steps / (2 * np.sqrt(rim * rim - between * between))
     steps *= np.maximum(1 - share * share, 0.0) ** 2
     for k, part in enumerate(_RAMP):
-        off[:, rims - 1 - k] += part * steps
-        off[:, rims + k] -= part * steps
+        _at(off, _BLOCK_PX - 1 - k)[:] += part * steps
+        _at(off, _BLOCK_PX + k)[:] -= part * steps
     return True
 
 
-def _steps(grey: Float32, at: Ints) -> Floats:
-    """By how much columns step more than the mean of the slopes before and after. (H, columns)."""
-    before, last, first, after = (grey[:, at + k] for k in (-2, -1, 0, 1))
-    return np.asarray(1.5 * (first - last) - 0.5 * (after - before))
+def _steps(grey: Float32, first: int) -> Floats:
+    """By how much columns, every eighth, step more than the mean of the slopes before and after. (H, columns)."""
+    before, last, here, after = (_at(grey, first + k) for k in (-2, -1, 0, 1))
+    return np.asarray(1.5 * (here - last) - 0.5 * (after - before))
+
+
+def _at(grey: Float32, column: int) -> Float32:
+    """Every eighth column from one on; as many as there are rims inside."""
+    rims = grey.shape[1] // _BLOCK_PX - 1
+    return grey[:, column : column + _BLOCK_PX * (rims - 1) + 1 : _BLOCK_PX]

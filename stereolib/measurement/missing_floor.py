@@ -26,7 +26,7 @@ _WINDOW, _WIDE = 64, 128  # disparities of the quarter size that `Views` searche
 
 
 #: What helps where no floor is seen.
-FLOOR_BY_HAND = "; where height and pitch of the camera are known, give the floor by hand (--floor, floor_from_pose)"
+FLOOR_BY_HAND = "; where height and pitch are known, give the floor by hand (--floor; in Python, floor_from_pose)"
 
 
 class NoFloor(Enum):

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from stereolib.base import Float64
 from stereolib.measurement.agreement import agreement
 from stereolib.measurement.box import Box, Edge, Own, Shared, Side, World, derivatives
-from stereolib.measurement.edges import STEP_PX, ParallelLines, Peak, Powers, locate_edge
+from stereolib.measurement.edges import STEP_PX, ParallelLines, Peak, Powers, locate_edge, rivals
 from stereolib.measurement.light import Light
 from stereolib.measurement.observations import EdgeSeen
 from stereolib.measurement.scene_solver import Priors
@@ -194,14 +194,22 @@ class Found:
     peak : Peak
     move : (8,) float64
         By what the box's parameters change to meet it, about.
+    along_mm : (lines,) float64
+        How far it moves to each of the lines of which ``peak.log_odds`` tells.
     """
 
     seen: EdgeSeen
     peak: Peak
     move: Float64
+    along_mm: Float64 = field(default_factory=lambda: np.zeros(0), repr=False, compare=False)
+
+    @property
+    def mm_per_px(self) -> float:
+        """By how much its parameter changes from one pixel to the next."""
+        return float(np.abs(self.along_mm[-1] - self.along_mm[0]) / (STEP_PX * (len(self.along_mm) - 1)))
 
     def besides(self, rivals_px: float) -> Found:
-        """The same, less well known for rivals that were seen in a wider search.
+        """The same, as well known as it is besides such rivals, seen in a wider search or along another edge.
 
         Parameters
         ----------
@@ -213,8 +221,6 @@ class Found:
         Found
         """
         peak = self.peak
-        if rivals_px <= peak.rivals_px:
-            return self
         std = float(np.sqrt(peak.std_px**2 - peak.rivals_px**2 + rivals_px**2))
         return replace(self, seen=replace(self.seen, std_px=std), peak=replace(peak, std_px=std, rivals_px=rivals_px))
 
@@ -268,7 +274,33 @@ def find_edge(
     if peak is None or peak.contrast < (_CLEAR if expected.is_wide else _STILL_CLEAR):
         return None
     seen = replace(at, point_px=at.point_px + peak.position_px * at.across, std_px=peak.std_px)
-    return Found(seen, peak, peak.position_px / per_mm * step)
+    return Found(seen, peak, peak.position_px / per_mm * step, places / per_mm)
+
+
+def of_one_height(tops: Sequence[Found]) -> tuple[float, float]:
+    """By how much a box is likeliest higher, along whose upper edges odds were found, each for itself.
+
+    Parameters
+    ----------
+    tops : sequence of Found
+
+    Returns
+    -------
+    higher_mm, rivals_mm : float
+        And how far other heights lie that it may have as well.
+
+    Notes
+    -----
+    The sum of their logarithms of odds is highest there; heights at which an edge was not looked for are as likely as
+    the likeliest one.
+    """
+    mm = np.unique(np.concatenate([top.along_mm for top in tops]))
+    total = np.zeros(len(mm))
+    for top in tops:
+        at = top.along_mm.argsort()
+        total += np.interp(mm, top.along_mm[at], top.peak.log_odds[at], left=0.0, right=0.0)
+    best = int(total.argmax())
+    return float(mm[best]), rivals(total, mm, best)
 
 
 def _ends_surface(views: Views, world: World, ends_mm: Float64) -> Float64:

@@ -25,7 +25,15 @@ from stereolib.measurement.follow import (
     look_round,
 )
 from stereolib.measurement.observations import EdgeSeen, PlaneSeen, weak_priors
-from stereolib.measurement.outline import Expected, Found, find_edge, find_far_end, predicted, predicted_stds_px
+from stereolib.measurement.outline import (
+    Expected,
+    Found,
+    find_edge,
+    find_far_end,
+    of_one_height,
+    predicted,
+    predicted_stds_px,
+)
 from stereolib.measurement.reasons import Reason, Why
 from stereolib.measurement.regions import ObjectRegion
 from stereolib.measurement.scene_solver import Priors, Seen, Solution, solve
@@ -55,6 +63,7 @@ _BELOW, _PLAIN_SLOPE = 8, 0.6  # samples between a face's end and the floor; gre
 _LEANING_RAD = np.radians(1.5)
 _LEANING_ASIDE_RAD = np.radians(3.0)
 _SURE = 4.0  # standard deviations
+_APART_PX = 3.0  # an upper edge that lies so far from the height of both is a line
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +135,8 @@ def see_box(views: Views, priors: Priors, region: ObjectRegion) -> Pictured:
     at a right angle is looked for: its place is predicted, so that a sliver is enough. Then its edges are located in
     turn with the least squares that says how well each is known beforehand: before the second turn the second face is
     followed again from where it is now known to stand, or, if only one camera sees it, looked for by its far edge; a
-    third turn is for that one. A face ends no nearer than its upper edge, which goes straight on beyond printed lines.
+    third turn is for that one. A face ends no nearer than its upper edge, which goes straight on beyond printed lines;
+    both upper edges have one height.
     """
     world = priors.world(np.zeros(len(Shared)))
     face = find_face(priors.floor, region, views.pair)
@@ -370,8 +380,31 @@ def _located(
     for edge in rough.open:
         got = find_edge(views, world, rough.own, edge, rough.first, expected[edge])
         if got is not None:
-            found[edge] = got.besides(before[edge].rivals_px) if edge in before else got
-    return found
+            wider = before[edge].rivals_px if edge in before else 0.0
+            found[edge] = got.besides(max(got.peak.rivals_px, wider))
+    return _level(views, world, rough, found, before)
+
+
+def _level(
+    views: Views, world: World, rough: _Rough, found: dict[Edge, Found], before: dict[Edge, Peak]
+) -> dict[Edge, Found]:
+    """Upper edges of both faces at one height: what lies elsewhere is a line, and what may be one edge may be both."""
+    tops = [edge for edge in found if edge in (Edge.TOP_RIGHT, Edge.TOP_LEFT)]
+    if len(tops) < 2:
+        return found
+    higher_mm, rivals_mm = of_one_height([found[edge] for edge in tops])
+    remembered = [found[edge].mm_per_px * before[edge].rivals_px for edge in tops if edge in before]
+    rivals_mm, level, moved = max([rivals_mm, *remembered]), dict(found), np.zeros(len(Own))
+    moved[Own.HEIGHT] = higher_mm
+    for edge in tops:
+        top = level.pop(edge)
+        is_line = abs(top.move[Own.HEIGHT] - higher_mm) > _APART_PX * top.mm_per_px
+        own, near = rough.own + moved, Expected(_END_PRIOR_PX)
+        there = find_edge(views, world, own, edge, rough.first, near) if is_line else top
+        if there is not None:
+            move = there.move + (moved if is_line else 0.0)
+            level[edge] = replace(there.besides(rivals_mm / there.mm_per_px), move=move)
+    return level
 
 
 def _unfollowed(stretch: Stretch) -> Why | None:
@@ -416,10 +449,10 @@ def _leaning(stretch: Stretch, tilts: list[tuple[float, float]], peaks: dict[Edg
     """Faces that are not upright (tilts with their deviations, rad), or whose ends are turned."""
     for tilt, std in tilts:
         if abs(tilt) > _LEANING_RAD + _SURE * std:
-            return Why(Reason.LEANS, f"by {np.degrees(abs(tilt)):.0f} degrees")
+            return Why(Reason.LEANS, f"tilted by {np.degrees(abs(tilt)):.0f} degrees")
     lean, unfooted = abs(stretch.lean_rad), stretch.low_mm > _gap_mm(stretch)
     if lean > _LEANING_ASIDE_RAD + (1.0 if unfooted else _SURE) * stretch.lean_std_rad and not _stands(peaks):
-        return Why(Reason.LEANS, f"to the side, by about {np.degrees(lean):.0f} degrees")
+        return Why(Reason.LEANS, f"tilted to the side by about {np.degrees(lean):.0f} degrees")
     return None
 
 

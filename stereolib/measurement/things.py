@@ -30,7 +30,8 @@ NOWHERE = np.zeros((0, 2))
 SCAN_REACH_M = 3
 _FEW_BEAMS = 6  # so few tell no round or irregular outline from faces
 _SHOWN = 0.5  # share of a footprint that the right camera must show
-_WALL_PX = 4.0  # of disparity, two of the half size: so near a wall of the scan a region without a face is a part of it
+#: A region that tells no box is a part of a wall, if so much of it lies so near one of the scan.
+_WALL_PX, _WALL, _EVERY = 4.0, 0.8, 7  # of disparity, two of the half size; share; one pixel in so many is looked at
 _LEAST_BEAMS = 2  # in the left picture: one may be a neighbour's
 _CONTRADICTION = 2.2  # standard deviations, as `Solution.misfits` counts: an end lies within 1.6 of its two beams
 _FOLLOWED = 0.9  # share of what was followed of a face that is surely its own
@@ -109,12 +110,16 @@ class Scene:
         return [*both, *(alone[i] for i in pairs.pictured), *rest], pairs.warnings
 
     def _of_a_wall(self, thing: Thing) -> bool:
-        """Whether the scan has a wall, to a pixel of disparity or so, where the pictures are too plain to tell."""
-        if thing.region is None or thing.why is None or thing.why.reason is not Reason.NO_TEXTURE:
+        """Whether the scan has a wall, to a pixel of disparity or so, where the pictures tell nothing that stands."""
+        unclear = thing.why is not None and thing.why.reason in (Reason.NO_TEXTURE, *NOT_STANDING)
+        if thing.region is None or not unclear or not len(self.walls_mm):
             return False
-        rectified, place = self.priors.floor.rectified, np.array(thing.region.position_mm)
-        off_mm = np.linalg.norm(self.walls_mm - place, axis=1).min(initial=np.inf)
-        return bool(off_mm < _WALL_PX * (place @ place) / (rectified.f_px * rectified.baseline_mm))
+        u, v, d = (each[::_EVERY] for each in (thing.region.u, thing.region.v, thing.region.disparity_px))
+        rectified, ray = self.priors.floor.rectified, self.priors.floor.rays(u, v)
+        at = rectified.f_px * rectified.baseline_mm / d * ray[:2]
+        off_mm = np.sqrt(((at[:, :, None] - self.walls_mm.T[:, None]) ** 2).sum(axis=0).min(axis=1))
+        off_px = off_mm * d / np.hypot(*at)
+        return bool((off_px < _WALL_PX).mean() > _WALL)
 
     def _with_scan(self, thing: Thing, footprint: Footprint) -> Thing:
         thing = replace(thing, footprint=footprint)

@@ -44,14 +44,16 @@ def test_heights_of_the_recorded_cubes():
 def test_plain_faces_tell_no_wrong_height(calibrated):
     """An edge between two plain faces is matched, and looks like a face of some px: 27 mm off, once, with 2 mm stated.
 
-    With OpenCV 4 its ends are found, and the height is told and right.
+    With OpenCV 4 its ends are found, and the height is told and right, once with a deviation that is too small.
     """
     known = box_scenes.instrument() if calibrated else Instrument(RECT)
     pictures = known.rectified.rectify(*recordings.load_pair("conditions/plain"))
     tried = attempt_height(*pictures, known.rectified, uncertainty=known.uncertainty)
     assert tried.refused or abs(tried.height_mm - 300) < 3 * tried.std_mm
     told = measure_objects(*recordings.load_pair("conditions/plain"), None, known).objects
-    assert told and all(np.isnan(entry.size_mm).all() for entry in told)
+    heights = np.array([entry.size_mm for entry in told])
+    assert len(told) and np.isnan(heights[:, :2]).all()
+    assert (np.isnan(heights[:, 2]) | (np.abs(heights[:, 2] - 300) < 3)).all()
 
 
 def test_near_edge_in_the_picture():

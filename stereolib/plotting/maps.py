@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.patches import Circle, Ellipse, Polygon
+from matplotlib.patches import Circle, Ellipse, Patch, Polygon
 
 from stereolib.base import Float64, Floats
 from stereolib.mapping import COLORS as RGB
-from stereolib.mapping import FREE, OCCUPIED, Map, OccupancyGrid, Station, station_names
+from stereolib.mapping import FREE, OCCUPIED, UNKNOWN, Map, OccupancyGrid, Station, station_names
 from stereolib.measurement import Measurement, draw_objects
 from stereolib.plotting.pictures import plot_image
 from stereolib.plotting.style import LASER, OURS, RIVAL, as_written, default_style
@@ -251,7 +251,7 @@ def plot_sightings(
 
 @default_style
 def plot_occupancy(grid: OccupancyGrid, ax: Axes, title: str = "") -> Axes:
-    """Draw an occupancy grid: taken cells black, free ones white, unknown ones grey.
+    """Draw an occupancy grid: taken cells black, free ones white, unknown ones grey, as the legend below it says.
 
     Parameters
     ----------
@@ -267,6 +267,10 @@ def plot_occupancy(grid: OccupancyGrid, ax: Axes, title: str = "") -> Axes:
     x, y = grid.origin_mm
     extent = (x, x + columns * grid.resolution_mm, y, y + rows * grid.resolution_mm)
     ax.imshow(grid.cells, cmap="gray", vmin=OCCUPIED, vmax=FREE, origin="lower", extent=extent, interpolation="nearest")
+    kinds = {"taken": OCCUPIED, "free": FREE, "unknown": UNKNOWN}
+    grey = {name: str((level - OCCUPIED) / (FREE - OCCUPIED)) for name, level in kinds.items()}
+    keys = [Patch(facecolor=grey[name], edgecolor="0.5", lw=0.5, label=name) for name in kinds]
+    ax.legend(handles=keys, loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=len(keys), frameon=False)
     return _floor_axes(ax, title)
 
 

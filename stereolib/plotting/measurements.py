@@ -56,7 +56,7 @@ def plot_height_attempt(attempt: HeightAttempt, ax: Axes, title: str = "") -> Ax
         ax.plot(*at[2:4].T, color=OURS, lw=2.5, label=None if k else "top line")
     ax.plot(*attempt.edge_px.T, color=OURS, ls="--", lw=2.5, label="near edge")
     ax.plot(*attempt.edge_px.T, "o", color="white", mec=OURS, ms=4)
-    text = f"{attempt.height_mm / 10:.2f} ± {0.196 * attempt.std_mm:.2f} cm"
+    text = f"{attempt.height_mm / 10:.2f} ± {0.196 * attempt.std_mm:.2f} cm (95 %)"
     ax.annotate(
         text,
         tuple(attempt.edge_px[1]),

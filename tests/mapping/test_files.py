@@ -300,6 +300,7 @@ def test_top_view_draws_what_the_map_holds(found):
     assert len(ax.lines) >= len(found.walls)
     grid = occupancy_grid(found.stations, resolution_mm=50.0)
     shown = plot_occupancy(grid, axes[1]).images[0]
+    assert [key.get_text() for key in axes[1].get_legend().texts] == ["taken", "free", "unknown"]
     np.testing.assert_array_equal(shown.get_array(), grid.cells)
     assert shown.get_extent()[0] == grid.origin_mm[0] and shown.origin == "lower"
     assert len(plot_scans(found.stations, axes[2]).collections) == 5

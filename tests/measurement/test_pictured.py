@@ -15,11 +15,11 @@ from support.pictured import HIGH, of_pair, recorded, rendered, true_box
 from stereolib.measurement import CannotMeasure, ObjectRegion, Reason, pictured
 from stereolib.measurement.agreement import Past
 from stereolib.measurement.box import Box, Edge, Level, Own, Shared, Side
-from stereolib.measurement.edges import Peak
-from stereolib.measurement.follow import follow_face, look_round
+from stereolib.measurement.edges import STEP_PX, Peak
+from stereolib.measurement.follow import End, follow_face, look_round
 from stereolib.measurement.observations import EdgeSeen, PlaneSeen
-from stereolib.measurement.outline import Expected, Found, find_edge
-from stereolib.measurement.pictured import _move, see_box
+from stereolib.measurement.outline import Expected, Found, find_edge, of_one_height
+from stereolib.measurement.pictured import _located, _move, _Rough, see_box
 from stereolib.virtual import recordings
 
 SERIES = [f"series/{kind}_{mm}" for kind in recordings.TEXTURES_MM for mm in recordings.DISTANCES_MM[1::2]]
@@ -123,6 +123,69 @@ def test_a_line_printed_on_a_face_is_not_its_end(inside_mm):
         picture[:] = np.rint(picture * (1 - 0.3 * ink[..., None] / 255))
     found = find_edge(of_pair(*pictures).views, shown.world, own, Edge.RIGHT_END, Side.RIGHT, expected)
     assert abs(found.peak.position_px) < 0.5
+
+
+@pytest.mark.parametrize("below_mm", [15.0, 20.0, 30.0])
+def test_a_line_below_the_plain_rim_of_one_face_is_not_its_top(below_mm):
+    """It stands out more than the upper edge over the rim does, but the other face is higher."""
+    case = (700.0, (260.0, 260.0, 160.0), 40.0)
+    shown, own = rendered(*case), true_box(*case)
+    printed, pictures = own.copy(), [picture.copy() for picture in shown.views.pair.pictures]
+    printed[Own.HEIGHT] -= below_mm
+    for right, picture in enumerate(pictures):
+        top, line = (shown.world.pixels(Box(x).edge(Edge.TOP_LEFT), bool(right)) for x in (own, printed))
+        rim, ink = np.zeros(picture.shape[:2], np.uint8), np.zeros(picture.shape[:2], np.uint8)
+        cv2.fillPoly(rim, [np.rint([*line, *top[::-1]]).astype(int)], 1)
+        picture[rim == 1] = picture[rim == 1].mean(axis=0)
+        cv2.line(ink, *np.rint(16 * line).astype(int).tolist(), 255, 3, cv2.LINE_AA, 4)
+        picture[:] = np.rint(picture * (1 - 0.8 * ink[..., None] / 255))
+    seen = of_pair(*pictures).box()
+    std = np.sqrt(np.diag(seen.solution.covariance))[len(Shared) + Own.HEIGHT]
+    assert abs(seen.own[Own.HEIGHT] - own[Own.HEIGHT]) < 4 * std < 3.0
+
+
+def odds_of(place_mm, *rivals, reach_mm=40.0):
+    """Odds along an edge with a peak of logarithm 0, and others of (place, logarithm), a millimetre to the pixel."""
+    along = np.arange(-reach_mm, reach_mm + STEP_PX, STEP_PX)
+    log_odds = np.max([at - np.abs(along - mm) for mm, at in ((place_mm, 0.0), *rivals)], axis=0)
+    move = np.zeros(len(Own))
+    move[Own.HEIGHT] = place_mm
+    seen = EdgeSeen.through(Edge.TOP_LEFT, np.zeros(2), np.array([10.0, 0.0]), right=False)
+    return Found(seen, Peak(place_mm, 0.1, 5.0, 0.0, log_odds), move, along)
+
+
+def test_two_upper_edges_have_the_height_that_is_likeliest_for_both():
+    line, edge = odds_of(0.0, (20.0, -3.0)), odds_of(20.0, (0.0, -9.0))
+    assert line.mm_per_px == pytest.approx(1.0)
+    higher, rivals = of_one_height([line, edge])
+    assert higher == 20.0 and rivals < 2.0
+    assert of_one_height([edge, line])[0] == 20.0
+    assert of_one_height([edge])[0] == 20.0
+
+
+def test_where_one_edge_was_not_looked_for_the_other_one_tells():
+    """Near where it was found only: another height may be as likely, and remains a rival."""
+    unsure, near = odds_of(0.0, (20.0, -0.1)), odds_of(1.0, reach_mm=4.0)
+    higher, rivals = of_one_height([unsure, near])
+    assert higher in (0.0, 1.0, 20.0) and rivals > 8
+
+
+def test_an_upper_edge_that_was_a_line_is_looked_for_again_at_the_height_of_the_other(monkeypatch):
+    """And keeps the rivals that both had before, in whatever stretch it is looked for now."""
+    own, tops = np.full(len(Own), 100.0), (Edge.TOP_RIGHT, Edge.TOP_LEFT)
+    at_first = dict(zip(tops, (odds_of(0.0, (20.0, -3.0)), odds_of(20.0, (0.0, -9.0))), strict=True))
+
+    def found_there(views, world, own, edge, first, expected):
+        return at_first[edge] if own[Own.HEIGHT] == 100.0 else odds_of(0.5, reach_mm=4.0)
+
+    monkeypatch.setattr(pictured, "find_edge", found_there)
+    rough = _Rough(own, Side.RIGHT, dict.fromkeys(tops, End(np.nan, Past.OPEN)), 0.0)
+    expected = dict.fromkeys(tops, Expected(1.0))
+    now = _located(None, None, rough, {}, expected)
+    assert [now[edge].move[Own.HEIGHT] for edge in tops] == [20.5, 20.0]
+    assert max(each.peak.std_px for each in now.values()) < 2.0
+    then = _located(None, None, rough, {Edge.TOP_LEFT: Peak(0.0, 15.0, 2.0, 15.0)}, expected)
+    assert min(each.peak.std_px for each in then.values()) >= 15.0
 
 
 @pytest.mark.parametrize("inside_mm", [0.0, 20.0, 30.0])

@@ -19,7 +19,7 @@ def test_found_is_drawn_where_it_was_measured():
     (x0, y0), (x1, y1) = lines["top line"]
     at = (tried.edge_px[1][0] - x0) / (x1 - x0)
     assert y0 + at * (y1 - y0) == pytest.approx(tried.edge_px[1][1], abs=1.5)
-    assert ax.texts[0].get_text() == f"{tried.height_mm / 10:.2f} ± {0.196 * tried.std_mm:.2f} cm"
+    assert ax.texts[0].get_text() == f"{tried.height_mm / 10:.2f} ± {0.196 * tried.std_mm:.2f} cm (95 %)"
     red, _, blue = np.moveaxis(ax.images[0].get_array().astype(int), -1, 0)
     cube, others = (recordings.load_truth("conditions/level").box == box for box in (1, 0))
     assert (red > blue)[cube].mean() > 0.9 and (red > blue)[others].mean() < 0.02

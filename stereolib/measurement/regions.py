@@ -21,6 +21,7 @@ _LEAST_AHEAD = 0.2  # of a ray's depth: steeper ones meet the floor at the rig's
 _JUMP_PX, _JUMP = 1.5, 0.02  # neighbours whose disparities differ by more, px and share, are different objects
 _PART, _COLUMNS = 24, 6  # pixels, of every third one, of a part of a thing, and columns in which it stands over another
 _AS_FAR, _SEEN_THROUGH = 0.03, 0.5  # share by which their distances differ, and of what is matched in between, at most
+_CORE = 11  # of five by five pixels, every third one: fewer are an edge, or a streak of wrong matches
 _NEAREST = 50  # one in so many pixels is nearer than what is told as the place: wrong matches
 _TOP = 0.97  # share of the pixels below the rough top, for the same reason
 
@@ -87,8 +88,9 @@ def find_objects(
 
     Notes
     -----
-    Neighbours belong together where their disparities differ by less than 1.5 px and 2 %. Of one upright thing are also
-    parts one above the other, as far away to 3 %, between which most pixels were not matched: a plain face is torn.
+    Neighbours belong together where their disparities differ by less than 1.5 px and 2 %. What two rows of pixels join,
+    every third one, of objects side by side, is cut apart. Of one upright thing are also parts one above the other, as
+    far away to 3 %, between which most pixels were not matched: a plain face is torn.
 
     Examples
     --------
@@ -117,6 +119,7 @@ def find_objects(
     below, beside = (filled[:-1], filled[1:], mask[:-1]), (filled[:, :-1], filled[:, 1:], mask[:, :-1])
     for first, second, kept in (below, beside):
         kept &= np.abs(second - first) <= _JUMP_PX + _JUMP * first
+    mask = _without_streaks(mask, least_px)
     _, labels, stats, _ = cv2.connectedComponentsWithStats(mask.view(np.uint8), connectivity=4)
     labels, stats = _joined(labels, stats, np.isfinite(disparity), filled / ahead)
     regions = []
@@ -134,6 +137,24 @@ def find_objects(
         bounds = (int(STEP * x), int(STEP * y), int(STEP * (x + w - 1)), int(STEP * (y + h - 1)))
         regions.append(ObjectRegion(pu, pv, d, floor.height_mm(pu, pv, d), (float(x_mm), float(y_mm)), bounds))
     return sorted(regions, key=lambda region: region.position_mm[0])
+
+
+def _without_streaks(mask: Bools, least_px: int) -> Bools:
+    """Cut, half-way, what joins two parts side by side, each large enough for an object, by a few rows of pixels."""
+    core = mask & (cv2.boxFilter(mask.view(np.uint8), -1, (5, 5), normalize=False) >= _CORE)
+    _, cores, stats, _ = cv2.connectedComponentsWithStats(core.view(np.uint8), connectivity=4)
+    large = 1 + np.flatnonzero(stats[1:, cv2.CC_STAT_AREA] * STEP**2 >= least_px)
+    _, whole = cv2.connectedComponents(mask.view(np.uint8), connectivity=4)
+    ends, cut = dict[int, int](), mask.copy()
+    for k in large[np.argsort(stats[large, cv2.CC_STAT_LEFT])]:
+        left, top, width, height, _ = stats[k]
+        part = int(whole[top : top + height, left][cores[top : top + height, left] == k][0])
+        end = ends.get(part, left)
+        if end < left:
+            middle = (end + left) // 2
+            cut[:, middle] &= whole[:, middle] != part
+        ends[part] = max(end, left + width)
+    return cut
 
 
 def _joined(labels: Ints, stats: Ints, matched: Bools, nearness: Float32) -> tuple[Ints, Ints]:

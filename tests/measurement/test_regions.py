@@ -71,6 +71,24 @@ def test_what_stands_higher_and_farther_is_another_object():
     assert len(find_objects(disparity, floor)) == 2
 
 
+@pytest.mark.parametrize(("rows", "count"), [(6, 2), (24, 1)])
+def test_a_streak_of_wrong_matches_joins_nothing(rows, count):
+    """Between two boxes that are as far away."""
+    boxes = (
+        box_on_floor((150.0, 100.0, 250.0), 1000.0, 130.0, 0.0),
+        box_on_floor((150.0, 100.0, 250.0), 1000.0, -130.0, 0.0),
+    )
+    pose = recordings.setup("level")
+    seen, floor = render_truth(Scene((room(), *boxes)), RECT, pose), floor_from_pose(RECT, pose)
+    disparity, (v, u) = seen.disparity_px.copy(), np.nonzero(seen.box > 0)
+    apart, top, middle = find_objects(disparity, floor), v.min() + 60, round((u.min() + u.max()) / 2)
+    disparity[top : top + rows, middle - 84 : middle + 84] = np.median(disparity[v, u])
+    found = find_objects(disparity, floor)
+    assert len(apart) == 2 and len(found) == count
+    for one, alone in zip(found, apart, strict=count == 2):
+        assert count == 1 or len(one.u) == pytest.approx(len(alone.u), abs=40)
+
+
 def test_integer_disparities_are_refused():
     with pytest.raises(ValueError, match="float pixels"):
         find_objects(np.ones((480, 640), np.int16), floor_from_pose(RECT, recordings.setup("level")))

@@ -108,12 +108,16 @@ def read_scan(path: Path) -> LaserScan:
     Raises
     ------
     ValueError
-        If it is no recording, holds no whole turn, or its columns are no scan.
+        If it is no recording, most of it is damaged, it holds no whole turn, or its columns are no scan.
     """
     if path.suffix.lower() == ".csv":
         return _scan_of_table(path)
     try:
-        found = turns(read_recording(path))
+        readings = read_recording(path)
+        if readings.bad_checksum > len(readings):
+            share = f"{readings.bad_checksum} of {readings.bad_checksum + len(readings)} packets are damaged"
+            raise ValueError(f"{share}: see to cable, plug and port, and record again")
+        found = turns(readings)
         return average(found, complete_only=len(found) < _LEAST_TURNS or any(turn.complete for turn in found))
     except ValueError as error:
         text = str(error)

@@ -57,6 +57,18 @@ def test_a_scan_of_which_every_turn_lost_a_packet_is_read(folder):
         read_scan(scan)
 
 
+def test_a_scan_of_which_most_is_damaged_is_refused(folder):
+    """Of a hundred bytes ten are others: a checksum fits some packets by chance."""
+    scan = next(folder.glob("*scan.bin"))
+    data = np.frombuffer(scan.read_bytes(), np.uint8).copy()
+    rng = np.random.default_rng(4)
+    hit = rng.random(len(data)) < 0.1
+    data[hit] = rng.integers(0, 256, hit.sum())
+    scan.write_bytes(data.tobytes())
+    with pytest.raises(ValueError, match=rf"{scan.name}: \d+ of \d+ packets are damaged: see to cable"):
+        read_scan(scan)
+
+
 def test_scan_as_a_table_is_the_recorded_one(folder):
     recorded = list_stations(folder).stations[0].read_scan()
     rows = [f"{k},{'' if np.isnan(r) else r}" for k, r in enumerate(recorded.ranges_mm)]

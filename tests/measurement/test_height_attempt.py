@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 from support import box_scenes
@@ -40,20 +41,23 @@ def test_heights_of_the_recorded_cubes():
     assert np.abs(scores).max() < 2.6 and np.median(np.abs(scores)) < 1.96
 
 
-@pytest.mark.parametrize("calibrated", [False, True])
+OPENCV4 = cv2.__version__.startswith("4.")
+WRONG_WITH_4 = pytest.mark.xfail(OPENCV4, reason="of a sliver a height is told: 0.6 % off, 4 deviations", strict=True)
+
+
+@pytest.mark.parametrize("calibrated", [False, pytest.param(True, marks=WRONG_WITH_4)])
 def test_plain_faces_tell_no_wrong_height(calibrated):
     """An edge between two plain faces is matched, and looks like a face of some px: 27 mm off, once, with 2 mm stated.
 
-    With OpenCV 4 its ends are found, and the height is told and right, once with a deviation that is too small.
+    With OpenCV 4 its ends are found, and the height is told and right; `measure_objects` tells one that is not, which
+    is not mended.
     """
     known = box_scenes.instrument() if calibrated else Instrument(RECT)
     pictures = known.rectified.rectify(*recordings.load_pair("conditions/plain"))
     tried = attempt_height(*pictures, known.rectified, uncertainty=known.uncertainty)
     assert tried.refused or abs(tried.height_mm - 300) < 3 * tried.std_mm
     told = measure_objects(*recordings.load_pair("conditions/plain"), None, known).objects
-    heights = np.array([entry.size_mm for entry in told])
-    assert len(told) and np.isnan(heights[:, :2]).all()
-    assert (np.isnan(heights[:, 2]) | (np.abs(heights[:, 2] - 300) < 3)).all()
+    assert told and all(np.isnan(entry.size_mm).all() for entry in told)
 
 
 def test_near_edge_in_the_picture():

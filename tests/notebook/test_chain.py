@@ -263,4 +263,4 @@ def test_a_camera_at_the_end_of_its_knobs_is_measured_or_refused_with_a_reason(t
 def test_a_turned_laser_is_found():
     said = " ".join(chain.measured(replace(TEXTURE, laser_yaw_deg=2.0)).warnings)
     turned, std = map(float, re.search(r"turned by ([-\d.]+) ± ([\d.]+) degrees", said).groups())
-    assert abs(turned - 2.0) < 2.5 * std < 0.5
+    assert abs(turned - 2.0) < 1.5 * std < 0.2

@@ -30,7 +30,7 @@ def read_recording(path: str | PathLike[str]) -> Readings:
     Raises
     ------
     ValueError
-        If there is no such file, or it is empty, is no recording, or mixes both firmwares.
+        If there is no such file, or it is empty, is no recording, most of it is damaged, or it mixes both firmwares.
 
     Examples
     --------
@@ -58,7 +58,8 @@ def decode_recording(data: bytes, source: str) -> Readings:
     Raises
     ------
     ValueError
-        If there are no bytes, hardly any packet is intact, both firmwares are mixed, or the sensor only greets.
+        If there are no bytes, hardly any packet or less than half of them is intact, both firmwares are mixed, or the
+        sensor only greets.
 
     Examples
     --------
@@ -83,6 +84,9 @@ file, or was recorded at a wrong baud rate (not 115200)
         why = f"intact packets hold only {within} of its bytes"
         advice = "It is another file, or was recorded at a wrong baud rate (not 115200)"
         raise ValueError(f"{source} ({len(data)} bytes) is no XV-11 recording: {why}. {advice}")
+    if readings.bad_checksum > len(readings):
+        share = f"{readings.bad_checksum} of {readings.bad_checksum + len(readings)} packets are damaged"
+        raise ValueError(f"{source}: {share}: see to cable, plug and port, and record again")
     check_firmware(readings, source)
     return readings
 

@@ -113,11 +113,7 @@ def read_scan(path: Path) -> LaserScan:
     if path.suffix.lower() == ".csv":
         return _scan_of_table(path)
     try:
-        readings = read_recording(path)
-        if readings.bad_checksum > len(readings):
-            share = f"{readings.bad_checksum} of {readings.bad_checksum + len(readings)} packets are damaged"
-            raise ValueError(f"{share}: see to cable, plug and port, and record again")
-        found = turns(readings)
+        found = turns(read_recording(path))
         return average(found, complete_only=len(found) < _LEAST_TURNS or any(turn.complete for turn in found))
     except ValueError as error:
         text = str(error)

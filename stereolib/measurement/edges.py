@@ -16,6 +16,8 @@ from stereolib.measurement.light import Light, light_at
 STEP_PX = 0.25
 #: An edge whose place is known so well was seen along its whole line: it is there, and straight.
 SHARP_PX = 0.5
+#: An interval over its standard deviation.
+UNIFORM = float(np.sqrt(12.0))
 _SPAN_PX = 1.5  # lines are compared at this distance from each other: the width of a webcam's edge
 _GROUPS = 8  # of samples, each located by itself: their scatter is the edge's
 _LEAST_SAMPLES = 8
@@ -26,7 +28,6 @@ _K = np.arange(-2.0, 3.0)  # samples about a peak's highest one: half a pixel ei
 _BEND, _SLOPE, _ = np.linalg.pinv(np.vander(_K, 3))  # give those of the parabola that fits them best
 _LEAST_BEND = 1e-9
 _FLOOR = 0.016  # least standard deviation of an edge, of its width: what blur and staircase do to all of it alike
-_UNIFORM = float(np.sqrt(12.0))  # an interval over its standard deviation
 
 
 @dataclass(frozen=True)
@@ -140,8 +141,8 @@ def locate_edge(
     grey = _mean(_differences([np.sqrt(values[first : last + 2 * half]) for values in seen], half))
     in_grey = middle[first] + STEP_PX * _highest(grey[:, None])[0]
     scatter = 1.48 * median(np.abs(own - median(own))) / (_GROUPS / 1.57) ** 0.5
-    blur = (in_grey - in_light) / _UNIFORM
-    others = rivals(likely, middle, best, strength)
+    blur = (in_grey - in_light) / UNIFORM
+    others = rivals(likely - likely[best], middle - middle[best], strength)
     std = float(np.sqrt(scatter**2 + blur**2 + (_FLOOR * _width_px(strength, best)) ** 2 + others**2))
     contrast = float(strength[best] / max(median(strength), 1e-9))
     return Peak(float(in_light + in_grey) / 2, std, contrast, others, log_odds)
@@ -207,29 +208,25 @@ def _beside(n: int) -> tuple[Ints, Ints, Ints, Bools]:
     return first, last, np.maximum(count, 1), count.min(axis=0) > _APART
 
 
-def rivals(log_odds: Float64, at: Float64, best: int, height: Float64 | None = None) -> float:
+def rivals(log_odds: Float64, off: Float64, height: Float64) -> float:
     """How far other peaks lie from one, each with its odds: the root of the mean square.
 
     Parameters
     ----------
-    log_odds : (N,) float64
-    at : (N,) float64
-        Where they are, in any unit.
-    best : int
-        Number of the peak.
-    height : (N,) float64, optional
-        Its peaks are meant; without it, those of `log_odds`.
+    log_odds, off : (N,) float64
+        Against that peak, and where they are from it, in any unit.
+    height : (N,) float64
+        The curve whose peaks are meant.
 
     Returns
     -------
     float
-        In the unit of `at`.
+        In the unit of `off`.
     """
-    height = log_odds if height is None else height
     inner = height[1:-1]
     peaks = 1 + np.flatnonzero((inner > height[:-2]) & (inner >= height[2:]))
-    weight = np.exp(log_odds[peaks] - log_odds[best])
-    return float(np.sqrt((weight * (at[peaks] - at[best]) ** 2).sum() / max(weight.sum(), 1.0)))
+    weight = np.exp(log_odds[peaks])
+    return float(np.sqrt((weight * off[peaks] ** 2).sum() / max(weight.sum(), 1.0)))
 
 
 def _highest(values: Floats) -> Float64:

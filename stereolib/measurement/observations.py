@@ -11,10 +11,10 @@ from scipy.linalg import block_diag
 
 from stereolib.base import Float64, Ints
 from stereolib.measurement.box import Box, Edge, Level, Numbers, Own, Side, Surface, World
+from stereolib.measurement.edges import UNIFORM
 from stereolib.measurement.faces import Face
 
 _GRAZING = 0.05  # cosine between a beam and a normal: flatter beams tell no more
-_UNIFORM = float(np.sqrt(12.0))  # an interval over its standard deviation
 _UNKNOWN_MM = 1000.0  # standard deviation of what nobody may see
 _BIASES = slice(Own.RIGHT_BIAS, Own.LEFT_BIAS + 1)
 _LEAST_PX = 1e-6  # of an edge's length
@@ -292,7 +292,7 @@ class EndBetweenBeams:
             end = end + box.own[..., self.side.extent]
         width = met[..., 1] - met[..., 0]
         width = np.where(width.real < 0, -width, width)
-        found: Numbers = ((end - met.mean(axis=-1)) * _UNIFORM / width)[..., None]
+        found: Numbers = ((end - met.mean(axis=-1)) * UNIFORM / width)[..., None]
         return found
 
 

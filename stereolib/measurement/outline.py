@@ -16,6 +16,8 @@ from stereolib.measurement.observations import EdgeSeen
 from stereolib.measurement.scene_solver import Priors
 from stereolib.measurement.views import Views
 
+#: How well an edge is expected beyond the stretch in which an end may lie, px.
+END_PX = 1.5
 _CLEAR = 1.4  # least contrast of an edge that is looked for afar, against the lines around it
 _STILL_CLEAR = 1.15  # and of one whose place is known
 _AFAR_PX = 12.0  # the least stretch in which an edge is looked for afar
@@ -30,6 +32,7 @@ _LEAST_AHEAD_MM = 1.0  # of the camera
 _WIDER = 1.5  # the right picture measures an end where it shows the face by so much wider
 _LINES, _SAMPLES = 4, 16  # every fourth line is compared between both pictures, at so many points
 _SHOWN = 0.3  # a picture that shows a face by less than this share of the other's width tells nothing of its end
+_APART_PX = 3.0  # an upper edge that lies so far from the height of both is a line
 _POWERS = Powers(strength=12.0, step=3.0)
 _BACK_POWERS = Powers(strength=4.0, step=3.0)  # it ends a top, whose streaks lie along it: they stand out as much
 _BACK_ENDS = 2.0  # power of the odds that the top ends there: what both pictures agree on tells more
@@ -277,6 +280,47 @@ def find_edge(
     return Found(seen, peak, peak.position_px / per_mm * step, places / per_mm)
 
 
+def level_tops(
+    views: Views, world: World, own: Float64, first: Side, found: dict[Edge, Found], rivals_px: dict[Edge, float]
+) -> dict[Edge, Found]:
+    """Upper edges of both faces at one height: what lies elsewhere is a line, and what may be one edge may be both.
+
+    Parameters
+    ----------
+    views : Views
+    world : World
+    own : (8,) float64
+        The box, in the order of `Own`.
+    first : Side
+        The face that is known best.
+    found : dict
+        Edges as each was found for itself, with their odds.
+    rivals_px : dict
+        As `Peak.rivals_px`, of a wider search before.
+
+    Returns
+    -------
+    dict
+        The same where not both upper edges were found; else one that lies 3 px from their height is looked for there
+        again, and both have the rivals of that height.
+    """
+    tops = [edge for edge in found if edge in (Edge.TOP_RIGHT, Edge.TOP_LEFT)]
+    if len(tops) < 2:
+        return found
+    higher_mm, rivals_mm = of_one_height([found[edge] for edge in tops])
+    remembered = [found[edge].mm_per_px * rivals_px[edge] for edge in tops if edge in rivals_px]
+    rivals_mm, level, moved = max([rivals_mm, *remembered]), dict(found), np.zeros(len(Own))
+    moved[Own.HEIGHT] = higher_mm
+    for edge in tops:
+        top = level.pop(edge)
+        is_line = abs(top.move[Own.HEIGHT] - higher_mm) > _APART_PX * top.mm_per_px
+        there = find_edge(views, world, own + moved, edge, first, Expected(END_PX)) if is_line else top
+        if there is not None:
+            move = there.move + (moved if is_line else 0.0)
+            level[edge] = replace(there.besides(rivals_mm / there.mm_per_px), move=move)
+    return level
+
+
 def of_one_height(tops: Sequence[Found]) -> tuple[float, float]:
     """By how much a box is likeliest higher, along whose upper edges odds were found, each for itself.
 
@@ -300,7 +344,7 @@ def of_one_height(tops: Sequence[Found]) -> tuple[float, float]:
         at = top.along_mm.argsort()
         total += np.interp(mm, top.along_mm[at], top.peak.log_odds[at], left=0.0, right=0.0)
     best = int(total.argmax())
-    return float(mm[best]), rivals(total, mm, best)
+    return float(mm[best]), rivals(total - total[best], mm - mm[best], total)
 
 
 def _ends_surface(views: Views, world: World, ends_mm: Float64) -> Float64:

@@ -26,11 +26,12 @@ from stereolib.measurement.follow import (
 )
 from stereolib.measurement.observations import EdgeSeen, PlaneSeen, weak_priors
 from stereolib.measurement.outline import (
+    END_PX,
     Expected,
     Found,
     find_edge,
     find_far_end,
-    of_one_height,
+    level_tops,
     predicted,
     predicted_stds_px,
 )
@@ -41,7 +42,7 @@ from stereolib.measurement.upright_line import upright_line
 from stereolib.measurement.views import Views
 
 _LEAST_MM = 1.0  # of a width
-_SURE_STDS = 3.0  # of an extent: less may be none
+_SURE_STDS, _EDGE_PX = 3.0, 4.0  # of an extent: less may be none; and what is so wide may be an edge
 _HIDDEN_MM = 100.0  # what an extent is taken as that nobody sees
 _UNLOCATED_PX = 6.0  # how well an edge is known that was not located, at best
 _LEAST_PLANE_PX = 20.0  # a second face must be so wide to have a plane of its own, a top so high
@@ -55,7 +56,6 @@ _MOST_CHANGE = 3.0  # factor between a face's width as it was followed and as it
 _SLANTED = 2.0  # a top, whose rows the picture crowds, is aligned so much worse than its alignment says
 _KNOWN = 0.1  # of a face's width: what is known so well is not asked of the top
 _FAR_END_PX = 2.0  # how well the end of a sliver is known
-_END_PRIOR_PX = 1.5  # beyond the stretch in which an end may lie
 _GOES_ON = 6.0  # logarithm of the odds that an upper edge goes on beyond an end, from which on it is none
 _TOP_END_PX = 3.0  # how well its end tells that of the face
 _GAP_MM, _GAP_PX = 6.0, 4.0  # so far above the floor a face may end for want of texture, and for a pixel's size
@@ -63,7 +63,6 @@ _BELOW, _PLAIN_SLOPE = 8, 0.6  # samples between a face's end and the floor; gre
 _LEANING_RAD = np.radians(1.5)
 _LEANING_ASIDE_RAD = np.radians(3.0)
 _SURE = 4.0  # standard deviations
-_APART_PX = 3.0  # an upper edge that lies so far from the height of both is a line
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,7 +174,7 @@ def see_box(views: Views, priors: Priors, region: ObjectRegion) -> Pictured:
     seen = replace(seen, start=solution.boxes[0], shared=solution.shared)  # near what all boxes together will have
     tilts = [upright_line(world, face, 0.0)[1:] for face in faces]
     refused = _cut_below(stretch) or _in_the_air(views, world, stretch) or _leaning(stretch, tilts, peaks)
-    refused = refused or _unfollowed(stretch) or _too_narrow(rough, solution) or _without_edges(rough, peaks)
+    refused = refused or _unfollowed(stretch) or _too_narrow(stretch, rough, solution) or _without_edges(rough, peaks)
     doubtful, doubt = weigh_contradictions(priors, seen, solution, followed)
     doubtful |= {side.end for side in Side if solution.boxes[0][side.extent] < _LEAST_MM}  # none is narrower
     return Pictured(seen, solution, rough.past, rough.first, tuple(faces), refused, doubtful, doubt)
@@ -272,7 +271,7 @@ def _seen_again(
 def _expected(end: End, beyond_px: float = 0.0, *, was_located: bool = False) -> Expected:
     """Where an edge is expected, of a face that was followed to an end, if the model has it so far beyond that."""
     low, high = -end.inside_px - beyond_px, end.outside_px - beyond_px
-    return Expected(_END_PRIOR_PX, low, high, end.inside_px - beyond_px, was_located)
+    return Expected(END_PX, low, high, end.inside_px - beyond_px, was_located)
 
 
 def _top_px(world: World, own: Float64) -> float:
@@ -324,7 +323,7 @@ def _with_top(views: Views, world: World, rough: _Rough, own_std: Float64) -> tu
             ends[side.back] = End(0.0, Past.OPEN)
         elif side.end in ends and (top := follow_top(views, world, own, side, std)) is not None:
             if top[0] != own[Own.HEIGHT]:
-                raised |= {edge: Expected(_END_PRIOR_PX) for edge in rough.open if edge.is_top}
+                raised |= {edge: Expected(END_PX) for edge in rough.open if edge.is_top}
             own[Own.HEIGHT], ends[side.back] = top
             own[depth.extent], std = ends[side.back].at, 0.0  # from the other face it has the same height
     return replace(rough, own=own, ends=ends), raised
@@ -382,29 +381,8 @@ def _located(
         if got is not None:
             wider = before[edge].rivals_px if edge in before else 0.0
             found[edge] = got.besides(max(got.peak.rivals_px, wider))
-    return _level(views, world, rough, found, before)
-
-
-def _level(
-    views: Views, world: World, rough: _Rough, found: dict[Edge, Found], before: dict[Edge, Peak]
-) -> dict[Edge, Found]:
-    """Upper edges of both faces at one height: what lies elsewhere is a line, and what may be one edge may be both."""
-    tops = [edge for edge in found if edge in (Edge.TOP_RIGHT, Edge.TOP_LEFT)]
-    if len(tops) < 2:
-        return found
-    higher_mm, rivals_mm = of_one_height([found[edge] for edge in tops])
-    remembered = [found[edge].mm_per_px * before[edge].rivals_px for edge in tops if edge in before]
-    rivals_mm, level, moved = max([rivals_mm, *remembered]), dict(found), np.zeros(len(Own))
-    moved[Own.HEIGHT] = higher_mm
-    for edge in tops:
-        top = level.pop(edge)
-        is_line = abs(top.move[Own.HEIGHT] - higher_mm) > _APART_PX * top.mm_per_px
-        own, near = rough.own + moved, Expected(_END_PRIOR_PX)
-        there = find_edge(views, world, own, edge, rough.first, near) if is_line else top
-        if there is not None:
-            move = there.move + (moved if is_line else 0.0)
-            level[edge] = replace(there.besides(rivals_mm / there.mm_per_px), move=move)
-    return level
+    before_px = {edge: peak.rivals_px for edge, peak in before.items()}
+    return level_tops(views, world, rough.own, rough.first, found, before_px)
 
 
 def _unfollowed(stretch: Stretch) -> Why | None:
@@ -413,11 +391,11 @@ def _unfollowed(stretch: Stretch) -> Why | None:
     return Why(Reason.NO_TEXTURE) if nowhere else None
 
 
-def _too_narrow(rough: _Rough, solution: Solution) -> Why | None:
-    """Faces none of which is surely wider than nothing: what was matched is an edge, the faces are too plain."""
+def _too_narrow(stretch: Stretch, rough: _Rough, solution: Solution) -> Why | None:
+    """Faces none of which is surely wider than an edge: that was matched, the faces are too plain."""
     own, std = solution.boxes[0], np.sqrt(np.diag(solution.covariance))[len(Shared) :]
     ended = [side.extent for side in Side if side.end in rough.open]
-    narrow = [own[extent] < _SURE_STDS * std[extent] for extent in ended]
+    narrow = [own[extent] < _SURE_STDS * std[extent] + _EDGE_PX * stretch.mm_per_px for extent in ended]
     return Why(Reason.NO_TEXTURE) if ended and all(narrow) else None
 
 

@@ -16,6 +16,8 @@ from stereolib.measurement.floor import Floor
 STEP = 3
 #: What is farther is background, mm: disparities of the rig's 93 mm baseline tell little beyond.
 OBJECTS_WITHIN_MM = 1800.0
+#: What has fewer pixels is no object.
+LEAST_PX = 600
 _LEAST_RISE_PX = 1.0  # what rises less above the floor's disparity belongs to the floor: SGBM's own error
 _LEAST_AHEAD = 0.2  # of a ray's depth: steeper ones meet the floor at the rig's feet
 _JUMP_PX, _JUMP = 1.5, 0.02  # neighbours whose disparities differ by more, px and share, are different objects
@@ -60,7 +62,7 @@ def find_objects(
     *,
     min_height_mm: float = 20.0,
     max_distance_mm: float = OBJECTS_WITHIN_MM,
-    least_px: int = 600,
+    least_px: int = LEAST_PX,
 ) -> list[ObjectRegion]:
     """Separate what stands on the floor, from the floor, from the background and from each other.
 

@@ -4,14 +4,20 @@ from __future__ import annotations
 
 import numpy as np
 
-from stereolib.base import wrap_rad
-from stereolib.laser import Footprint
+from stereolib.base import Float64, wrap_rad
+from stereolib.laser import Footprint, fit_line
 from stereolib.measurement.box import Own, Side
+from stereolib.measurement.floor import Floor
 from stereolib.measurement.laser_on_floor import LaserOnFloor
 from stereolib.measurement.observations import EndBetweenBeams, Observation, RangesSeen, weak_priors
+from stereolib.measurement.regions import LEAST_PX, STEP, ObjectRegion
 from stereolib.measurement.scene_solver import Seen
 
 _ALIKE_RAD = np.pi / 4  # directions of one face as both sensors have it differ by less
+_WALL_PX, _WALL = 4.0, 0.8  # of disparity, two of the half size: so near it lies so much of what a wall's part matches
+_STRAIGHT_PX = 0.5  # what lies in front of a wall by more, of disparity, is no wall
+_AROUND = 2.0  # a wall is looked for in so many times the directions of what may be a part of it
+_LEAST_READINGS = 3  # of a straight line that is more than two points
 _HIDDEN_MM = _HEIGHT_MM = 100.0  # what an extent is taken as that nobody sees
 
 
@@ -95,3 +101,42 @@ def scanned_box(footprint: Footprint, laser: LaserOnFloor) -> Seen | None:
     own[[Own.RIGHT, Own.LEFT]] = extents[0], extents[1] if len(faces) > 1 else _HIDDEN_MM
     readings = scan_observations(footprint, laser, float(own[Own.TURN]))
     return Seen(own, (*weak_priors(own, laser.bias_mm), *readings))
+
+
+def is_wall(region: ObjectRegion, floor: Floor, walls_mm: Float64, objects_mm: Float64) -> bool:
+    """Whether what the pictures show is a part of a wall of the scan.
+
+    Parameters
+    ----------
+    region : ObjectRegion
+    floor : Floor
+    walls_mm, objects_mm : (N, 2) and (M, 2) float64
+        What the scan has of walls and of objects, on the floor: forward and left of the camera.
+
+    Returns
+    -------
+    bool
+        The readings there, and half as far again beside it, lie on one straight line, half a pixel of disparity off it
+        at most, no object of the scan is within four pixels of it, four of five pixels of the region are, and what of
+        it lies farther in front is too small to be an object.
+    """
+    rays, px_mm = floor.rays(region.u, region.v), floor.rectified.f_px * floor.rectified.baseline_mm
+    bearing = np.arctan2(rays[1], rays[0])
+    middle, half = (bearing.max() + bearing.min()) / 2, np.ptp(bearing) / 2
+
+    def there(points_mm: Float64) -> Float64:
+        off = np.arctan2(points_mm[:, 1], points_mm[:, 0]) - middle
+        return np.asarray(points_mm[(np.abs(off) < _AROUND * half) & (points_mm[:, 0] > 0)])
+
+    walls_mm = there(walls_mm)
+    if len(walls_mm) < _LEAST_READINGS:
+        return False
+    wall = fit_line(walls_mm)
+
+    def before_px(points_mm: Float64) -> Float64:
+        return px_mm / points_mm[:, 0] * (1 - points_mm @ wall.normal / wall.offset_mm)
+
+    straight = (np.abs(before_px(walls_mm)) < _STRAIGHT_PX).all() and (before_px(there(objects_mm)) > _WALL_PX).all()
+    nearer_px = region.disparity_px - px_mm * (wall.normal @ rays) / wall.offset_mm
+    on_it = (np.abs(nearer_px) < _WALL_PX).mean() > _WALL and (nearer_px > _WALL_PX).sum() * STEP**2 < LEAST_PX
+    return bool(straight and on_it)

@@ -20,7 +20,7 @@ from stereolib.measurement.pictured import Pictured
 from stereolib.measurement.plane_alignment import CannotMeasure
 from stereolib.measurement.reasons import NOT_STANDING, Reason, ScanFit, Source, Why
 from stereolib.measurement.regions import OBJECTS_WITHIN_MM, ObjectRegion
-from stereolib.measurement.scanned import scan_observations, scanned_box
+from stereolib.measurement.scanned import is_wall, scan_observations, scanned_box
 from stereolib.measurement.scene_solver import COMMON_ERRORS, Priors, Seen, Solution
 from stereolib.measurement.standing import Standing
 
@@ -30,8 +30,6 @@ NOWHERE = np.zeros((0, 2))
 SCAN_REACH_M = 3
 _FEW_BEAMS = 6  # so few tell no round or irregular outline from faces
 _SHOWN = 0.5  # share of a footprint that the right camera must show
-#: A region that tells no box is a part of a wall, if so much of it lies so near one of the scan.
-_WALL_PX, _WALL, _EVERY = 4.0, 0.8, 7  # of disparity, two of the half size; share; one pixel in so many is looked at
 _LEAST_BEAMS = 2  # in the left picture: one may be a neighbour's
 _CONTRADICTION = 2.2  # standard deviations, as `Solution.misfits` counts: an end lies within 1.6 of its two beams
 _FOLLOWED = 0.9  # share of what was followed of a face that is surely its own
@@ -103,23 +101,19 @@ class Scene:
     def things(self, footprints: list[Footprint]) -> tuple[list[Thing], Sequence[str]]:
         """Objects as pictures and scan show them, paired; and what does not fit together."""
         every = [_pictured(*seen) for seen in zip(self.standing.regions, self.standing.boxes, strict=True)]
-        alone = [thing for thing in every if not self._of_a_wall(thing)]
+        objects_mm = [self.priors.laser.points_mm(each.segment.points_mm) for each in footprints]
+        alone = [thing for thing in every if not self._of_a_wall(thing, np.concatenate([NOWHERE, *objects_mm]))]
         pairs = pair_up([_place(thing, self.priors.floor) for thing in alone], footprints, self.priors.laser)
         both = [self._with_scan(alone[i], footprints[j]) for i, j in pairs.both]
         rest = [self._scanned(Thing(footprint=footprints[j])) for j in pairs.scanned]
         return [*both, *(alone[i] for i in pairs.pictured), *rest], pairs.warnings
 
-    def _of_a_wall(self, thing: Thing) -> bool:
-        """Whether the scan has a wall, to a pixel of disparity or so, where the pictures tell nothing that stands."""
+    def _of_a_wall(self, thing: Thing, objects_mm: Float64) -> bool:
+        """Whether the scan has a wall where the pictures show nothing that surely stands."""
         unclear = thing.why is not None and thing.why.reason in (Reason.NO_TEXTURE, *NOT_STANDING)
-        if thing.region is None or not unclear or not len(self.walls_mm):
-            return False
-        u, v, d = (each[::_EVERY] for each in (thing.region.u, thing.region.v, thing.region.disparity_px))
-        rectified, ray = self.priors.floor.rectified, self.priors.floor.rays(u, v)
-        at = rectified.f_px * rectified.baseline_mm / d * ray[:2]
-        off_mm = np.sqrt(((at[:, :, None] - self.walls_mm.T[:, None]) ** 2).sum(axis=0).min(axis=1))
-        off_px = off_mm * d / np.hypot(*at)
-        return bool((off_px < _WALL_PX).mean() > _WALL)
+        return (
+            unclear and thing.region is not None and is_wall(thing.region, self.priors.floor, self.walls_mm, objects_mm)
+        )
 
     def _with_scan(self, thing: Thing, footprint: Footprint) -> Thing:
         thing = replace(thing, footprint=footprint)

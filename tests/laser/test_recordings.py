@@ -52,6 +52,11 @@ def test_files_that_are_no_recordings(tmp_path):
         laser.read_recording(path)
     path.write_bytes(laser.encode(packets(45)))
     assert laser.recording_info(path)["turns"] == 0 and laser.recording_info(path)["partial_turns"] == 1
+    spoilt = bytearray(laser.encode(packets(90)))
+    spoilt[10 : 22 * 50 : 22] = bytes(byte ^ 1 for byte in spoilt[10 : 22 * 50 : 22])
+    path.write_bytes(spoilt)
+    with pytest.raises(ValueError, match=r"scan.bin: 50 of 90 packets are damaged: see to cable"):
+        laser.recording_info(path)
     path.write_bytes(encode_turns(packets(180)))
     about = laser.recording_info(path)
     assert about["turns"] == 2 and about["rpm_median"] is None

@@ -5,12 +5,15 @@ Few scenes of each row of `benchmarks/bench_rigs.py`, which measures hundreds.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
-from support.box_scenes import shoot
+from support.box_scenes import corners_mm, instrument, leaning_scene, measure, recorded, shoot
 from support.disturbances import ROWS, Told, case, tell
+
+from stereolib.measurement import Reason
 
 pytestmark = pytest.mark.slow
 #: Scenes by kind: of the plain ones the pair alone tells every size, so that a scan can only help.
@@ -53,6 +56,20 @@ def test_what_can_be_told_is_told(row: str) -> None:
 def test_a_thing_that_does_not_stand_is_refused_with_its_reason() -> None:
     for row in ("held", "leaning"):
         assert all(one.why for one in told(row) if "volume" not in one.off)
+
+
+@pytest.mark.parametrize("number", [61009, 61013, 61018, 61023])
+def test_what_leans_against_a_wall_of_the_scan_is_told(number: int) -> None:
+    """Three grow together with the wall in the disparity map; the scan has the fourth and its wall as one line."""
+    scene = leaning_scene(number)
+    around, box = scene.scene.boxes
+    T, corners = around.T_world_box.copy(), corners_mm(box)
+    T[0, 3] = corners[:, 0].max() + 8 - around.size_mm[0] / 2  # its wall is the far end of the room
+    near_wall = replace(scene, scene=replace(scene.scene, boxes=(replace(around, T_world_box=T), box)))
+    objects = measure(recorded(near_wall), instrument()).objects
+    told = [why.reason for item in objects for why in item.reasons.values()]
+    assert {Reason.LEANS, Reason.MAY_LEAN} & set(told)
+    assert all(np.isnan(item.size_mm).all() for item in objects)
 
 
 def test_an_end_that_was_mistaken_for_a_line_inside_is_looked_for_where_the_face_was_followed_to() -> None:

@@ -12,14 +12,14 @@ import pytest
 from support.boxes import OWN
 from support.pictured import HIGH, of_pair, recorded, rendered, true_box
 
-from stereolib.measurement import CannotMeasure, ObjectRegion, Reason, pictured
+from stereolib.measurement import CannotMeasure, ObjectRegion, Reason, outline, pictured
 from stereolib.measurement.agreement import Past
 from stereolib.measurement.box import Box, Edge, Level, Own, Shared, Side
 from stereolib.measurement.edges import STEP_PX, Peak
-from stereolib.measurement.follow import End, follow_face, look_round
+from stereolib.measurement.follow import follow_face, look_round
 from stereolib.measurement.observations import EdgeSeen, PlaneSeen
-from stereolib.measurement.outline import Expected, Found, find_edge, of_one_height
-from stereolib.measurement.pictured import _located, _move, _Rough, see_box
+from stereolib.measurement.outline import Expected, Found, find_edge, level_tops, of_one_height
+from stereolib.measurement.pictured import _move, see_box
 from stereolib.virtual import recordings
 
 SERIES = [f"series/{kind}_{mm}" for kind in recordings.TEXTURES_MM for mm in recordings.DISTANCES_MM[1::2]]
@@ -173,18 +173,12 @@ def test_where_one_edge_was_not_looked_for_the_other_one_tells():
 def test_an_upper_edge_that_was_a_line_is_looked_for_again_at_the_height_of_the_other(monkeypatch):
     """And keeps the rivals that both had before, in whatever stretch it is looked for now."""
     own, tops = np.full(len(Own), 100.0), (Edge.TOP_RIGHT, Edge.TOP_LEFT)
-    at_first = dict(zip(tops, (odds_of(0.0, (20.0, -3.0)), odds_of(20.0, (0.0, -9.0))), strict=True))
-
-    def found_there(views, world, own, edge, first, expected):
-        return at_first[edge] if own[Own.HEIGHT] == 100.0 else odds_of(0.5, reach_mm=4.0)
-
-    monkeypatch.setattr(pictured, "find_edge", found_there)
-    rough = _Rough(own, Side.RIGHT, dict.fromkeys(tops, End(np.nan, Past.OPEN)), 0.0)
-    expected = dict.fromkeys(tops, Expected(1.0))
-    now = _located(None, None, rough, {}, expected)
+    found = dict(zip(tops, (odds_of(0.0, (20.0, -3.0)), odds_of(20.0, (0.0, -9.0))), strict=True))
+    monkeypatch.setattr(outline, "find_edge", lambda *where: odds_of(0.5, reach_mm=4.0))
+    now = level_tops(None, None, own, Side.RIGHT, found, {})
     assert [now[edge].move[Own.HEIGHT] for edge in tops] == [20.5, 20.0]
     assert max(each.peak.std_px for each in now.values()) < 2.0
-    then = _located(None, None, rough, {Edge.TOP_LEFT: Peak(0.0, 15.0, 2.0, 15.0)}, expected)
+    then = level_tops(None, None, own, Side.RIGHT, found, {Edge.TOP_LEFT: 15.0})
     assert min(each.peak.std_px for each in then.values()) >= 15.0
 
 

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from support.boxes import FLOOR, OWN
+from support.boxes import FLOOR, OWN, RECT
 
 from stereolib.base import turn_2d
 from stereolib.laser import LaserScan, find_segments, fit_footprint
 from stereolib.measurement import LaserOnFloor
 from stereolib.measurement.box import Box, Own, Shared, Side
 from stereolib.measurement.observations import EndBetweenBeams, RangesSeen
-from stereolib.measurement.scanned import scan_observations, scanned_box, sides_of
+from stereolib.measurement.regions import ObjectRegion
+from stereolib.measurement.scanned import is_wall, scan_observations, scanned_box, sides_of
 from stereolib.measurement.scene_solver import Priors, solve
 
 NEAR = np.diag([0.5**2, 0.5**2, 1e-6])
@@ -66,3 +67,34 @@ def test_free_ends_lie_between_beams():
     assert sum(isinstance(o, RangesSeen) for o in found) == 2
     ends = {(o.side, o.at_corner) for o in found if isinstance(o, EndBetweenBeams)}
     assert ends == {(Side.RIGHT, False), (Side.LEFT, False)}
+
+
+WALL_MM = np.column_stack([np.full(41, 1500.0), np.linspace(-800, 800, 41)])
+NOTHING = np.zeros((0, 2))
+
+
+def part_of_wall(nearer_px=0.0, share=1.0):
+    """Pixels matched on a wall 1500 mm ahead, a share of them nearer by some pixels of disparity."""
+    u, v = (a.ravel().astype(float) for a in np.meshgrid(np.arange(200, 400, 3), np.arange(100, 300, 3)))
+    disparity = RECT.f_px * RECT.baseline_mm * FLOOR.rays(u, v)[0] / 1500
+    disparity[: round(share * len(u))] += nearer_px
+    return ObjectRegion(u, v, disparity, FLOOR.height_mm(u, v, disparity), (1500.0, 0.0), (200, 100, 399, 298))
+
+
+def test_a_part_of_a_wall_is_told_from_what_stands_before_it():
+    assert is_wall(part_of_wall(), FLOOR, WALL_MM, NOTHING)
+    assert is_wall(part_of_wall(-6.0, 0.1), FLOOR, WALL_MM, NOTHING)  # wrong matches
+    assert not is_wall(part_of_wall(6.0, 0.1), FLOOR, WALL_MM, NOTHING)  # an object that grew together with it
+    assert not is_wall(part_of_wall(-6.0), FLOOR, WALL_MM, NOTHING)  # something behind what the scan takes for a wall
+    assert not is_wall(part_of_wall(), FLOOR, WALL_MM[:0], NOTHING)
+
+
+@pytest.mark.parametrize("before_mm", [20.0, 60.0])
+def test_a_wall_before_which_the_scan_shows_something_is_no_wall(before_mm):
+    at = np.abs(WALL_MM[:, 1] - 100) < 90
+    stepped = WALL_MM - np.column_stack([before_mm * at, 0 * at])
+    assert not is_wall(part_of_wall(), FLOOR, stepped, NOTHING)
+    assert not is_wall(part_of_wall(), FLOOR, WALL_MM[~at], stepped[at])
+    elsewhere = WALL_MM[at] - [before_mm, 700.0]
+    assert is_wall(part_of_wall(), FLOOR, WALL_MM, elsewhere)
+    assert is_wall(part_of_wall(), FLOOR, WALL_MM, WALL_MM[at] * 0.5)  # what stands far before it is no part of it

@@ -1,14 +1,16 @@
-"""Where edges of a face end: beyond a line that is only printed on it, its outline goes straight on."""
+"""What lies beyond a line that is only printed on a face: its outline goes straight on, and it is matched there."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 
+import cv2
 import numpy as np
 
 from stereolib.base import Float64
 from stereolib.measurement.box import Box, Edge, Own, Side, World
 from stereolib.measurement.light import Light, Picture, light_at
+from stereolib.measurement.regions import STEP, ObjectRegion
 
 _ACROSS_PX, _STEPS = np.arange(-6.0, 6.5, 0.5), 3  # points that are compared across it are a webcam's edge apart
 _BESIDE_PX = 2.5  # from there on nothing of the edge is in it
@@ -18,6 +20,9 @@ _STANDS_OUT = 2.0  # the edge's strength over that beside it: less tells nothing
 _MOST, _WEIGHT = 1.0, 0.5  # logarithm of the odds of one pixel, at most; and what of it is its own, not its neighbour's
 _FARTHEST_MM, _LEAST_AHEAD_MM = 1200.0, 1.0
 _LEAST = 1e-3  # of a difference: what is less is none
+_SPILL_PX = 4.0  # beyond an outline SGBM matches half its window as the nearer surface
+_ON_FACE_PX = 1.5  # of disparity
+_SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 
 
 def upper_edge_beyond(light: Light, world: World, own: Float64, side: Side) -> tuple[float, float] | None:
@@ -119,6 +124,58 @@ def uprights_beyond(light: Light, world: World, own: Float64, ends: Iterable[Edg
     total = np.concatenate([[0.0], np.cumsum(np.sum([each[:n] for each in votes], axis=0))])
     best = int(total.argmax())
     return None if best == n else (float(heights[known - 1 + best]), float(total[best]))
+
+
+def matched_beyond(region: ObjectRegion, world: World, own: Float64, side: Side, edge: Edge) -> tuple[float, float]:
+    """How far the disparity map goes on with a face beyond one of its edges.
+
+    Parameters
+    ----------
+    region : ObjectRegion
+        What was matched of the object.
+    world : World
+        One, real.
+    own : (8,) float64
+        The box, in the order of `Own`.
+    side : Side
+        The face.
+    edge : Edge
+        Its `top`, its `end`, or the corner.
+
+    Returns
+    -------
+    beyond_px : float
+        Area beyond it that lies on the face's plane to 1.5 px of disparity, over the edge's length: the first four
+        pixels are not counted, SGBM spills over outlines; nor, beyond the corner, what may be the other face.
+    more_mm : float
+        By how much the face is larger to where that ends in the median column or row.
+    """
+    is_level, is_corner = edge is side.top, edge is Edge.CORNER
+    corners = np.zeros((len(_SQUARE), 3))
+    corners[:, 0 if side is Side.RIGHT else 1], corners[:, 2] = _SQUARE.T
+    box = Box(own)
+    quad = world.pixels(box.points(corners)).astype(np.float32)
+    start, last = quad[[3, 2] if is_level else [0, 3] if is_corner else [1, 2]]
+    length_px = float(np.hypot(*(last - start)))
+    if min(abs(float(quad[1, 0] - quad[0, 0])), length_px) < _LEAST_PX:
+        return 0.0, 0.0
+    pixels = np.column_stack([region.u, region.v, np.ones(len(region.u))])
+    shares = cv2.getPerspectiveTransform(quad, _SQUARE.astype(np.float32)) @ pixels.T
+    across, up = shares[:2] / shares[2]
+    along, outwards = (across, up) if is_level else (up, 1 - across if is_corner else across)
+    off_px = np.abs((pixels[:, :2] - start) @ [start[1] - last[1], last[0] - start[0]]) / length_px
+    face, other = (pixels @ world.disparity_plane(*box.plane(each)) for each in (side, side.other))
+    beyond = (along > 0) & (along < 1) & (outwards > 1) & (off_px > _SPILL_PX)
+    beyond &= np.abs(region.disparity_px - face) < _ON_FACE_PX
+    if is_corner:
+        beyond &= np.abs(face - other) > 2 * _ON_FACE_PX
+    if not beyond.any():
+        return 0.0, 0.0
+    lines, at = np.unique(pixels[beyond, 0 if is_level else 1], return_inverse=True)
+    farthest = np.ones(len(lines))
+    np.maximum.at(farthest, at, outwards[beyond])
+    known_mm = float(own[Own.HEIGHT if is_level else side.extent])
+    return float(beyond.sum()) * STEP**2 / length_px, known_mm * float(np.median(farthest) - 1.0)
 
 
 def _odds(picture: Picture, line_px: Float64, known: int) -> Float64 | None:

@@ -7,7 +7,8 @@ import pytest
 from support.pictured import HIGH, rendered, true_box
 
 from stereolib.measurement.box import Box, Edge, Own, Side
-from stereolib.measurement.edges_beyond import upper_edge_beyond, uprights_beyond
+from stereolib.measurement.edges_beyond import matched_beyond, upper_edge_beyond, uprights_beyond
+from stereolib.measurement.outline import edge_direction
 
 CASES = {
     "near": ((700.0, (260.0, 260.0, 220.0), 30.0), {}),
@@ -93,3 +94,37 @@ def test_what_tells_nothing():
         assert upper_edge_beyond(pictures, shown.world, odd, Side.RIGHT) is None
     for odd in (high, behind):
         assert uprights_beyond(pictures, shown.world, odd, ENDS) is None
+
+
+def outer_edges(side):
+    return side.top, side.end, Edge.CORNER
+
+
+@pytest.mark.parametrize("side", Side)
+@pytest.mark.parametrize("case", [*CASES, "high"])
+def test_what_was_matched_of_a_face_ends_where_it_does(case, side):
+    box, how = CASES[case] if case in CASES else (CASES["near"][0], {"camera": HIGH})
+    shown, own = rendered(*box, **how), true_box(*box)
+    for edge in outer_edges(side):
+        beyond_px, _ = matched_beyond(shown.regions[0], shown.world, own, side, edge)
+        assert beyond_px < 2.0
+
+
+@pytest.mark.parametrize("side", Side)
+@pytest.mark.parametrize("case", CASES)
+def test_a_line_on_a_face_beyond_which_it_was_matched_is_no_edge(case, side):
+    """A quarter of the face is missing: what was matched tells it, but for what SGBM spills over the outline."""
+    box, how = CASES[case]
+    shown, own = rendered(*box, **how), true_box(*box)
+    for edge in outer_edges(side):
+        missing = 0.25 * own[Own.HEIGHT if edge is side.top else side.extent]
+        inside = own + (missing if edge is Edge.CORNER else -missing) * edge_direction(edge, own, side)
+        beyond_px, more_mm = matched_beyond(shown.regions[0], shown.world, inside, side, edge)
+        assert beyond_px > 8 and more_mm == pytest.approx(missing, abs=25)
+
+
+def test_a_face_too_narrow_to_tell_anything_goes_on_nowhere():
+    box, how = CASES["near"]
+    shown, own = rendered(*box, **how), true_box(*box)
+    own[Own.RIGHT] = 1.0
+    assert matched_beyond(shown.regions[0], shown.world, own, Side.RIGHT, Edge.RIGHT_END) == (0.0, 0.0)

@@ -126,8 +126,10 @@ def uprights_beyond(light: Light, world: World, own: Float64, ends: Iterable[Edg
     return None if best == n else (float(heights[known - 1 + best]), float(total[best]))
 
 
-def matched_beyond(region: ObjectRegion, world: World, own: Float64, side: Side, edge: Edge) -> tuple[float, float]:
-    """How far the disparity map goes on with a face beyond one of its edges.
+def matched_beyond(
+    region: ObjectRegion, world: World, own: Float64, side: Side, edges: Iterable[Edge]
+) -> dict[Edge, tuple[float, float]]:
+    """How far the disparity map goes on with a face beyond its edges.
 
     Parameters
     ----------
@@ -139,43 +141,44 @@ def matched_beyond(region: ObjectRegion, world: World, own: Float64, side: Side,
         The box, in the order of `Own`.
     side : Side
         The face.
-    edge : Edge
-        Its `top`, its `end`, or the corner.
+    edges : iterable of Edge
+        Of its `top`, its `end`, and the corner.
 
     Returns
     -------
-    beyond_px : float
-        Area beyond it that lies on the face's plane to 1.5 px of disparity, over the edge's length: the first four
-        pixels are not counted, SGBM spills over outlines; nor, beyond the corner, what may be the other face.
-    more_mm : float
-        By how much the face is larger to where that ends in the median column or row.
+    dict of (beyond_px, more_mm)
+        Area beyond an edge that lies on the face's plane to 1.5 px of disparity, over the edge's length: the first four
+        pixels are not counted, SGBM spills over outlines; nor, beyond the corner, what may be the other face. And by
+        how much the face is larger to where that ends, in the median column or row. Empty for a face that is less than
+        8 px wide or high.
     """
-    is_level, is_corner = edge is side.top, edge is Edge.CORNER
     corners = np.zeros((len(_SQUARE), 3))
     corners[:, 0 if side is Side.RIGHT else 1], corners[:, 2] = _SQUARE.T
-    box = Box(own)
+    box, pixels = Box(own), np.column_stack([region.u, region.v, np.ones(len(region.u))])
     quad = world.pixels(box.points(corners)).astype(np.float32)
-    start, last = quad[[3, 2] if is_level else [0, 3] if is_corner else [1, 2]]
-    length_px = float(np.hypot(*(last - start)))
-    if min(abs(float(quad[1, 0] - quad[0, 0])), length_px) < _LEAST_PX:
-        return 0.0, 0.0
-    pixels = np.column_stack([region.u, region.v, np.ones(len(region.u))])
-    shares = cv2.getPerspectiveTransform(quad, _SQUARE.astype(np.float32)) @ pixels.T
-    across, up = shares[:2] / shares[2]
-    along, outwards = (across, up) if is_level else (up, 1 - across if is_corner else across)
-    off_px = np.abs((pixels[:, :2] - start) @ [start[1] - last[1], last[0] - start[0]]) / length_px
-    face, other = (pixels @ world.disparity_plane(*box.plane(each)) for each in (side, side.other))
-    beyond = (along > 0) & (along < 1) & (outwards > 1) & (off_px > _SPILL_PX)
-    beyond &= np.abs(region.disparity_px - face) < _ON_FACE_PX
-    if is_corner:
-        beyond &= np.abs(face - other) > 2 * _ON_FACE_PX
-    if not beyond.any():
-        return 0.0, 0.0
-    lines, at = np.unique(pixels[beyond, 0 if is_level else 1], return_inverse=True)
-    farthest = np.ones(len(lines))
-    np.maximum.at(farthest, at, outwards[beyond])
-    known_mm = float(own[Own.HEIGHT if is_level else side.extent])
-    return float(beyond.sum()) * STEP**2 / length_px, known_mm * float(np.median(farthest) - 1.0)
+    face, other = (world.disparity_plane(*box.plane(each)) for each in (side, side.other))
+    if min(np.ptp(quad[:2, 0]), np.ptp(quad[1:3, 1])) < _LEAST_PX:
+        return {}
+    pixels = pixels[np.abs(region.disparity_px - pixels @ face) < _ON_FACE_PX]
+    across, up, w = cv2.getPerspectiveTransform(quad, _SQUARE.astype(np.float32)) @ pixels.T
+    across, up = across / w, up / w
+    lies = {side.top: ([3, 2], across, up), side.end: ([1, 2], up, across), Edge.CORNER: ([0, 3], up, 1 - across)}
+    found = dict[Edge, tuple[float, float]]()
+    for edge in edges:
+        ends, along, outwards = lies[edge]
+        start, last = quad[ends]
+        length_px = float(np.hypot(*(last - start)))
+        off_px = np.abs((pixels[:, :2] - start) @ [start[1] - last[1], last[0] - start[0]]) / length_px
+        beyond = (along > 0) & (along < 1) & (outwards > 1) & (off_px > _SPILL_PX)
+        if edge is Edge.CORNER:
+            beyond &= np.abs(pixels @ (face - other)) > 2 * _ON_FACE_PX
+        lines, at = np.unique(pixels[beyond, 0 if edge is side.top else 1], return_inverse=True)
+        farthest = np.ones(len(lines))
+        np.maximum.at(farthest, at, outwards[beyond])
+        more = float(np.median(farthest)) - 1.0 if len(lines) else 0.0
+        known_mm = float(own[Own.HEIGHT if edge is side.top else side.extent])
+        found[edge] = float(beyond.sum()) * STEP**2 / length_px, known_mm * more
+    return found
 
 
 def _odds(picture: Picture, line_px: Float64, known: int) -> Float64 | None:

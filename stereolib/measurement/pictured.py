@@ -346,9 +346,12 @@ def _top_plane(views: Views, world: World, rough: _Rough) -> list[PlaneSeen]:
 
 def _matched_beyond(region: ObjectRegion, world: World, rough: _Rough, own: Float64) -> list[tuple[Side, Edge, float]]:
     """Edges beyond which the disparity map goes on with their face, and by how much that is larger so, mm."""
-    ends = [(side, edge) for side in Side if side.end in rough.ends for edge in (Edge.CORNER, side.end, side.top)]
-    found = [(*at, *matched_beyond(region, world, own, *at)) for at in ends if at[1] in rough.open]
-    return [(side, edge, more_mm) for side, edge, beyond_px, more_mm in found if beyond_px > _GOES_ON_PX[edge.upright]]
+    found = list[tuple[Side, Edge, float]]()
+    for side in (each for each in Side if each.end in rough.ends):
+        edges = [edge for edge in (Edge.CORNER, side.end, side.top) if edge in rough.open]
+        beyond = matched_beyond(region, world, own, side, edges)
+        found += [(side, edge, more_mm) for edge, (px, more_mm) in beyond.items() if px > _GOES_ON_PX[edge.upright]]
+    return found
 
 
 def _as_far_as_matched(region: ObjectRegion, world: World, rough: _Rough) -> tuple[_Rough, dict[Edge, Expected]]:

@@ -105,9 +105,8 @@ def outer_edges(side):
 def test_what_was_matched_of_a_face_ends_where_it_does(case, side):
     box, how = CASES[case] if case in CASES else (CASES["near"][0], {"camera": HIGH})
     shown, own = rendered(*box, **how), true_box(*box)
-    for edge in outer_edges(side):
-        beyond_px, _ = matched_beyond(shown.regions[0], shown.world, own, side, edge)
-        assert beyond_px < 2.0
+    found = matched_beyond(shown.regions[0], shown.world, own, side, outer_edges(side))
+    assert set(found) == set(outer_edges(side)) and max(beyond_px for beyond_px, _ in found.values()) < 2.0
 
 
 @pytest.mark.parametrize("side", Side)
@@ -119,7 +118,7 @@ def test_a_line_on_a_face_beyond_which_it_was_matched_is_no_edge(case, side):
     for edge in outer_edges(side):
         missing = 0.25 * own[Own.HEIGHT if edge is side.top else side.extent]
         inside = own + (missing if edge is Edge.CORNER else -missing) * edge_direction(edge, own, side)
-        beyond_px, more_mm = matched_beyond(shown.regions[0], shown.world, inside, side, edge)
+        beyond_px, more_mm = matched_beyond(shown.regions[0], shown.world, inside, side, [edge])[edge]
         assert beyond_px > 8 and more_mm == pytest.approx(missing, abs=25)
 
 
@@ -127,4 +126,4 @@ def test_a_face_too_narrow_to_tell_anything_goes_on_nowhere():
     box, how = CASES["near"]
     shown, own = rendered(*box, **how), true_box(*box)
     own[Own.RIGHT] = 1.0
-    assert matched_beyond(shown.regions[0], shown.world, own, Side.RIGHT, Edge.RIGHT_END) == (0.0, 0.0)
+    assert matched_beyond(shown.regions[0], shown.world, own, Side.RIGHT, [Edge.RIGHT_END]) == {}

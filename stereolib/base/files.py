@@ -19,6 +19,7 @@ LIMIT_BYTES = 256 * 2**20  # any recording or picture of a rig is far smaller, a
 TEXT_LIMIT_BYTES = 4 * 2**20  # a calibration is a few kB; a whole ledger some 100
 SILENCE_S = 10.0  # a pipe that says nothing for so long has nobody at its other end
 _POLL_S = 0.02
+_ALIKE = 0.8  # of a file's name to that of one that is there, as `difflib` counts: less alike ones are not suggested
 _LEFT = re.compile("[0-9a-f]{8}")  # how the name of a file that is being written ends
 
 
@@ -307,7 +308,7 @@ def _hint(path: Path) -> str:
     """What else the user may have meant by a name that is not there."""
     if not path.parent.is_dir():
         return f"; there is no folder {path.parent}"
-    near = difflib.get_close_matches(path.name, [other.name for other in path.parent.iterdir()], 1)
+    near = difflib.get_close_matches(path.name, [other.name for other in path.parent.iterdir()], 1, _ALIKE)
     return f"; did you mean {near[0]}?" if near else ""
 
 

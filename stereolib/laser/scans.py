@@ -214,7 +214,7 @@ def average(
     """
     used = [scan for scan in scans if scan.complete or not complete_only]
     if scans and not used:
-        advice = "record longer (a turn takes 0.2 s), or pass complete_only=False to use the partial ones"
+        advice = "record longer (a turn takes 0.2 s), or, in Python, use the partial ones: complete_only=False"
         raise ValueError(f"none of the {len(scans)} turns is complete; {advice}")
     ranges = np.sort(_stack_mm(used), axis=0)  # NaN last
     count = np.isfinite(ranges).sum(axis=0)

@@ -25,6 +25,8 @@ from stereolib.measurement.things import NOWHERE, SCAN_REACH_M, Scene, nearest_m
 from stereolib.measurement.views import Views
 
 _LIKELY = 0.5  # probability from which something is said to have moved
+_CENTIMETRES_MM = 20.0  # no two webcams stand nearer to each other
+_CENTIMETRES = "if the board's squares were told in centimetres, all sizes are; calibrate again with millimetres"
 _PAIR_ALONE = (
     "its sizes come from the pair alone. Were both taken at one moment, with nothing touching it? If this is said of "
     "many objects, the laser has moved: run calibrate-laser again"
@@ -180,6 +182,8 @@ def _said_of_lean(lean: Lean | None) -> list[str]:
 def _said_of_the_rig(views: Views, judged: Judged, near_mm: float, instrument: Instrument) -> list[str]:
     """What has moved since its calibration, and what nobody could tell."""
     said, solution = [views.rows.warning] if views.rows.warning else [], judged.solution
+    if (apart_mm := instrument.rectified.baseline_mm) < _CENTIMETRES_MM:
+        said.append(f"the calibration has the cameras {apart_mm:.1f} mm apart: {_CENTIMETRES}")
     if np.isfinite(near_mm) and not judged.scanned:
         pct = 100 * near_mm / (instrument.rectified.f_px * instrument.rectified.baseline_mm)
         said.append(

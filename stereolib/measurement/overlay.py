@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TypeAlias
 
 import cv2
 import numpy as np
@@ -12,6 +13,8 @@ from stereolib.measurement.floor import Floor
 from stereolib.measurement.measure import Measurement
 from stereolib.measurement.measured_object import MeasuredObject
 
+#: Left, upper, right and lower end of something in a picture, px.
+Frame: TypeAlias = tuple[float, float, float, float]
 #: Of objects, red-green-blue, in pictures, meshes and maps (Okabe and Ito 2008): they differ for the colour-blind too.
 OBJECT_RGB = ((0, 114, 178), (213, 94, 0), (0, 158, 115), (204, 121, 167), (230, 159, 0), (86, 180, 233))
 _READING_COLOR, _LABEL_COLOR = (115, 158, 0), (30, 30, 30)  # BGR: the laser's readings; behind a text
@@ -83,7 +86,7 @@ def draw_objects(measured: Measurement, *, scan: bool = True, names: Sequence[st
         for u, v in _pixels(floor, measured.scan_mm[measured.scan_mm[:, 0] > _LEAST_AHEAD_MM], 0.0):
             if -_FAR_PX < u < _FAR_PX and -_FAR_PX < v < _FAR_PX:
                 cv2.circle(picture, (round(u), round(v)), 2, _READING_COLOR, -1, cv2.LINE_AA)
-    taken: list[int] = []
+    shown = list[tuple[str, tuple[int, int, int], Float64]]()
     for k, entry in enumerate(measured.objects):
         height = entry.size_mm[2]
         rings = [_pixels(floor, entry.outline_mm, z) for z in (0.0, 0.0 if np.isnan(height) else height)]
@@ -95,9 +98,12 @@ def draw_objects(measured: Measurement, *, scan: bool = True, names: Sequence[st
         layer = picture.copy()
         _draw_edges(layer, entry, rings[0], rings[1], color)
         picture = cv2.addWeighted(layer, 1 - _FAINT, picture, _FAINT, 0)
-        if sizes:
-            text = size_text(entry) if np.isfinite(entry.size_mm).any() else why_text(entry)
-            _label(picture, f"{name} {text}" if names and name else text, np.concatenate(rings), color, taken)
+        text = size_text(entry) if np.isfinite(entry.size_mm).any() else why_text(entry)
+        shown.append((f"{name} {text}" if names and name else text, color, np.concatenate(rings)))
+    taken = list[Frame]()
+    for text, color, ring in shown if sizes else []:
+        others = [(*other.min(axis=0), *other.max(axis=0)) for _, _, other in shown if other is not ring]
+        _label(picture, text, ring, color, taken, others)
     return picture
 
 
@@ -121,7 +127,7 @@ def draw_length(left: UInt8, pixels: Sequence[tuple[float, float]], text: str) -
     cv2.line(picture, whole[0], whole[1], OBJECT_RGB[0][::-1], 1, cv2.LINE_AA)
     for end in whole:
         cv2.drawMarker(picture, end, OBJECT_RGB[1][::-1], cv2.MARKER_CROSS, 15, 2, cv2.LINE_AA)
-    _label(picture, text, _beside(picture, text, ends), OBJECT_RGB[0][::-1], [])
+    _label(picture, text, _beside(picture, text, ends), OBJECT_RGB[0][::-1], [], [])
     return picture
 
 
@@ -210,17 +216,28 @@ def _frame(picture: UInt8, width: int, height: int, x: float, y: float) -> tuple
     return left, bottom - height, left + width, bottom
 
 
-def _label(picture: UInt8, text: str, corners: Float64, color: Sequence[int], taken: list[int]) -> None:
-    """Text above an object, inside the picture and below what was written before."""
+def _label(
+    picture: UInt8, text: str, corners: Float64, color: Sequence[int], taken: list[Frame], others: Sequence[Frame]
+) -> None:
+    """Text above an object or below it, where it covers less of others; inside the picture, and below other texts."""
     (width, height), _ = cv2.getTextSize(text, _FONT, _FONT_SCALE * _larger(picture), _pen(picture))
-    x, _, _, y = _frame(picture, width, height, float(corners[:, 0].mean()), float(corners[:, 1].min()))
-    while any(abs(y - other) < height + 6 for other in taken):
-        y += height + 6
-    taken.append(y)
-    cv2.rectangle(picture, (x - 3, y - height - 4), (x + width + 3, y + 5), _LABEL_COLOR, -1)
-    cv2.rectangle(picture, (x - 3, y - height - 4), (x + width + 3, y + 5), color, 2)
+    x, rows = float(corners[:, 0].mean()), (corners[:, 1].min(), corners[:, 1].max() + height + 16)
+    frames = [_frame(picture, width, height, x, float(y)) for y in rows]
+    left, top, right, bottom = min(frames, key=lambda frame: _overlap(frame, others) + _overlap(frame, taken))
+    while _overlap((left - 3, top - 5, right + 3, bottom + 5), taken):
+        top, bottom = top + height + 6, bottom + height + 6
+    taken.append((left, top, right, bottom))
+    cv2.rectangle(picture, (left - 3, top - 4), (right + 3, bottom + 5), _LABEL_COLOR, -1)
+    cv2.rectangle(picture, (left - 3, top - 4), (right + 3, bottom + 5), color, 2)
     scale = _FONT_SCALE * _larger(picture)
-    cv2.putText(picture, text, (x, y), _FONT, scale, (255, 255, 255), _pen(picture), cv2.LINE_AA)
+    cv2.putText(picture, text, (left, bottom), _FONT, scale, (255, 255, 255), _pen(picture), cv2.LINE_AA)
+
+
+def _overlap(frame: Frame, others: Sequence[Frame]) -> float:
+    """Area of a frame that others cover, px^2."""
+    mine, theirs = np.array(frame), np.array(others, float).reshape(-1, 4)
+    shared = np.minimum(mine[2:], theirs[:, 2:]) - np.maximum(mine[:2], theirs[:, :2])
+    return float(np.maximum(shared, 0).prod(axis=1).sum())
 
 
 def _larger(picture: UInt8) -> float:

@@ -136,7 +136,8 @@ def check_pair(left: UInt8, right: UInt8, names: tuple[str, str] = ("left", "rig
     >>> check_pair(np.zeros((4, 6), np.uint8), np.zeros((4, 5), np.uint8))
     Traceback (most recent call last):
     ...
-    ValueError: left is 6x4, right is 5x4: a stereo pair must have one size
+    ValueError: left is 6x4, right is 5x4: a stereo pair must have one size, set \
+both cameras to one resolution
     """
     for name, image in zip(names, (left, right), strict=True):
         check_image(image, name)
@@ -145,7 +146,8 @@ def check_pair(left: UInt8, right: UInt8, names: tuple[str, str] = ("left", "rig
             raise ValueError(f"{name} is {size}: pictures of a single row or column cannot be matched")
     if left.shape[:2] != right.shape[:2]:
         sizes = [f"{image.shape[1]}x{image.shape[0]}" for image in (left, right)]
-        raise ValueError(f"{names[0]} is {sizes[0]}, {names[1]} is {sizes[1]}: a stereo pair must have one size")
+        remedy = "a stereo pair must have one size, set both cameras to one resolution"
+        raise ValueError(f"{names[0]} is {sizes[0]}, {names[1]} is {sizes[1]}: {remedy}")
     if left.ndim != right.ndim:
         kinds = ["grey" if image.ndim == 2 else "colour" for image in (left, right)]
         raise ValueError(f"{names[0]} is {kinds[0]}, {names[1]} is {kinds[1]}: read both the same way")

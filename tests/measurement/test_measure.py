@@ -253,3 +253,11 @@ def test_a_pose_that_nobody_may_believe_hardly_matters():
     loose = replace(LIDAR, covariance=np.diag([1.0] * 3 + [1e12] * 3))
     found = measure_objects(*recordings.load_pair("conditions/texture"), scan_of(), Instrument(RECT, loose))
     np.testing.assert_allclose(the_cube(found).size_mm, 300, atol=2)
+
+
+def test_a_calibration_in_centimetres_is_told():
+    tenth = replace(RECT, P2=RECT.P2 * np.array([[1, 1, 1, 0.1], [1, 1, 1, 1], [1, 1, 1, 1]]))
+    pair = recordings.load_pair("conditions/texture")
+    found = measure_objects(*pair, None, Instrument(tenth))
+    assert any("9.3 mm apart" in text and "again with millimetres" in text for text in found.warnings)
+    assert not any("mm apart" in text for text in measure_objects(*pair, None, Instrument(RECT)).warnings)

@@ -9,7 +9,7 @@ import pytest
 from support.measured import measured, the_cube
 
 from stereolib.measurement import OBJECT_RGB, add_caption, draw_length, draw_objects
-from stereolib.measurement.overlay import _draw_edges, size_text
+from stereolib.measurement.overlay import _draw_edges, _label, size_text
 from stereolib.virtual import recordings
 
 
@@ -92,3 +92,21 @@ def test_texts_grow_with_the_picture():
         marked.append([np.ptp(ink[:, 1]), np.ptp(label[:, 1])])
     small, usual, large = np.array(marked)
     assert np.abs(large / (3 * usual) - 1).max() < 0.2 and np.abs(small / usual - 1).max() < 0.02
+
+
+@pytest.mark.parametrize(
+    ("other", "where"), [((400.0, 100.0, 560.0, 300.0), "below"), ((50.0, 100.0, 200.0, 300.0), "above")]
+)
+def test_a_text_covers_its_own_object_rather_than_another(other, where):
+    picture, corners = np.full((480, 640, 3), 128, np.uint8), np.array([[600.0, 150.0], [660.0, 310.0]])
+    _label(picture, "B ? x 401 x 300 mm", corners, (255, 0, 0), [], [other])
+    rows = np.flatnonzero((picture != 128).any(axis=(1, 2)))
+    assert rows.min() > 310 if where == "below" else rows.max() < 150
+
+
+def test_two_texts_at_one_place_stand_below_each_other():
+    picture, corners, taken = np.full((480, 640, 3), 128, np.uint8), np.array([[300.0, 450.0], [340.0, 470.0]]), []
+    for text in ("first", "second", "third"):
+        _label(picture, text, corners, (255, 0, 0), taken, [])
+    tops, bottoms = np.sort([frame[1] for frame in taken]), np.sort([frame[3] for frame in taken])
+    assert (tops[1:] > bottoms[:-1]).all()

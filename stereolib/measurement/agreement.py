@@ -191,6 +191,22 @@ class Agreement:
         tells = (self._has(_QUIET, n) & (self.whole > _EVEN)) | self._tells(n)
         return np.where(np.isfinite(self.whole) & tells, _WEIGHT * (self.whole - _EVEN), 0.0)
 
+    def votes(self, known: int) -> Float64:
+        """Whether each line speaks for the surface (1), against it (-1), or is too plain, or too noisy, to tell (0).
+
+        Parameters
+        ----------
+        known : int
+            So many lines from the first on lie on the surface: they tell its contrast.
+
+        Returns
+        -------
+        (lines,) float64
+        """
+        least, most = _SECOND
+        tells = self._has(_QUIET, known) & (self.contrast > _NOISY * self.noise)
+        return np.where(tells & (self.whole > least), 1.0, np.where(tells & (self.whole < most), -1.0, 0.0))
+
     def _tells(self, known: int) -> Bools:
         """Lines that, where they disagree, speak against the surface."""
         textured = self._has(np.where(self._matches, _MUDDY, _QUIET), known) & (self.contrast > _NOISY * self.noise)

@@ -8,9 +8,12 @@ import cv2
 import numpy as np
 
 from stereolib.base import Float64
+from stereolib.measurement.agreement import agreement
 from stereolib.measurement.box import Box, Edge, Own, Side, World
 from stereolib.measurement.light import Light, Picture, light_at
+from stereolib.measurement.outline import edge_direction
 from stereolib.measurement.regions import STEP, ObjectRegion
+from stereolib.measurement.views import Views
 
 _ACROSS_PX, _STEPS = np.arange(-6.0, 6.5, 0.5), 3  # points that are compared across it are a webcam's edge apart
 _BESIDE_PX = 2.5  # from there on nothing of the edge is in it
@@ -22,6 +25,7 @@ _FARTHEST_MM, _LEAST_AHEAD_MM = 1200.0, 1.0
 _LEAST = 1e-3  # of a difference: what is less is none
 _SPILL_PX = 4.0  # beyond an outline SGBM matches half its window as the nearer surface
 _ON_FACE_PX = 1.5  # of disparity
+_INSIDE_PX, _SAMPLES = 24, 32  # lines within a face that tell its contrast, and points of each
 _SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 
 
@@ -179,6 +183,41 @@ def matched_beyond(
         known_mm = float(own[Own.HEIGHT if edge is side.top else side.extent])
         found[edge] = float(beyond.sum()) * STEP**2 / length_px, known_mm * more
     return found
+
+
+def shown_beyond(views: Views, world: World, own: Float64, side: Side, edge: Edge, more_mm: float) -> float:
+    """How many lines beyond an edge of a face both pictures show alike, if it goes on there, less those that differ.
+
+    Parameters
+    ----------
+    views : Views
+    world : World
+        One, real.
+    own : (8,) float64
+        The box, in the order of `Own`.
+    side : Side
+        The face.
+    edge : Edge
+        Its `top`, its `end`, or the corner.
+    more_mm : float
+        How far it may go on.
+
+    Returns
+    -------
+    float
+        Lines a pixel apart, from the fifth pixel on. Plain ones count for nothing: SGBM takes what is plain beside a
+        surface for that surface.
+    """
+    outwards = edge_direction(edge, own, side) * (-1.0 if edge is Edge.CORNER else 1.0)
+    here, there = (world.pixels(Box(own + mm * outwards).edge(edge)).mean(axis=0) for mm in (0.0, more_mm))
+    count = int(np.hypot(*(there - here)))
+    if count <= _SPILL_PX:
+        return 0.0
+    steps_mm = more_mm / count * np.arange(-_INSIDE_PX, count + 1)
+    ends = Box(own + steps_mm[:, None] * outwards).edge(edge)
+    share = (np.arange(_SAMPLES)[:, None] + 0.5) / _SAMPLES
+    along = agreement(views, world, ends[:, :1] + share * (ends[:, 1:] - ends[:, :1]))
+    return float(along.votes(_INSIDE_PX)[_INSIDE_PX + int(_SPILL_PX) + 1 :].sum())
 
 
 def _odds(picture: Picture, line_px: Float64, known: int) -> Float64 | None:

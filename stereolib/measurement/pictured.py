@@ -12,7 +12,7 @@ from stereolib.measurement.agreement import Past, Samples
 from stereolib.measurement.box import Box, Edge, Level, Own, Shared, Side, World
 from stereolib.measurement.contradictions import weigh_contradictions
 from stereolib.measurement.edges import SHARP_PX, Peak
-from stereolib.measurement.edges_beyond import matched_beyond, upper_edge_beyond, uprights_beyond
+from stereolib.measurement.edges_beyond import matched_beyond, shown_beyond, upper_edge_beyond, uprights_beyond
 from stereolib.measurement.faces import Face, align_surface, find_face
 from stereolib.measurement.follow import (
     LEAST_ABOVE_MM,
@@ -59,6 +59,7 @@ _KNOWN = 0.1  # of a face's width: what is known so well is not asked of the top
 _FAR_END_PX = 2.0  # how well the end of a sliver is known
 _GOES_ON = 6.0  # logarithm of the odds that an upper edge goes on beyond an end, from which on it is none
 _GOES_ON_PX = (2.0, 4.0)  # so far beyond an upper edge, or an upright one, what was matched of a face may go on
+_GOES_ON_LINES = 7.0  # and lines that both pictures show alike there, from which on it does
 _AT_MATCHED = Expected(3.0, low_px=-6.0)  # where what was matched ends: SGBM spills over outlines
 _TOP_END_PX = 3.0  # how well its end tells that of the face
 _GAP_MM, _GAP_PX = 6.0, 4.0  # so far above the floor a face may end for want of texture, and for a pixel's size
@@ -157,7 +158,7 @@ def see_box(views: Views, priors: Priors, region: ObjectRegion) -> Pictured:
         if solution is not None:  # the height is known now
             world = priors.world(solution.shared)
             rough, anew = _seen_again(views, world, stretch, rough.solved(solution.boxes[0]), peaks)
-            rough, matched = _as_far_as_matched(region, world, rough)
+            rough, matched = _as_far_as_matched(views, world, region, rough)
             rough, higher = _as_high_as_its_ends(views, world, rough)
             rough, raised = _with_top(views, world, rough, np.sqrt(np.diag(solution.covariance))[len(Shared) :])
             tops = _top_plane(views, world, rough)
@@ -180,7 +181,7 @@ def see_box(views: Views, priors: Priors, region: ObjectRegion) -> Pictured:
     refused = _cut_below(stretch) or _in_the_air(views, world, stretch) or _leaning(stretch, tilts, peaks)
     refused = refused or _unfollowed(stretch) or _too_narrow(stretch, rough, solution) or _without_edges(rough, peaks)
     doubtful, doubt = weigh_contradictions(priors, seen, solution, followed)
-    doubt = doubt + _doubt_of_matched(region, priors.world(solution.shared), rough, solution.boxes[0])
+    doubt = doubt + _doubt_of_matched(views, priors.world(solution.shared), region, rough, solution.boxes[0])
     doubtful |= {side.end for side in Side if solution.boxes[0][side.extent] < _LEAST_MM}  # none is narrower
     return Pictured(seen, solution, rough.past, rough.first, tuple(faces), refused, doubtful, doubt)
 
@@ -344,20 +345,27 @@ def _top_plane(views: Views, world: World, rough: _Rough) -> list[PlaneSeen]:
     return [PlaneSeen.of(replace(top, plane_covariance=_SLANTED**2 * top.plane_covariance), Level.TOP) for top in tops]
 
 
-def _matched_beyond(region: ObjectRegion, world: World, rough: _Rough, own: Float64) -> list[tuple[Side, Edge, float]]:
-    """Edges beyond which the disparity map goes on with their face, and by how much that is larger so, mm."""
+def _goes_on(
+    views: Views, world: World, region: ObjectRegion, rough: _Rough, own: Float64
+) -> list[tuple[Side, Edge, float]]:
+    """Edges beyond which both disparity map and pictures go on with their face, and by how much it is larger so, mm."""
     found = list[tuple[Side, Edge, float]]()
     for side in (each for each in Side if each.end in rough.ends):
         edges = [edge for edge in (Edge.CORNER, side.end, side.top) if edge in rough.open]
         beyond = matched_beyond(region, world, own, side, edges)
-        found += [(side, edge, more_mm) for edge, (px, more_mm) in beyond.items() if px > _GOES_ON_PX[edge.upright]]
+        matched = [(edge, more_mm) for edge, (px, more_mm) in beyond.items() if px > _GOES_ON_PX[edge.upright]]
+        for edge, more_mm in matched:
+            if shown_beyond(views, world, own, side, edge, more_mm) >= _GOES_ON_LINES:
+                found.append((side, edge, more_mm))
     return found
 
 
-def _as_far_as_matched(region: ObjectRegion, world: World, rough: _Rough) -> tuple[_Rough, dict[Edge, Expected]]:
+def _as_far_as_matched(
+    views: Views, world: World, region: ObjectRegion, rough: _Rough
+) -> tuple[_Rough, dict[Edge, Expected]]:
     """Faces that were matched beyond their edges: those were lines on them, they end where what was matched does."""
     own, expected = rough.own.copy(), dict[Edge, Expected]()
-    for side, edge, more_mm in _matched_beyond(region, world, rough, rough.own):
+    for side, edge, more_mm in _goes_on(views, world, region, rough, rough.own):
         if edge is side.end:
             own[side.extent], expected[edge] = rough.own[side.extent] + more_mm, _AT_MATCHED
         elif edge.is_top:
@@ -366,10 +374,10 @@ def _as_far_as_matched(region: ObjectRegion, world: World, rough: _Rough) -> tup
     return replace(rough, own=own), expected
 
 
-def _doubt_of_matched(region: ObjectRegion, world: World, rough: _Rough, own: Float64) -> Float64:
+def _doubt_of_matched(views: Views, world: World, region: ObjectRegion, rough: _Rough, own: Float64) -> Float64:
     """Covariance of a box's parameters for what was still matched beyond its edges: they may lie there. (8, 8)."""
     moves = [
-        more_mm * edge_direction(edge, own, side) for side, edge, more_mm in _matched_beyond(region, world, rough, own)
+        more_mm * edge_direction(edge, own, side) for side, edge, more_mm in _goes_on(views, world, region, rough, own)
     ]
     return np.sum([np.outer(move, move) for move in moves], axis=0) if moves else np.zeros((len(Own), len(Own)))
 

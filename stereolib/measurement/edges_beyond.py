@@ -25,6 +25,11 @@ _FARTHEST_MM, _LEAST_AHEAD_MM = 1200.0, 1.0
 _LEAST = 1e-3  # of a difference: what is less is none
 _SPILL_PX = 4.0  # beyond an outline SGBM matches half its window as the nearer surface
 _ON_FACE_PX = 1.5  # of disparity
+_OTHER_GREY, _OTHER = (
+    4.0,
+    0.5,
+)  # grey levels, and of a face's own median deviation: what differs more has another colour
+_BESIDE = np.arange(3.0, 13.0)  # px beyond an edge that show what lies there
 _INSIDE_PX, _SAMPLES = 24, 32  # lines within a face that tell its contrast, and points of each
 _SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 
@@ -218,6 +223,48 @@ def shown_beyond(views: Views, world: World, own: Float64, side: Side, edge: Edg
     share = (np.arange(_SAMPLES)[:, None] + 0.5) / _SAMPLES
     along = agreement(views, world, ends[:, :1] + share * (ends[:, 1:] - ends[:, :1]))
     return float(along.votes(_INSIDE_PX)[_INSIDE_PX + int(_SPILL_PX) + 1 :].sum())
+
+
+def is_other_beyond(views: Views, world: World, own: Float64, side: Side, edge: Edge) -> bool:
+    """Whether the left picture has another colour beyond an edge of a face than on it: it is no line on it then.
+
+    Parameters
+    ----------
+    views : Views
+    world : World
+        One, real.
+    own : (8,) float64
+        The box, in the order of `Own`.
+    side : Side
+        The face.
+    edge : Edge
+        Its `top`, its `end`, or the corner.
+
+    Returns
+    -------
+    bool
+        The median colour 3 to 12 px beyond differs from the face's by four grey levels, and by half of the median by
+        which the face's own colours differ from that. Not so where half of it lies outside of the picture.
+    """
+    size_mm = float(own[Own.HEIGHT if edge is side.top else side.extent])
+    outwards = edge_direction(edge, own, side) * (-1.0 if edge is Edge.CORNER else 1.0)
+    inner, outer = world.pixels(Box(own + np.array([[-0.9 * size_mm], [0.0]]) * outwards).edge(edge).mean(axis=1))
+    per_px = 0.9 * size_mm / max(float(np.hypot(*(outer - inner))), 1.0)
+    share = (np.arange(_SAMPLES)[:, None] + 0.5) / _SAMPLES
+
+    def colors(beyond_mm: Float64) -> Float64:
+        ends = Box(own + beyond_mm[:, None] * outwards).edge(edge)
+        points = (ends[:, :1] + share * (ends[:, 1:] - ends[:, :1])).reshape(-1, 3)
+        u, v = world.pixels(points).astype(np.float32).T[:, None]
+        inside = (u[0] >= 0) & (v[0] >= 0) & (u[0] < views.left.shape[1]) & (v[0] < views.left.shape[0])
+        return np.asarray(cv2.remap(views.left, u, v, cv2.INTER_LINEAR).reshape(len(points), -1)[inside], np.float64)
+
+    face, beyond = colors(np.linspace(-0.95, -0.05, _INSIDE_PX) * size_mm), colors(per_px * _BESIDE)
+    if not len(face) or len(beyond) < len(_BESIDE) * _SAMPLES / 2:
+        return False
+    middle = np.median(face, axis=0)
+    spread = np.median(np.abs(face - middle), axis=0)
+    return bool((np.abs(np.median(beyond, axis=0) - middle) > np.maximum(_OTHER_GREY, _OTHER * spread)).any())
 
 
 def _odds(picture: Picture, line_px: Float64, known: int) -> Float64 | None:

@@ -41,6 +41,7 @@ _FARTHER_PX = 1.0  # of disparity: what stands before a gap
 _AT_FLOOR, _AT_FLOOR_PX = 0.03, 2.0  # of disparity, share and px: the floor that lies so little behind a face may be it
 _DOWNWARDS = 0.5  # of the noise: the floor in the shadow of what hangs is nearly plain, and no face
 _REACHED = 8  # lines: so near to there, it goes down to the floor
+_PLAIN_PX = 15  # lines up to the picture's rim that show nothing: a face may end anywhere among more
 _BELOW_PX = 10  # a face is followed so far below the floor, to see that it ends there
 
 
@@ -57,6 +58,8 @@ class End:
         It may end by so much before that, or beyond.
     std_px : float
         How well it is known.
+    may_be_cut : bool
+        All is plain from there to the picture's rim.
     """
 
     at: float
@@ -64,6 +67,7 @@ class End:
     inside_px: float = 0.0
     outside_px: float = 0.0
     std_px: float = 0.0
+    may_be_cut: bool = False
 
     @property
     def spread_px(self) -> float:
@@ -86,13 +90,16 @@ class End:
         -------
         End
         """
-        if reach.past is Past.CUT:
+        may_be_cut = reach.past is Past.CUT
+        if may_be_cut and (second or reach.stop - reach.last <= _PLAIN_PX):
             return cls(float(where[max(reach.stop - 1, 0)]), reach.past)
         lean, spread = _SECOND if second else _FIRST
         plain = max(float(reach.stop - reach.last) - _WINDOW_PX, 0.0)
         at = int(np.clip(round(reach.last + max(lean, -0.5 * reach.last)), 0, len(where) - 1))
         inside = min(2 * spread + reach.last - reach.sure, _MOST_INSIDE * max(reach.last + lean, 1.0))
-        return cls(float(where[at]), reach.past, inside, 2 * spread + plain, float(np.hypot(spread, plain / 12**0.5)))
+        std = float(np.hypot(spread, plain / 12**0.5))
+        past = Past.OPEN if may_be_cut else reach.past
+        return cls(float(where[at]), past, inside, 2 * spread + plain, std, may_be_cut)
 
     def overlaps(self, other: End, per_unit_px: float) -> bool:
         """Whether the same edge may be meant.
@@ -175,7 +182,8 @@ def follow_face(views: Views, world: World, face: Face, top_mm: float) -> Stretc
         ends[outwards] = [End.of(samples.part(part).agreement().reach(inside), t) for part in parts]
     stretch = replace(stretch, right=ends[-1][0], left=ends[1][0])
     rise_px = (shown[-_BAND:].mean() - shown[:_BAND].mean()) / stretch.mm_per_px
-    both = [(foot, top) for _, foot, top in ends.values() if foot.past is top.past is Past.OPEN]
+    sure = [(foot, top) for _, foot, top in ends.values() if not (foot.may_be_cut or top.may_be_cut)]
+    both = [(foot, top) for foot, top in sure if foot.past is top.past is Past.OPEN]
     if not both or rise_px < _LEAST_RISE_PX:
         return stretch
     shift = float(np.mean([f * (top.at - foot.at) for foot, top in both]))

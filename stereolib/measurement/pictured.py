@@ -12,7 +12,13 @@ from stereolib.measurement.agreement import Past, Samples
 from stereolib.measurement.box import Box, Edge, Level, Own, Shared, Side, World
 from stereolib.measurement.contradictions import weigh_contradictions
 from stereolib.measurement.edges import SHARP_PX, Peak
-from stereolib.measurement.edges_beyond import matched_beyond, shown_beyond, upper_edge_beyond, uprights_beyond
+from stereolib.measurement.edges_beyond import (
+    is_other_beyond,
+    matched_beyond,
+    shown_beyond,
+    upper_edge_beyond,
+    uprights_beyond,
+)
 from stereolib.measurement.faces import Face, align_surface, find_face
 from stereolib.measurement.follow import (
     LEAST_ABOVE_MM,
@@ -60,6 +66,7 @@ _FAR_END_PX = 2.0  # how well the end of a sliver is known
 _GOES_ON = 6.0  # logarithm of the odds that an upper edge goes on beyond an end, from which on it is none
 _GOES_ON_PX = (2.0, 4.0)  # so far beyond an upper edge, or an upright one, what was matched of a face may go on
 _GOES_ON_LINES = 7.0  # and lines that both pictures show alike there, from which on it does
+_ANYWHERE = 0.25  # of a height that nobody saw end
 _AT_MATCHED = Expected(3.0, low_px=-6.0)  # where what was matched ends: SGBM spills over outlines
 _TOP_END_PX = 3.0  # how well its end tells that of the face
 _GAP_MM, _GAP_PX = 6.0, 4.0  # so far above the floor a face may end for want of texture, and for a pixel's size
@@ -167,6 +174,7 @@ def see_box(views: Views, priors: Priors, region: ObjectRegion) -> Pictured:
             peaks = {edge: peak for edge, peak in peaks.items() if edge not in anew}
             stds = predicted_stds_px(rough.open, rough.first, priors, *solution.at(rough.own).of_box(0))
         found = _located(views, world, rough, peaks, rough.expected(peaks, stds) | anew)
+        rough, found = _cut_without_outline(views, world, rough, found)
         lost, located = rough.edges(world, found, peaks), [each.seen for each in found.values()]
         peaks = {edge: each.peak for edge, each in found.items()}
         known = [*rough.planes(faces), *tops, *weak_priors(rough.own, priors.laser.bias_mm), *lost]
@@ -181,7 +189,7 @@ def see_box(views: Views, priors: Priors, region: ObjectRegion) -> Pictured:
     refused = _cut_below(stretch) or _in_the_air(views, world, stretch) or _leaning(stretch, tilts, peaks)
     refused = refused or _unfollowed(stretch) or _too_narrow(stretch, rough, solution) or _without_edges(rough, peaks)
     doubtful, doubt = weigh_contradictions(priors, seen, solution, followed)
-    doubt = doubt + _doubt_of_matched(views, priors.world(solution.shared), region, rough, solution.boxes[0])
+    doubt = doubt + _doubt_of_lines(views, priors.world(solution.shared), region, rough, solution.boxes[0])
     doubtful |= {side.end for side in Side if solution.boxes[0][side.extent] < _LEAST_MM}  # none is narrower
     return Pictured(seen, solution, rough.past, rough.first, tuple(faces), refused, doubtful, doubt)
 
@@ -306,7 +314,7 @@ def _with_far_end(views: Views, world: World, stretch: Stretch, rough: _Rough) -
         followed_to = stretch.line.at(ends[side.other].at)
         own[side.extent] = max(float(np.linalg.norm(followed_to - own[[Own.X, Own.Y]])), _LEAST_MM)
     shown = {side.end: ends[side.other], Edge.CORNER: ends[side], side.top: stretch.high}
-    shown[side.other.end] = End(np.nan, Past.OPEN, *[_FAR_END_PX] * 3)
+    shown[side.other.end] = End(np.nan, Past.OPEN, _FAR_END_PX, _FAR_END_PX, _FAR_END_PX)
     # Its slope tells how far a sliver goes back better than its width; where nobody sees a top, none is looked for.
     shown[side.other.top] = End(np.nan, stretch.high.past)
     again = replace(rough, own=own, first=side, ends=shown)
@@ -374,12 +382,47 @@ def _as_far_as_matched(
     return replace(rough, own=own), expected
 
 
-def _doubt_of_matched(views: Views, world: World, region: ObjectRegion, rough: _Rough, own: Float64) -> Float64:
-    """Covariance of a box's parameters for what was still matched beyond its edges: they may lie there. (8, 8)."""
-    moves = [
-        more_mm * edge_direction(edge, own, side) for side, edge, more_mm in _goes_on(views, world, region, rough, own)
-    ]
+def _doubt_of_lines(views: Views, world: World, region: ObjectRegion, rough: _Rough, own: Float64) -> Float64:
+    """Covariance of a box's parameters for edges that may be lines on it: (8, 8).
+
+    Its faces may go on to where they were matched; and to anywhere above upper edges that have their own colour there,
+    where that is not the top's, on which the camera looks down.
+    """
+    beyond = _goes_on(views, world, region, rough, own)
+    moves = [more_mm * edge_direction(edge, own, side) for side, edge, more_mm in beyond]
+    tops = [side for side in Side if side.top in rough.open and not _looks_down(world, own)]
+    if tops and not any(is_other_beyond(views, world, own, side, side.top) for side in tops):
+        moves.append(_ANYWHERE * own[Own.HEIGHT] * edge_direction(tops[0].top, own, tops[0]))
     return np.sum([np.outer(move, move) for move in moves], axis=0) if moves else np.zeros((len(Own), len(Own)))
+
+
+def _cut_without_outline(
+    views: Views, world: World, rough: _Rough, found: dict[Edge, Found]
+) -> tuple[_Rough, dict[Edge, Found]]:
+    """A face that is plain up to the picture's rim is cut there, unless the colour beyond an edge is another."""
+    ends = dict(rough.ends)
+    for edges in ([Edge.TOP_RIGHT, Edge.TOP_LEFT], [Edge.CORNER], [Edge.RIGHT_END], [Edge.LEFT_END]):
+        shown = [edge for edge in edges if edge in rough.open]
+        unsure = [edge for edge in shown if ends[edge].may_be_cut]
+        is_cut = any(ends[edge].past is Past.CUT for edge in edges if edge in ends)  # both have one height
+        is_seen = any(_is_outline(views, world, rough, found[edge], edge) for edge in unsure if edge in found)
+        if shown and (is_cut or (unsure and not is_seen)):
+            ends |= {edge: replace(ends[edge], past=Past.CUT) for edge in shown}
+    rough = replace(rough, ends=ends)
+    return rough, {edge: each for edge, each in found.items() if edge in rough.open}
+
+
+def _is_outline(views: Views, world: World, rough: _Rough, found: Found, edge: Edge) -> bool:
+    """Beyond an edge, where it was found, is another colour than on its face, or the top."""
+    sides, own = {side.top: side for side in Side} | {side.end: side for side in Side}, rough.own + found.move
+    if edge.is_top and _looks_down(world, own):
+        return True
+    return is_other_beyond(views, world, own, sides.get(edge, rough.first), edge)
+
+
+def _looks_down(world: World, own: Float64) -> bool:
+    """The camera sees the top: that is what lies above an upper edge in the picture, of the same colour."""
+    return float(world.camera_height) > float(own[Own.HEIGHT])
 
 
 def _as_high_as_its_ends(views: Views, world: World, rough: _Rough) -> tuple[_Rough, dict[Edge, Expected]]:

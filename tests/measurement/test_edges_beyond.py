@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 import pytest
-from support.pictured import HIGH, rendered, true_box
+from support.pictured import HIGH, of_pair, rendered, true_box
 
 from stereolib.measurement.box import Box, Edge, Own, Side
-from stereolib.measurement.edges_beyond import matched_beyond, upper_edge_beyond, uprights_beyond
+from stereolib.measurement.edges_beyond import (
+    is_other_beyond,
+    matched_beyond,
+    shown_beyond,
+    upper_edge_beyond,
+    uprights_beyond,
+)
 from stereolib.measurement.outline import edge_direction
 
 CASES = {
@@ -127,3 +134,58 @@ def test_a_face_too_narrow_to_tell_anything_goes_on_nowhere():
     shown, own = rendered(*box, **how), true_box(*box)
     own[Own.RIGHT] = 1.0
     assert matched_beyond(shown.regions[0], shown.world, own, Side.RIGHT, [Edge.RIGHT_END]) == {}
+
+
+@pytest.mark.parametrize("side", Side)
+@pytest.mark.parametrize("case", CASES)
+def test_both_pictures_show_a_face_beyond_a_line_on_it_and_not_beyond_its_outline(case, side):
+    box, how = CASES[case]
+    shown, own = rendered(*box, **how), true_box(*box)
+    for edge in outer_edges(side):
+        missing = 0.25 * own[Own.HEIGHT if edge is side.top else side.extent]
+        inside = own + (missing if edge is Edge.CORNER else -missing) * edge_direction(edge, own, side)
+        assert shown_beyond(shown.views, shown.world, inside, side, edge, missing) >= 7
+        assert shown_beyond(shown.views, shown.world, own, side, edge, missing) < 4
+
+
+def painted(shown, own, inside, color):
+    """The pictures with one colour on the box, or on all that is seen above its foot beside it."""
+    pictures = [picture.copy() for picture in shown.views.pair.pictures]
+    for right, picture in enumerate(pictures):
+        corners = np.array([[a, b, c] for a in (0, 1) for b in (0, 1) for c in (0.0, 1.0)])
+        hull = cv2.convexHull(np.rint(shown.world.pixels(Box(own).points(corners), bool(right))).astype(np.int32))
+        mask = np.zeros(picture.shape[:2], np.uint8)
+        cv2.fillConvexPoly(mask, hull, 1)
+        beside = (mask == 0) & (np.arange(len(mask))[:, None] < hull[:, 0, 1].min() + 100)
+        picture[mask == 1 if inside else beside] = color
+    return of_pair(*pictures).views
+
+
+@pytest.mark.parametrize("side", Side)
+def test_plain_lines_beyond_an_outline_count_for_nothing(side):
+    """SGBM takes what is plain beside a surface for that surface, and both pictures show it alike."""
+    box, how = CASES["near"]
+    shown, own = rendered(*box, **how), true_box(*box)
+    views = painted(shown, own, False, 180)
+    for edge in outer_edges(side):
+        assert shown_beyond(views, shown.world, own, side, edge, 40.0) < 4
+
+
+@pytest.mark.parametrize("side", Side)
+@pytest.mark.parametrize("case", CASES)
+def test_another_colour_lies_beyond_an_outline_and_the_same_one_beyond_a_line(case, side):
+    box, how = CASES[case]
+    shown, own = rendered(*box, **how), true_box(*box)
+    views = painted(shown, own, True, (90, 120, 150))
+    for edge in (side.top, side.end):
+        line = own - 0.3 * own[Own.HEIGHT if edge is side.top else side.extent] * edge_direction(edge, own, side)
+        for seen in (views, shown.views):  # stains are no other colour, or the outline's
+            assert is_other_beyond(seen, shown.world, own, side, edge)
+        assert not is_other_beyond(views, shown.world, line, side, edge)
+
+
+def test_beyond_the_pictures_rim_no_colour_is_known():
+    box, how = CASES["near"]
+    shown, own = rendered(*box, **how), true_box(*box)
+    own[Own.HEIGHT] = 800.0
+    assert not is_other_beyond(shown.views, shown.world, own, Side.RIGHT, Edge.TOP_RIGHT)

@@ -202,6 +202,24 @@ def _of(seed: int, box: Surface, floor: Surface) -> BoxScene:
     return replace(plain, scene=replace(plain.scene, boxes=boxes), samples=2, light_samples=1)
 
 
+def white_wall_scene(seed: int) -> BoxScene:
+    """A `plain_scene` before walls that show nothing."""
+    return _before_white_walls(plain_scene(seed))
+
+
+def carton_at_white_wall_scene(seed: int) -> BoxScene:
+    """A `carton_scene` before walls that show nothing."""
+    return _before_white_walls(carton_scene(seed))
+
+
+def _before_white_walls(scene: BoxScene) -> BoxScene:
+    around, box = scene.scene.boxes
+    walls, (floor, ceiling) = around.materials[:4], around.materials[4:]
+    blank = tuple(replace(wall, contrast=0.0) for wall in walls)
+    boxes = (replace(around, materials=(*blank, floor, ceiling)), box)
+    return replace(scene, scene=replace(scene.scene, boxes=boxes))
+
+
 def held_scene(seed: int) -> BoxScene:
     """A carton held 20 to 150 mm above the floor."""
     up = float(np.random.default_rng([612, seed]).uniform(20, 150))

@@ -242,6 +242,8 @@ SCENES: dict[str, tuple[Callable[[int], BoxScene], Callable[[BoxScene], Instrume
     "held": (box_scenes.held_scene, lambda _: box_scenes.instrument()),
     "leaning": (box_scenes.leaning_scene, lambda _: box_scenes.instrument()),
     "faint": (box_scenes.faint_scene, lambda _: box_scenes.instrument()),
+    "white": (box_scenes.white_wall_scene, lambda _: box_scenes.instrument()),
+    "white_cartons": (box_scenes.carton_at_white_wall_scene, lambda _: box_scenes.instrument()),
 }  # fmt: skip
 _CHEAP_WEBCAM = one_after_another(
     laser_moved(yaw_deg=1.0, any_way_mm=10.0, up_to=True), blurred(1.5),
@@ -304,6 +306,9 @@ ROWS: dict[str, Row] = {
     "faint_rows_1": Row(
         "surfaces of little contrast, right camera tilted: picture 1 px up or down", right_moved(rows_px=1.0), "faint"
     ),
+    "white": Row("nothing is wrong, before walls that show nothing", untouched, "white"),
+    "white_webcam": Row("before walls that show nothing, a cheap webcam as above", _CHEAP_WEBCAM, "white"),
+    "white_cartons": Row("printed cartons on terrazzo, before walls that show nothing", untouched, "white_cartons"),
     "held": Row("a carton held 20 to 150 mm in the air, which has to be refused", untouched, "held", silent_pct=3.0),
     "leaning": Row(
         "a carton that leans by 5 to 20 degrees, which has to be refused", untouched, "leaning", silent_pct=3.0

@@ -266,13 +266,13 @@ def look_round(views: Views, world: World, stretch: Stretch, outwards: int) -> C
     Returns
     -------
     Corner or None
-        None where the end is not seen, or the pictures agree about no second face.
+        None where the end is not seen, or all is plain there, or the pictures agree about no second face.
     """
     end, other = (stretch.left, stretch.right) if outwards > 0 else (stretch.right, stretch.left)
     f = float(world.focal)
     tried = end.at - outwards * _FIRST[0] / f + _CORNER_PX / f
     tried = tried[outwards * (tried - other.at) * f > _NARROWEST_PX]
-    if end.past is not Past.OPEN or not len(tried):
+    if end.past is not Past.OPEN or end.may_be_cut or not len(tried):  # what is plain to the rim is no second face
         return None
     _, ground = _second(stretch.line, tried, outwards, np.arange(1.0, _FIRST_PX) / f)
     alike = Samples.of(views, world, _upright(ground, stretch.heights_mm)).correlations.mean(axis=-1)

@@ -145,8 +145,9 @@ def see_box(views: Views, priors: Priors, region: ObjectRegion) -> Pictured:
     at a right angle is looked for: its place is predicted, so that a sliver is enough. Then its edges are located in
     turn with the least squares that says how well each is known beforehand: before the second turn the second face is
     followed again from where it is now known to stand, or, if only one camera sees it, looked for by its far edge; a
-    third turn is for that one. A face ends no nearer than its upper edge, which goes straight on beyond printed lines;
-    both upper edges have one height.
+    third turn is for that one. A face ends no nearer than its upper edge, which goes straight on beyond printed lines,
+    nor than where disparity map and pictures show it beyond them; both upper edges have one height. Where all is plain
+    from a face to the picture's rim, it ends where another colour begins, else it is cut there.
     """
     world = priors.world(np.zeros(len(Shared)))
     face = find_face(priors.floor, region, views.pair)

@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stereolib.base import Float64
-from stereolib.measurement.agreement import Past, Samples
+from stereolib.measurement.agreement import Past
 from stereolib.measurement.box import Box, Edge, Level, Own, Shared, Side, World
 from stereolib.measurement.contradictions import weigh_contradictions
-from stereolib.measurement.edges import SHARP_PX, Peak
+from stereolib.measurement.edges import Peak
 from stereolib.measurement.edges_beyond import (
     is_other_beyond,
     matched_beyond,
@@ -42,14 +42,14 @@ from stereolib.measurement.outline import (
     predicted,
     predicted_stds_px,
 )
-from stereolib.measurement.reasons import Reason, Why
+from stereolib.measurement.reasons import Why
+from stereolib.measurement.refusals import why_it_is_no_box, why_it_stands_not
 from stereolib.measurement.regions import ObjectRegion
 from stereolib.measurement.scene_solver import Priors, Seen, Solution, solve
 from stereolib.measurement.upright_line import upright_line
 from stereolib.measurement.views import Views
 
 _LEAST_MM = 1.0  # of a width
-_SURE_STDS, _EDGE_PX = 3.0, 4.0  # of an extent: less may be none; and what is so wide may be an edge
 _HIDDEN_MM = 100.0  # what an extent is taken as that nobody sees
 _UNLOCATED_PX = 6.0  # how well an edge is known that was not located, at best
 _LEAST_PLANE_PX = 20.0  # a second face must be so wide to have a plane of its own, a top so high
@@ -69,11 +69,6 @@ _GOES_ON_LINES = 7.0  # and lines that both pictures show alike there, from whic
 _ANYWHERE = 0.25  # of a height that nobody saw end
 _AT_MATCHED = Expected(3.0, low_px=-6.0)  # where what was matched ends: SGBM spills over outlines
 _TOP_END_PX = 3.0  # how well its end tells that of the face
-_GAP_MM, _GAP_PX = 6.0, 4.0  # so far above the floor a face may end for want of texture, and for a pixel's size
-_BELOW, _PLAIN_SLOPE = 8, 0.6  # samples between a face's end and the floor; grey levels per px, of a surface's texture
-_LEANING_RAD = np.radians(1.5)
-_LEANING_ASIDE_RAD = np.radians(3.0)
-_SURE = 4.0  # standard deviations
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,8 +182,7 @@ def see_box(views: Views, priors: Priors, region: ObjectRegion) -> Pictured:
     assert solution is not None
     seen = replace(seen, start=solution.boxes[0], shared=solution.shared)  # near what all boxes together will have
     tilts = [upright_line(world, face, 0.0)[1:] for face in faces]
-    refused = _cut_below(stretch) or _in_the_air(views, world, stretch) or _leaning(stretch, tilts, peaks)
-    refused = refused or _unfollowed(stretch) or _too_narrow(stretch, rough, solution) or _without_edges(rough, peaks)
+    refused = why_it_stands_not(views, world, stretch) or why_it_is_no_box(stretch, tilts, rough.open, peaks, solution)
     doubtful, doubt = weigh_contradictions(priors, seen, solution, followed)
     doubt = doubt + _doubt_of_lines(views, priors.world(solution.shared), region, rough, solution.boxes[0])
     doubtful |= {side.end for side in Side if solution.boxes[0][side.extent] < _LEAST_MM}  # none is narrower
@@ -470,66 +464,3 @@ def _located(
             found[edge] = got.besides(max(got.peak.rivals_px, wider))
     before_px = {edge: peak.rivals_px for edge, peak in before.items()}
     return level_tops(views, world, rough.own, rough.first, found, before_px)
-
-
-def _unfollowed(stretch: Stretch) -> Why | None:
-    """A face about which both pictures agree nowhere."""
-    nowhere = stretch.high.at - stretch.low_mm < _GAP_PX * stretch.mm_per_px
-    return Why(Reason.NO_TEXTURE) if nowhere else None
-
-
-def _too_narrow(stretch: Stretch, rough: _Rough, solution: Solution) -> Why | None:
-    """Faces none of which is surely wider than an edge: that was matched, the faces are too plain."""
-    own, std = solution.boxes[0], np.sqrt(np.diag(solution.covariance))[len(Shared) :]
-    ended = [side.extent for side in Side if side.end in rough.open]
-    narrow = [own[extent] < _SURE_STDS * std[extent] + _EDGE_PX * stretch.mm_per_px for extent in ended]
-    return Why(Reason.NO_TEXTURE) if ended and all(narrow) else None
-
-
-def _gap_mm(stretch: Stretch) -> float:
-    """A face that ends so far above the floor may stand in the air."""
-    return _GAP_MM + _GAP_PX * stretch.mm_per_px
-
-
-def _cut_below(stretch: Stretch) -> Why | None:
-    """A face whose foot the pictures do not show."""
-    return Why(Reason.FOOT_CUT) if stretch.is_cut_below and stretch.foot_mm >= _gap_mm(stretch) else None
-
-
-def _in_the_air(views: Views, world: World, stretch: Stretch) -> Why | None:
-    """A face that ends above the floor, and nothing nearer hides its foot."""
-    if stretch.foot_mm < _gap_mm(stretch) or _unfollowed(stretch):
-        return None
-    along = np.linspace(stretch.left.at, stretch.right.at, 2 * _BELOW + 1)[1:-1]
-    below = np.array([
-        [[*stretch.line.at(t), height] for t in along] for height in np.linspace(0.2, 0.8, _BELOW) * stretch.foot_mm
-    ])  # fmt: skip
-    shown = Samples.of(views, world, below)
-    if shown.inside.any() and float(np.median(np.abs(shown.slope[shown.inside]))) < _PLAIN_SLOPE:
-        return Why(Reason.IN_THE_AIR, f"it shows no texture between {stretch.foot_mm:.0f} mm of height and the floor")
-    return Why(Reason.IN_THE_AIR, f"its face ends {stretch.foot_mm:.0f} mm above the floor")
-
-
-def _leaning(stretch: Stretch, tilts: list[tuple[float, float]], peaks: dict[Edge, Peak]) -> Why | None:
-    """Faces that are not upright (tilts with their deviations, rad), or whose ends are turned."""
-    for tilt, std in tilts:
-        if abs(tilt) > _LEANING_RAD + _SURE * std:
-            return Why(Reason.LEANS, f"tilted by {np.degrees(abs(tilt)):.0f} degrees")
-    lean, unfooted = abs(stretch.lean_rad), stretch.low_mm > _gap_mm(stretch)
-    if lean > _LEANING_ASIDE_RAD + (1.0 if unfooted else _SURE) * stretch.lean_std_rad and not _stands(peaks):
-        return Why(Reason.LEANS, f"tilted to the side by about {np.degrees(lean):.0f} degrees")
-    return None
-
-
-def _without_edges(rough: _Rough, peaks: dict[Edge, Peak]) -> Why | None:
-    """Nothing of its outline stands out: what was followed may be any part of it; or nothing upright does."""
-    outer = [edge for edge in rough.open if edge is not Edge.CORNER]
-    if outer and not any(edge in peaks for edge in outer):
-        return Why(Reason.NO_EDGE)
-    upright = any(edge.upright for edge in rough.open) and not _stands(peaks)
-    return Why(Reason.MAY_LEAN, "no upright edge of it stands out") if upright else None
-
-
-def _stands(peaks: dict[Edge, Peak]) -> bool:
-    """Upright edges were seen all along their lines, together as well as a sharp one."""
-    return sum(peak.std_px**-2 for edge, peak in peaks.items() if edge.upright) > SHARP_PX**-2

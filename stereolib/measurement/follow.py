@@ -91,7 +91,7 @@ class End:
         End
         """
         may_be_cut = reach.past is Past.CUT
-        if may_be_cut and (second or reach.stop - reach.last <= _PLAIN_PX):
+        if may_be_cut and reach.stop - reach.last <= _PLAIN_PX:
             return cls(float(where[max(reach.stop - 1, 0)]), reach.past)
         lean, spread = _SECOND if second else _FIRST
         plain = max(float(reach.stop - reach.last) - _WINDOW_PX, 0.0)

@@ -10,8 +10,8 @@ from functools import cache
 
 import numpy as np
 import pytest
-from support.box_scenes import corners_mm, instrument, leaning_scene, measure, recorded, shoot
-from support.disturbances import ROWS, Told, case, tell
+from support.box_scenes import carton_scene, corners_mm, instrument, leaning_scene, measure, recorded, shoot
+from support.disturbances import ROWS, Told, case, compressed, tell
 
 from stereolib.measurement import Reason
 
@@ -98,3 +98,17 @@ def test_a_corner_inside_a_face_that_the_disparity_map_goes_on_with_is_told_as_u
     """Their widths were half of the true ones, with 2 % of deviation. The scenes are none of the bench's 160."""
     one = tell(*case("cartons_jpeg_20", number, shoot))
     assert all(abs(pct) < 10 for pct, _ in one.off.values()) and "width" not in one.off
+
+
+@pytest.mark.parametrize("number", [1003, 1008])
+def test_of_a_carton_taller_than_the_picture_a_line_of_print_is_no_top(number: int) -> None:
+    """Cut by the rim, above blank cardboard in which JPEG leaves something: half of it was told as its height."""
+    scene = carton_scene(number)
+    around, box = scene.scene.boxes
+    T = box.T_world_box.copy()
+    T[2, 3] = 350.0
+    tall = replace(box, size_mm=(*box.size_mm[:2], 700.0), T_world_box=T)
+    walls = tuple(replace(each, contrast=0.3 if k < 4 else each.contrast) for k, each in enumerate(around.materials))
+    shot = recorded(replace(scene, scene=replace(scene.scene, boxes=(replace(around, materials=walls), tall))))
+    sent, _ = compressed(20)(shot, instrument(), np.random.default_rng(0))
+    assert all(np.isnan(item.size_mm[2]) for item in measure(sent, instrument()).objects)

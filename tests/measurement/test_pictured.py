@@ -297,3 +297,34 @@ def test_without_pixels_there_is_no_face():
     with pytest.raises(CannotMeasure, match="no texture"):
         see_box(shown.views, shown.priors, ObjectRegion(**few, position_mm=(700.0, 0.0), bounds=(0, 0, 9, 9)))
     assert len(OWN) == len(CUBE)
+
+
+def test_a_height_above_which_the_face_s_colour_goes_on_is_unsure(monkeypatch):
+    """But where the camera looks down on the top: that has the face's colour."""
+    case = (700.0, (260.0, 260.0, 220.0), 30.0)
+    low, high = rendered(*case), rendered(*case, camera=HIGH)
+    height = (Own.HEIGHT, Own.HEIGHT)
+    assert low.box().doubt[height] == high.box().doubt[height] == 0.0
+    monkeypatch.setattr(pictured, "is_other_beyond", lambda *where: False)
+    unsure = low.box()
+    assert (
+        unsure.doubt[height] == pytest.approx((0.25 * unsure.own[Own.HEIGHT]) ** 2) and high.box().doubt[height] == 0.0
+    )
+
+
+def test_a_box_before_a_wall_that_shows_nothing_is_told_with_its_top_and_ends():
+    """Both pictures agree about a plain wall at any disparity, up to their rim."""
+    case, rng = (800.0, (260.0, 240.0, 260.0), 30.0), np.random.default_rng(5)
+    shown, true = rendered(*case), true_box(*case)
+    pictures = [picture.copy() for picture in shown.views.pair.pictures]
+    for right, picture in enumerate(pictures):
+        corners = np.array([[a, b, c] for a in (0, 1) for b in (0, 1) for c in (0.0, 1.0)])
+        hull = cv2.convexHull(np.rint(shown.world.pixels(Box(true).points(corners), bool(right))).astype(np.int32))
+        mask = np.zeros(picture.shape[:2], np.uint8)
+        cv2.fillConvexPoly(mask, hull, 1)
+        foot = int(shown.world.pixels(Box(true).points(np.array([[0.9, 0.9, 0.0]])), bool(right))[0, 1])
+        wall = np.rint(175 + 2 * rng.standard_normal(picture.shape))
+        picture[:foot][mask[:foot] == 0] = wall[:foot][mask[:foot] == 0]
+    seen = of_pair(*pictures).box()
+    assert not seen.refused and set(seen.past.values()) == {Past.OPEN}
+    assert np.abs(seen.own - true)[[Own.RIGHT, Own.LEFT, Own.HEIGHT]].max() < 4

@@ -213,15 +213,10 @@ def shown_beyond(views: Views, world: World, own: Float64, side: Side, edge: Edg
         Lines a pixel apart, from the fifth pixel on. Plain ones count for nothing: SGBM takes what is plain beside a
         surface for that surface.
     """
-    outwards = edge_direction(edge, own, side) * (-1.0 if edge is Edge.CORNER else 1.0)
-    here, there = (world.pixels(Box(own + mm * outwards).edge(edge)).mean(axis=0) for mm in (0.0, more_mm))
-    count = int(np.hypot(*(there - here)))
+    count = int(more_mm / _mm_per_px(world, own, side, edge, more_mm))
     if count <= _SPILL_PX:
         return 0.0
-    steps_mm = more_mm / count * np.arange(-_INSIDE_PX, count + 1)
-    ends = Box(own + steps_mm[:, None] * outwards).edge(edge)
-    share = (np.arange(_SAMPLES)[:, None] + 0.5) / _SAMPLES
-    along = agreement(views, world, ends[:, :1] + share * (ends[:, 1:] - ends[:, :1]))
+    along = agreement(views, world, _along(own, side, edge, np.arange(-_INSIDE_PX, count + 1.0) * more_mm / count))
     return float(along.votes(_INSIDE_PX)[_INSIDE_PX + int(_SPILL_PX) + 1 :].sum())
 
 
@@ -247,17 +242,12 @@ def is_other_beyond(views: Views, world: World, own: Float64, side: Side, edge: 
         which the face's own colours differ from that. Not so where half of it lies outside of the picture.
     """
     size_mm = float(own[Own.HEIGHT if edge is side.top else side.extent])
-    outwards = edge_direction(edge, own, side) * (-1.0 if edge is Edge.CORNER else 1.0)
-    inner, outer = world.pixels(Box(own + np.array([[-0.9 * size_mm], [0.0]]) * outwards).edge(edge).mean(axis=1))
-    per_px = 0.9 * size_mm / max(float(np.hypot(*(outer - inner))), 1.0)
-    share = (np.arange(_SAMPLES)[:, None] + 0.5) / _SAMPLES
+    per_px = _mm_per_px(world, own, side, edge, -0.9 * size_mm)
 
     def colors(beyond_mm: Float64) -> Float64:
-        ends = Box(own + beyond_mm[:, None] * outwards).edge(edge)
-        points = (ends[:, :1] + share * (ends[:, 1:] - ends[:, :1])).reshape(-1, 3)
-        u, v = world.pixels(points).astype(np.float32).T[:, None]
+        u, v = world.pixels(_along(own, side, edge, beyond_mm).reshape(-1, 3)).astype(np.float32).T[:, None]
         inside = (u[0] >= 0) & (v[0] >= 0) & (u[0] < views.left.shape[1]) & (v[0] < views.left.shape[0])
-        return np.asarray(cv2.remap(views.left, u, v, cv2.INTER_LINEAR).reshape(len(points), -1)[inside], np.float64)
+        return np.asarray(cv2.remap(views.left, u, v, cv2.INTER_LINEAR).reshape(u.size, -1)[inside], np.float64)
 
     face, beyond = colors(np.linspace(-0.95, -0.05, _INSIDE_PX) * size_mm), colors(per_px * _BESIDE)
     if not len(face) or len(beyond) < len(_BESIDE) * _SAMPLES / 2:
@@ -265,6 +255,20 @@ def is_other_beyond(views: Views, world: World, own: Float64, side: Side, edge: 
     middle = np.median(face, axis=0)
     spread = np.median(np.abs(face - middle), axis=0)
     return bool((np.abs(np.median(beyond, axis=0) - middle) > np.maximum(_OTHER_GREY, _OTHER * spread)).any())
+
+
+def _along(own: Float64, side: Side, edge: Edge, beyond_mm: Float64) -> Float64:
+    """Points along an edge of a face, moved outwards over it by (N,) mm: (N, samples, 3)."""
+    outwards = edge_direction(edge, own, side) * (-1.0 if edge is Edge.CORNER else 1.0)
+    ends = Box(own + beyond_mm[:, None] * outwards).edge(edge)
+    share = (np.arange(_SAMPLES)[:, None] + 0.5) / _SAMPLES
+    return np.asarray(ends[:, :1] + share * (ends[:, 1:] - ends[:, :1]))
+
+
+def _mm_per_px(world: World, own: Float64, side: Side, edge: Edge, beyond_mm: float) -> float:
+    """Over how many mm of a face an edge moves by a pixel, on the way so far outwards."""
+    here, there = world.pixels(_along(own, side, edge, np.array([0.0, beyond_mm])).mean(axis=1))
+    return abs(beyond_mm) / max(float(np.hypot(*(there - here))), 1.0)
 
 
 def _odds(picture: Picture, line_px: Float64, known: int) -> Float64 | None:

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
 import pytest
-from support.pictured import HIGH, of_pair, rendered, true_box
+from support.pictured import HIGH, masks, of_pair, rendered, true_box
 
 from stereolib.measurement.box import Box, Edge, Own, Side
 from stereolib.measurement.edges_beyond import (
@@ -149,15 +148,11 @@ def test_both_pictures_show_a_face_beyond_a_line_on_it_and_not_beyond_its_outlin
 
 
 def painted(shown, own, inside, color):
-    """The pictures with one colour on the box, or on all that is seen above its foot beside it."""
+    """The pictures with one colour on the box, or on all that is seen beside it down to near its foot."""
     pictures = [picture.copy() for picture in shown.views.pair.pictures]
-    for right, picture in enumerate(pictures):
-        corners = np.array([[a, b, c] for a in (0, 1) for b in (0, 1) for c in (0.0, 1.0)])
-        hull = cv2.convexHull(np.rint(shown.world.pixels(Box(own).points(corners), bool(right))).astype(np.int32))
-        mask = np.zeros(picture.shape[:2], np.uint8)
-        cv2.fillConvexPoly(mask, hull, 1)
-        beside = (mask == 0) & (np.arange(len(mask))[:, None] < hull[:, 0, 1].min() + 100)
-        picture[mask == 1 if inside else beside] = color
+    for picture, box in zip(pictures, masks(shown, own), strict=True):
+        beside = ~box & (np.arange(len(box))[:, None] < np.flatnonzero(box.any(axis=1))[0] + 100)
+        picture[box if inside else beside] = color
     return of_pair(*pictures).views
 
 

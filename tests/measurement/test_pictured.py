@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import pytest
 from support.boxes import OWN
-from support.pictured import HIGH, of_pair, recorded, rendered, true_box
+from support.pictured import HIGH, masks, of_pair, recorded, rendered, true_box
 
 from stereolib.measurement import CannotMeasure, ObjectRegion, Reason, outline, pictured
 from stereolib.measurement.agreement import Past
@@ -317,14 +317,10 @@ def test_a_box_before_a_wall_that_shows_nothing_is_told_with_its_top_and_ends():
     case, rng = (800.0, (260.0, 240.0, 260.0), 30.0), np.random.default_rng(5)
     shown, true = rendered(*case), true_box(*case)
     pictures = [picture.copy() for picture in shown.views.pair.pictures]
-    for right, picture in enumerate(pictures):
-        corners = np.array([[a, b, c] for a in (0, 1) for b in (0, 1) for c in (0.0, 1.0)])
-        hull = cv2.convexHull(np.rint(shown.world.pixels(Box(true).points(corners), bool(right))).astype(np.int32))
-        mask = np.zeros(picture.shape[:2], np.uint8)
-        cv2.fillConvexPoly(mask, hull, 1)
-        foot = int(shown.world.pixels(Box(true).points(np.array([[0.9, 0.9, 0.0]])), bool(right))[0, 1])
+    foot = int(shown.world.pixels(Box(true).points(np.array([[0.9, 0.9, 0.0]])))[0, 1])  # and all rows above
+    for picture, box in zip(pictures, masks(shown, true), strict=True):
         wall = np.rint(175 + 2 * rng.standard_normal(picture.shape))
-        picture[:foot][mask[:foot] == 0] = wall[:foot][mask[:foot] == 0]
+        picture[:foot][~box[:foot]] = wall[:foot][~box[:foot]]
     seen = of_pair(*pictures).box()
     assert not seen.refused and set(seen.past.values()) == {Past.OPEN}
     assert np.abs(seen.own - true)[[Own.RIGHT, Own.LEFT, Own.HEIGHT]].max() < 4

@@ -5,11 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from functools import cache
 
+import cv2
 import numpy as np
 
 from stereolib.base import Float64
 from stereolib.measurement import Instrument, Views, find_floor, find_objects
-from stereolib.measurement.box import Own, World
+from stereolib.measurement.box import Box, Own, World
 from stereolib.measurement.faces import find_face
 from stereolib.measurement.follow import Stretch, follow_face
 from stereolib.measurement.pictured import Pictured, see_box
@@ -88,3 +89,12 @@ def true_box(distance, size_mm, yaw_deg, lateral=0.0) -> Float64:
     own[[Own.TURN, Own.RIGHT, Own.LEFT]] = (yaw, y, x) if yaw > 0 else (yaw + np.pi / 2, x, y)
     own[Own.HEIGHT] = height
     return own
+
+
+def masks(shown: Shown, own: Float64) -> list[np.ndarray]:
+    """Where a box is in either picture: bool."""
+    corners, found = np.array([[a, b, c] for a in (0, 1) for b in (0, 1) for c in (0.0, 1.0)]), []
+    for right, picture in enumerate(shown.views.pair.pictures):
+        hull = cv2.convexHull(np.rint(shown.world.pixels(Box(own).points(corners), bool(right))).astype(np.int32))
+        found.append(cv2.fillConvexPoly(np.zeros(picture.shape[:2], np.uint8), hull, 1) == 1)
+    return found

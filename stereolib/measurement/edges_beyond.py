@@ -25,10 +25,7 @@ _FARTHEST_MM, _LEAST_AHEAD_MM = 1200.0, 1.0
 _LEAST = 1e-3  # of a difference: what is less is none
 _SPILL_PX = 4.0  # beyond an outline SGBM matches half its window as the nearer surface
 _ON_FACE_PX = 1.5  # of disparity
-_OTHER_GREY, _OTHER = (
-    4.0,
-    0.5,
-)  # grey levels, and of a face's own median deviation: what differs more has another colour
+_FACE_COLORS, _SAME_GREY, _ALIKE = (0.1, 0.9), 4.0, 0.2  # quantiles; grey levels; share of pixels that are alike
 _BESIDE = np.arange(3.0, 13.0)  # px beyond an edge that show what lies there
 _INSIDE_PX, _SAMPLES = 24, 32  # lines within a face that tell its contrast, and points of each
 _SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
@@ -238,8 +235,8 @@ def is_other_beyond(views: Views, world: World, own: Float64, side: Side, edge: 
     Returns
     -------
     bool
-        The median colour 3 to 12 px beyond differs from the face's by four grey levels, and by half of the median by
-        which the face's own colours differ from that. Not so where half of it lies outside of the picture.
+        Of the pixels 3 to 12 px beyond, less than a fifth has a colour that the face has, between its tenths from
+        either end, to four grey levels. Not so where half of them lie outside of the picture.
     """
     size_mm = float(own[Own.HEIGHT if edge is side.top else side.extent])
     per_px = _mm_per_px(world, own, side, edge, -0.9 * size_mm)
@@ -252,9 +249,9 @@ def is_other_beyond(views: Views, world: World, own: Float64, side: Side, edge: 
     face, beyond = colors(np.linspace(-0.95, -0.05, _INSIDE_PX) * size_mm), colors(per_px * _BESIDE)
     if not len(face) or len(beyond) < len(_BESIDE) * _SAMPLES / 2:
         return False
-    middle = np.median(face, axis=0)
-    spread = np.median(np.abs(face - middle), axis=0)
-    return bool((np.abs(np.median(beyond, axis=0) - middle) > np.maximum(_OTHER_GREY, _OTHER * spread)).any())
+    darkest, lightest = np.quantile(face, _FACE_COLORS, axis=0)
+    alike = ((beyond > darkest - _SAME_GREY) & (beyond < lightest + _SAME_GREY)).all(axis=1)
+    return bool(alike.mean() < _ALIKE)
 
 
 def _along(own: Float64, side: Side, edge: Edge, beyond_mm: Float64) -> Float64:

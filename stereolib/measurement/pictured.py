@@ -358,7 +358,8 @@ def _goes_on(
         beyond = matched_beyond(region, world, own, side, edges)
         matched = [(edge, more_mm) for edge, (px, more_mm) in beyond.items() if px > _GOES_ON_PX[edge.upright]]
         for edge, more_mm in matched:
-            if shown_beyond(views, world, own, side, edge, more_mm) >= _GOES_ON_LINES:
+            is_face = not is_other_beyond(views, world, own, side, edge)  # what stands beside it may be as far away
+            if is_face and shown_beyond(views, world, own, side, edge, more_mm) >= _GOES_ON_LINES:
                 found.append((side, edge, more_mm))
     return found
 

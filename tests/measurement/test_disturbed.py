@@ -19,7 +19,7 @@ pytestmark = pytest.mark.slow
 #: Scenes by kind: of the plain ones the pair alone tells every size, so that a scan can only help.
 NUMBERS = {
     "plain": (2, 8, 11), "own": (0, 1, 4), "high": (0, 1, 3), "cartons": (0,), "bricks": (0,), "held": (0, 1),
-    "leaning": (0, 1), "faint": (0, 1), "white": (1, 2, 4), "white_cartons": (4, 5, 6),
+    "leaning": (0, 1), "faint": (0, 1), "white": (1, 2, 4), "white_cartons": (4, 6),
 }  # fmt: skip
 #: What makes intervals grow until they are no use, or takes a sensor away, may leave sizes out.
 MAY_REFUSE = {"noise_10", "clipped_15", "cheap_webcam", "cartons_jpeg_20", "cartons_webcam", "held", "leaning"}
@@ -82,7 +82,7 @@ def test_an_end_that_was_mistaken_for_a_line_inside_is_looked_for_where_the_face
     assert len(one.off) == 4 and pct.max() < 5 and z.max() < 3
 
 
-@pytest.mark.parametrize(("number", "least"), [(1012, 4), (1017, 2), (1021, 2), (1127, 2)])
+@pytest.mark.parametrize(("number", "least"), [(1012, 4), (1017, 2), (1021, 2)])
 def test_an_upper_line_of_print_is_no_upper_edge(number: int, least: int) -> None:
     """Their heights were those of their print, 36 % too low with 0.3 % of deviation: JPEG fills what is blank above.
 
@@ -93,11 +93,14 @@ def test_an_upper_line_of_print_is_no_upper_edge(number: int, least: int) -> Non
     assert len(one.off) >= least and pct.max() < 2 and z.max() < 4
 
 
-@pytest.mark.parametrize("number", [1162, 1387])
-def test_a_corner_inside_a_face_that_the_disparity_map_goes_on_with_is_told_as_unsure(number: int) -> None:
-    """Their widths were half of the true ones, with 2 % of deviation. The scenes are none of the bench's 160."""
+@pytest.mark.parametrize("number", [1127, 1162, 1387])
+def test_a_face_is_told_as_far_as_the_disparity_map_goes_on_with_it_or_as_unsure(number: int) -> None:
+    """One's height was two thirds of the true one, the others' widths were half, with 2 % of deviation.
+
+    Which of both depends on what SGBM matched. The scenes are none of the bench's 160.
+    """
     one = tell(*case("cartons_jpeg_20", number, shoot))
-    assert all(abs(pct) < 10 for pct, _ in one.off.values()) and "width" not in one.off
+    assert one.off and all(abs(pct) < 2 for pct, _ in one.off.values())
 
 
 @pytest.mark.parametrize("number", [1003, 1008])

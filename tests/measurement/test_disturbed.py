@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cache
 
+import cv2
 import numpy as np
 import pytest
 from support.box_scenes import carton_scene, corners_mm, instrument, leaning_scene, measure, recorded, shoot
@@ -19,12 +20,16 @@ pytestmark = pytest.mark.slow
 #: Scenes by kind: of the plain ones the pair alone tells every size, so that a scan can only help.
 NUMBERS = {
     "plain": (2, 8, 11), "own": (0, 1, 4), "high": (0, 1, 3), "cartons": (0,), "bricks": (0,), "held": (0, 1),
-    "leaning": (0, 1), "faint": (0, 1), "white": (1, 2, 4), "white_cartons": (4, 6),
+    "leaning": (0, 1), "faint": (0, 1), "white": (1, 2, 4), "white_cartons": (4, 5, 6),
 }  # fmt: skip
 #: What makes intervals grow until they are no use, or takes a sensor away, may leave sizes out.
 MAY_REFUSE = {"noise_10", "clipped_15", "cheap_webcam", "cartons_jpeg_20", "cartons_webcam", "held", "leaning"}
 #: A pair alone cannot know that a camera was turned about the vertical: its intervals are those of its calibration.
 NOBODY_KNOWS = {"columns_1_no_scan"}
+OPENCV4 = cv2.__version__.startswith("4.")
+if OPENCV4:  # its matcher hides an end of one
+    MAY_REFUSE |= {"white_cartons"}
+SURER_THAN_TRUE_WITH_4 = pytest.mark.xfail(OPENCV4, reason="a width is 1.4 % off, 5.6 deviations", strict=True)
 _MOST_Z, _MOST_RMS_Z = 5.0, 2.0  # chance reaches neither over the sizes of a row
 
 
@@ -82,7 +87,9 @@ def test_an_end_that_was_mistaken_for_a_line_inside_is_looked_for_where_the_face
     assert len(one.off) == 4 and pct.max() < 5 and z.max() < 3
 
 
-@pytest.mark.parametrize(("number", "least"), [(1012, 4), (1017, 2), (1021, 2)])
+@pytest.mark.parametrize(
+    ("number", "least"), [(1012, 4), (1017, 2), (1021, 2), pytest.param(1127, 2, marks=SURER_THAN_TRUE_WITH_4)]
+)
 def test_an_upper_line_of_print_is_no_upper_edge(number: int, least: int) -> None:
     """Their heights were those of their print, 36 % too low with 0.3 % of deviation: JPEG fills what is blank above.
 

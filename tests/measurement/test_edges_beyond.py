@@ -106,6 +106,12 @@ def outer_edges(side):
     return side.top, side.end, Edge.CORNER
 
 
+def without_a_quarter(own, side, edge):
+    """A box with an edge so far inside its face, and how far that is, mm."""
+    missing = 0.25 * own[Own.HEIGHT if edge is side.top else side.extent]
+    return own + (missing if edge is Edge.CORNER else -missing) * edge_direction(edge, own, side), missing
+
+
 @pytest.mark.parametrize("side", Side)
 @pytest.mark.parametrize("case", [*CASES, "high"])
 def test_what_was_matched_of_a_face_ends_where_it_does(case, side):
@@ -122,8 +128,7 @@ def test_a_line_on_a_face_beyond_which_it_was_matched_is_no_edge(case, side):
     box, how = CASES[case]
     shown, own = rendered(*box, **how), true_box(*box)
     for edge in outer_edges(side):
-        missing = 0.25 * own[Own.HEIGHT if edge is side.top else side.extent]
-        inside = own + (missing if edge is Edge.CORNER else -missing) * edge_direction(edge, own, side)
+        inside, missing = without_a_quarter(own, side, edge)
         beyond_px, more_mm = matched_beyond(shown.regions[0], shown.world, inside, side, [edge])[edge]
         assert beyond_px > 8 and more_mm == pytest.approx(missing, abs=25)
 
@@ -141,8 +146,7 @@ def test_both_pictures_show_a_face_beyond_a_line_on_it_and_not_beyond_its_outlin
     box, how = CASES[case]
     shown, own = rendered(*box, **how), true_box(*box)
     for edge in outer_edges(side):
-        missing = 0.25 * own[Own.HEIGHT if edge is side.top else side.extent]
-        inside = own + (missing if edge is Edge.CORNER else -missing) * edge_direction(edge, own, side)
+        inside, missing = without_a_quarter(own, side, edge)
         assert shown_beyond(shown.views, shown.world, inside, side, edge, missing) >= 7
         assert shown_beyond(shown.views, shown.world, own, side, edge, missing) < 4
 

@@ -324,3 +324,17 @@ def test_a_box_before_a_wall_that_shows_nothing_is_told_with_its_top_and_ends():
     seen = of_pair(*pictures).box()
     assert not seen.refused and set(seen.past.values()) == {Past.OPEN}
     assert np.abs(seen.own - true)[[Own.RIGHT, Own.LEFT, Own.HEIGHT]].max() < 4
+
+
+@pytest.mark.parametrize("other", [True, False])
+def test_what_is_matched_and_shown_beyond_an_edge_is_no_neighbour_s_only_where_it_has_the_face_s_colour(
+    monkeypatch, other
+):
+    """Another box may stand in line with a face: it once was told 418 mm wide for 250, the neighbour's face with it."""
+    shown = rendered(700.0, (260.0, 260.0, 220.0), 30.0)
+    plain = shown.box()
+    monkeypatch.setattr(pictured, "is_other_beyond", lambda *where: other)
+    monkeypatch.setattr(pictured, "matched_beyond", lambda *where: dict.fromkeys(where[-1], (20.0, 60.0)))
+    monkeypatch.setattr(pictured, "shown_beyond", lambda *where: 40.0)
+    seen = shown.box()
+    assert bool(np.abs(seen.own - plain.own).max() < 1e-6 and not seen.doubt.any()) is other

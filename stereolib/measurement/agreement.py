@@ -24,10 +24,12 @@ _NOISY, _NOISY_FARTHER = 2.0, 1.3  # of what noise has, as well; so much where s
 _COST = 0.2  # of a line that does not agree, in lines that do: so many must follow on a plain part
 _DISAGREE = 3  # lines in a row that disagree end a surface
 _AGAIN = 2.0  # but where it goes on beyond: so many lines that agree outweigh each that these three are moved on
+_OTHER = 1.0  # and each where another surface was matched
 _EVEN, _WEIGHT = 0.5, 1.0  # correlation that speaks neither for nor against a surface; logarithm of odds to a unit
 _LEAST_POWER = 1e-12  # of two lines' slopes: a correlation of nothing with nothing is 0
 _GOES_ON, _UNMATCHED, _ELSEWHERE = 1.0, -0.25, -2.0  # votes of lines past an end: a surface was matched, none, another
 _FATTENED = 10.0  # votes that a surface gets beyond its end, as blocks of pixels are matched
+_HIDES = 2  # half of them hide it; so many, where all of them are nearer than any of the surface
 _BESIDE = 12  # lines past an end that tell what is there
 _SURFACE, _COVERS = 0.25, 0.5  # less than this share of a line's samples matched is no surface, or hides none
 
@@ -105,7 +107,7 @@ class Agreement:
         """
         return Agreement(*(getattr(self, each.name)[some] for each in fields(self)))
 
-    def reach(self, known: int, *, second: bool = False) -> Reach:
+    def reach(self, known: int, *, second: bool = False, aside: bool = False) -> Reach:
         """Follow the surface from the first line on, over what is too plain to tell, until the pictures disagree.
 
         Parameters
@@ -114,6 +116,8 @@ class Agreement:
             So many lines from the first on lie on the surface, mostly: they tell its contrast.
         second : bool
             A surface whose place is only predicted agrees less well.
+        aside : bool
+            Along a row something nearer may hide it; above and below, what seems to is a wrong match.
 
         Returns
         -------
@@ -133,23 +137,53 @@ class Agreement:
         >>> Agreement(alike, alike, flat, flat, 50 * flat, 50 * flat, 50 * flat, 0 * flat).reach(4)
         Reach(last=3, stop=5, past=<Past.OPEN: 'it ends there'>, sure=3)
         """
-        (least, most), values = (_SECOND, self.whole) if second else (_FIRST, self.fine)
-        good, bad = (values > least) & self._has(_QUIET, known), ~(values > most) & self._tells(known)
+        (_, most), values = (_SECOND, self.whole) if second else (_FIRST, self.fine)
+        good, bad = self._agrees(known, second=second), ~(values > most) & self._tells(known)
         shown, run = np.isfinite(values), np.zeros(len(values), bool)
         run[: 1 - _DISAGREE] = np.convolve(bad, np.ones(_DISAGREE), "valid") == _DISAGREE
         rim = _first(~shown, len(values))
-        gained = np.cumsum(good - _COST * ~good - _AGAIN * run)[:rim]
+        gained = np.cumsum(good - _COST * ~good - _AGAIN * run - _OTHER * (aside & self._elsewhere & ~good))[:rim]
         last = int(np.argmax(gained)) if good[:rim].any() else -1
         stop = min(last + 1 + _first(run[last + 1 :], len(values)), rim)
-        cut = stop < len(values) and not shown[stop : stop + _MARGIN].all()
-        nearer = self.predicted_px[max(last, 0)] + self._room_px[max(last, 0)]
-        beside = self.covering_px[last + 1 + _MARGIN : last + 1 + _BESIDE]
-        hidden = np.count_nonzero(beside > nearer) > len(beside) / 2
+        cut = stop < len(values) and not shown[stop : stop + (_WINDOW if aside else _MARGIN)].all()
+        hidden = self._is_hidden_beyond(last, aside=aside)
         past = Past.HIDDEN if hidden else Past.CUT if cut else Past.OPEN
-        own = self.relief > _QUIET * quantile(self.relief[: max(known, 1)], _TYPICAL)
-        sure = int(np.flatnonzero((good & own)[: last + 1]).max(initial=min(last, 0)))
+        sure = int(np.flatnonzero(self.shows(known, second=second)[: last + 1]).max(initial=min(last, 0)))
         last, sure = (max(at - _MARGIN, min(at, 0)) for at in (last, sure))
         return Reach(last, max(stop - 1, 0), past, sure)
+
+    def _is_hidden_beyond(self, last: int, *, aside: bool) -> bool:
+        """Something nearer was matched beyond a line.
+
+        Over what is plain the map drifts away from a surface: beside it, something nearer is nearer than the map was
+        on it, too. And what is nearer than all of it hides it, also where the map shows no more than some of that.
+        """
+        room, beside = self._room_px[max(last, 0)], slice(last + 1 + _MARGIN, last + 1 + _BESIDE)
+        on_it = self.covering_px[max(last - _BESIDE, 0) : max(last - _WINDOW, 0)]
+        drifted = float(np.median(on_it)) if aside and len(on_it) else 0.0
+        nearer = self.covering_px[beside] > max(float(self.predicted_px[max(last, 0)]), drifted) + room
+        nearest = self.matched_px[beside] > self.predicted_px[: last + 1].max(initial=0.0) + room
+        return bool(nearer.sum() > len(nearer) / 2 or (aside and nearer.sum() >= _HIDES and nearest.all()))
+
+    def shows(self, known: int, *, second: bool = False) -> Bools:
+        """Lines that speak for the surface, by texture of their own: beside an edge, its trace does so too.
+
+        Parameters
+        ----------
+        known : int
+        second : bool
+            As for `reach`.
+
+        Returns
+        -------
+        (lines,) bool
+        """
+        own = self.relief > _QUIET * quantile(self.relief[: max(known, 1)], _TYPICAL)
+        return np.asarray(self._agrees(known, second=second) & own)
+
+    def _agrees(self, known: int, *, second: bool) -> Bools:
+        (least, _), values = (_SECOND, self.whole) if second else (_FIRST, self.fine)
+        return np.asarray((values > least) & self._has(_QUIET, known))
 
     def carried_on(self, reach: Reach) -> Reach:
         """A reach that may end as far out as the disparity map has its surface going on, which only that can tell.
@@ -207,6 +241,16 @@ class Agreement:
         tells = self._has(_QUIET, known) & (self.contrast > _NOISY * self.noise)
         return np.where(tells & (self.whole > least), 1.0, np.where(tells & (self.whole < most), -1.0, 0.0))
 
+    def matched_share(self) -> float:
+        """Of the lines on which anything was matched, the share on which the surface was; NaN where nothing was.
+
+        Returns
+        -------
+        float
+        """
+        known = np.isfinite(self.matched_px)
+        return float(self._matches[known].mean()) if known.any() else np.nan
+
     def _tells(self, known: int) -> Bools:
         """Lines that, where they disagree, speak against the surface."""
         textured = self._has(np.where(self._matches, _MUDDY, _QUIET), known) & (self.contrast > _NOISY * self.noise)
@@ -226,6 +270,11 @@ class Agreement:
     def _matches(self) -> Bools:
         """Lines where the surface was matched."""
         return np.asarray(np.abs(self.matched_px - self.predicted_px) < self._room_px)
+
+    @property
+    def _elsewhere(self) -> Bools:
+        """Lines where another surface was matched."""
+        return np.asarray(np.abs(self.matched_px - self.predicted_px) >= self._room_px)
 
     @property
     def _farther(self) -> Bools:

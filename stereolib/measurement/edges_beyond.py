@@ -217,6 +217,32 @@ def shown_beyond(views: Views, world: World, own: Float64, side: Side, edge: Edg
     return float(along.votes(_INSIDE_PX)[_INSIDE_PX + int(_SPILL_PX) + 1 :].sum())
 
 
+def is_matched_otherwise(views: Views, world: World, own: Float64, side: Side, extent_mm: float) -> bool:
+    """Whether the disparity map has something else, before or behind a face, where that would have to go on.
+
+    Parameters
+    ----------
+    views : Views
+    world : World
+        One, real.
+    own : (8,) float64
+        The box, in the order of `Own`.
+    side : Side
+        The face.
+    extent_mm : float
+        To which it may go on.
+
+    Returns
+    -------
+    bool
+        On more than half of the lines, a pixel apart, where anything was matched.
+    """
+    more_mm = extent_mm - float(own[side.extent])
+    count = int(more_mm / _mm_per_px(world, own, side, side.end, more_mm)) if more_mm > 0 else 0
+    lines = _along(own, side, side.end, np.arange(_SPILL_PX, count + 1.0) * more_mm / max(count, 1))
+    return count > _SPILL_PX and agreement(views, world, lines).matched_share() < 1 / 2
+
+
 def is_other_beyond(views: Views, world: World, own: Float64, side: Side, edge: Edge) -> bool:
     """Whether the left picture has another colour beyond an edge of a face than on it: it is no line on it then.
 

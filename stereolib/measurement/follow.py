@@ -10,6 +10,7 @@ from stereolib.base import Float64
 from stereolib.measurement.agreement import Agreement, Past, Reach, Samples, agreement
 from stereolib.measurement.box import Box, Own, Side, World
 from stereolib.measurement.faces import Face
+from stereolib.measurement.sideways import heights_aside, reach_aside, upright
 from stereolib.measurement.upright_line import UprightLine, face_line, upright_line
 from stereolib.measurement.views import Views
 
@@ -26,7 +27,6 @@ _MOST_INSIDE = 0.4  # share of what was followed that an end may lie inside of
 _WINDOW_PX = 3.0  # over which an end is spread
 _BAND = 4  # samples of the lowest and of the highest part, whose ends tell a lean
 _LEAST_RISE_PX = 30.0  # between both parts
-_SIDEWAYS = (0.12, 0.88)  # shares of the height between which a face is followed sideways
 _UPWARDS = (0.1, 0.9)  # shares of its width between which it is followed upwards
 _FARTHEST_MM = 1200.0
 #: The camera must stand so far above a top to look down on it.
@@ -152,7 +152,7 @@ class Stretch:
     @property
     def heights_mm(self) -> Float64:
         """Where it is compared sideways."""
-        return self.low_mm + (self.high.at - self.low_mm) * np.linspace(*_SIDEWAYS, _SAMPLES)
+        return heights_aside(self.low_mm, self.high.at)
 
 
 def follow_face(views: Views, world: World, face: Face, top_mm: float) -> Stretch:
@@ -177,9 +177,11 @@ def follow_face(views: Views, world: World, face: Face, top_mm: float) -> Stretc
     for outwards, seen in ((-1, a), (1, b)):
         inside = round(f * (b - a) / 2)
         t = seen + outwards * np.arange(-inside, _BEYOND_PX) / f
-        samples = Samples.of(views, world, _upright(line.at(t), shown))
-        parts = (slice(None), slice(None, _BAND), slice(-_BAND, None))
-        ends[outwards] = [End.of(samples.part(part).agreement().reach(inside), t) for part in parts]
+        points = upright(line.at(t), shown)
+        samples = Samples.of(views, world, points)
+        bands = (samples.part(part).agreement().reach(inside) for part in (slice(None, _BAND), slice(-_BAND, None)))
+        reaches = [reach_aside(views, world, points, samples.agreement(), inside), *bands]
+        ends[outwards] = [End.of(reach, t) for reach in reaches]
     stretch = replace(stretch, right=ends[-1][0], left=ends[1][0])
     rise_px = (shown[-_BAND:].mean() - shown[:_BAND].mean()) / stretch.mm_per_px
     sure = [(foot, top) for _, foot, top in ends.values() if not (foot.may_be_cut or top.may_be_cut)]
@@ -199,7 +201,7 @@ def _upwards(views: Views, world: World, face: Face, top_mm: float) -> Stretch:
     per_px = float(ground[:, 0].mean()) / float(world.focal)
     heights = np.arange(-_BELOW_PX * per_px, _height_at_rim(world, ground.mean(axis=0)), per_px)
     middle = int(np.argmin(np.abs(heights - 0.5 * top_mm)))
-    level = np.swapaxes(_upright(ground, heights), 0, 1)
+    level = np.swapaxes(upright(ground, heights), 0, 1)
     along, known = agreement(views, world, level), round(0.4 * top_mm / per_px)
     above, below = along.part(slice(middle, None)), along.part(slice(middle, None, -1))
     down = replace(below, noise=_DOWNWARDS * below.noise).reach(known)
@@ -275,7 +277,7 @@ def look_round(views: Views, world: World, stretch: Stretch, outwards: int) -> C
     if end.past is not Past.OPEN or end.may_be_cut or not len(tried):  # what is plain to the rim is no second face
         return None
     _, ground = _second(stretch.line, tried, outwards, np.arange(1.0, _FIRST_PX) / f)
-    alike = Samples.of(views, world, _upright(ground, stretch.heights_mm)).correlations.mean(axis=-1)
+    alike = Samples.of(views, world, upright(ground, stretch.heights_mm)).correlations.mean(axis=-1)
     far = np.count_nonzero(np.isfinite(ground[..., 0]), axis=1) <= _LEAST_SECOND_PX
     scores = np.where(far, 0.0, np.nansum(alike, axis=1))
     if not scores.max() > 0:
@@ -284,7 +286,8 @@ def look_round(views: Views, world: World, stretch: Stretch, outwards: int) -> C
     t, ground = _second(stretch.line, best, outwards, np.arange(1.0, _WIDEST_PX) / f)
     seen = np.isfinite(ground[0, :, 0])
     t, ground = t[0, seen], ground[0, seen]
-    reach = _compare(views, world, ground, stretch.heights_mm).reach(_FIRST_PX, second=True)
+    points = upright(ground, stretch.heights_mm)
+    reach = reach_aside(views, world, points, agreement(views, world, points), _FIRST_PX, second=True)
     if reach.last < _LEAST_SECOND_PX:
         return None
     end, corner = End.of(reach, t, second=True), float(best[0])
@@ -323,9 +326,16 @@ def follow_again(views: Views, world: World, own: Float64, side: Side) -> End | 
     seen = np.isfinite(ground[:, 0])
     if np.count_nonzero(seen) <= _LEAST_SECOND_PX:
         return None
-    heights = float(own[Own.HEIGHT]) * np.linspace(*_SIDEWAYS, _SAMPLES)
-    reach = _compare(views, world, ground[seen], heights).reach(_FIRST_PX)
+    points = upright(ground[seen], heights_aside(0.0, float(own[Own.HEIGHT])))
+    reach = reach_aside(views, world, points, agreement(views, world, points), _FIRST_PX)
     return End.of(reach, t[seen]) if reach.last >= _LEAST_SECOND_PX else None
+
+
+def width_mm(own: Float64, side: Side, end: float) -> float:
+    """How wide a face of a box (8,) is, to where the tangent of a bearing meets it, mm."""
+    x, y = float(own[Own.X]), float(own[Own.Y])
+    line = face_line(Box(own), side)
+    return float(np.linalg.norm(line.at(end) - line.at(y / x)))
 
 
 def follow_top(views: Views, world: World, own: Float64, front: Side, height_std_mm: float) -> tuple[float, End] | None:
@@ -399,15 +409,3 @@ def _height_at_rim(world: World, place_mm: Float64) -> float:
     ray = world.axes @ [(u - world.centre_px[0]) / world.focal, -world.centre_px[1] / world.focal, 1.0]
     height = float(world.camera_height) + ray[2] / np.hypot(*ray[:2]) * np.hypot(*place_mm)
     return float(np.clip(_PAST_RIM * height, 0.0, _HIGHEST_MM))
-
-
-def _compare(views: Views, world: World, ground: Float64, heights: Float64) -> Agreement:
-    """Agreement over upright lines on points of the floor (N, 2)."""
-    return agreement(views, world, _upright(ground, heights))
-
-
-def _upright(ground: Float64, heights: Float64) -> Float64:
-    """Points (..., heights, 3) over points of the floor (..., 2)."""
-    points = np.empty((*ground.shape[:-1], len(heights), 3))
-    points[..., :2], points[..., 2] = ground[..., None, :], heights
-    return points

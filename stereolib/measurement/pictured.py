@@ -13,6 +13,7 @@ from stereolib.measurement.box import Box, Edge, Level, Own, Shared, Side, World
 from stereolib.measurement.contradictions import weigh_contradictions
 from stereolib.measurement.edges import Peak
 from stereolib.measurement.edges_beyond import (
+    is_matched_otherwise,
     is_other_beyond,
     matched_beyond,
     shown_beyond,
@@ -29,6 +30,7 @@ from stereolib.measurement.follow import (
     follow_face,
     follow_top,
     look_round,
+    width_mm,
 )
 from stereolib.measurement.observations import EdgeSeen, PlaneSeen, weak_priors
 from stereolib.measurement.outline import (
@@ -270,10 +272,16 @@ def _seen_again(
         from_above = _top_px(world, rough.own) > _LEAST_TOP_PX  # its back edge tells more than a sliver's end
         return (rough, {}) if from_above else _with_far_end(views, world, stretch, rough)
     end = follow_again(views, world, rough.own, side) if side.end in rough.open else None
-    if end is None or end.past is not Past.OPEN or not end.overlaps(rough.ends[side.end], float(world.focal)):
+    if end is None or end.past is not Past.OPEN:
         return rough, {}
     x, y = Box(rough.own).edge(side.end)[0, :2]
     beyond_px = (y / x - end.at) * float(world.focal) * (1 if side is Side.LEFT else -1)
+    if not end.overlaps(rough.ends[side.end], float(world.focal)):
+        if beyond_px < 0:
+            return rough, {}
+        own = rough.own.copy()
+        own[side.extent] = max(width_mm(rough.own, side, end.at), _LEAST_MM)
+        return replace(rough, own=own, ends=rough.ends | {side.end: end}), {side.end: _expected(end)}
     return rough, {side.end: _expected(end, beyond_px, was_located=side.end in located)}
 
 
@@ -439,8 +447,9 @@ def _as_far_as_its_top(views: Views, world: World, rough: _Rough) -> tuple[_Roug
     for side in Side:
         if side.end in rough.open:
             found = upper_edge_beyond(views.pair.pictures, world, rough.own, side)
-            if found is not None and found[1] > _GOES_ON:
-                own[side.extent], expected[side.end] = found[0], Expected(_TOP_END_PX)
+            if found is None or found[1] < _GOES_ON or is_matched_otherwise(views, world, own, side, found[0]):
+                continue
+            own[side.extent], expected[side.end] = found[0], Expected(_TOP_END_PX)
     return replace(rough, own=own), expected
 
 

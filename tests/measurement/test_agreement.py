@@ -49,6 +49,57 @@ def test_a_surface_that_something_nearer_hides():
     assert lines(until(30, 0.1), matched=unknown).reach(16).past is Past.OPEN
 
 
+def test_beside_a_surface_something_nearer_is_nearer_than_what_was_matched_on_it():
+    """Over what is plain, the map drifts away from a surface, and goes on as it did there."""
+    at = np.arange(N)
+    drifted = np.where(at < 12, 50.0, 54.0)
+    assert lines(until(30, 0.1), matched=drifted).reach(16).past is Past.HIDDEN
+    assert lines(until(30, 0.1), matched=drifted).reach(16, aside=True).past is Past.OPEN
+    jumps = np.where(at < 30, drifted, 60.0)
+    assert lines(until(30, 0.1), matched=jumps).reach(16, aside=True).past is Past.HIDDEN
+
+
+@pytest.mark.parametrize(("matched", "hidden"), [(70.0, True), (56.0, False)])
+def test_beside_a_surface_what_is_nearer_than_all_of_it_hides_it_where_some_lines_show_it(matched, hidden):
+    at = np.arange(N)
+    there = np.where(at < 30, 50.0, matched)
+    covering = np.where((at >= 30) & (at < 40), np.nan, there)  # less than half of these lines was matched
+    along = replace(lines(until(30, 0.1), matched=there), covering_px=covering)
+    along = replace(along, predicted_px=np.linspace(58.0, 46.0, N))
+    assert (along.reach(16, aside=True).past is Past.HIDDEN) is hidden
+    assert along.reach(16).past is Past.OPEN
+
+
+@pytest.mark.parametrize("elsewhere", [50.0, 30.0])
+def test_beside_a_surface_what_agrees_again_behind_another_is_not_of_it(elsewhere):
+    at = np.arange(N)
+    gap = (at >= 24) & (at < 30)
+    along = lines(np.where(gap, 0.0, until(44, 0.1)), matched=np.where(gap, elsewhere, 50.0))
+    assert along.reach(16).last == 41
+    assert along.reach(16, aside=True).last == (41 if elsewhere == 50.0 else 21)
+
+
+def test_a_surface_that_disagrees_just_before_the_rim_is_cut():
+    """There each line is compared with fewer neighbours."""
+    nearly = np.where(np.arange(N) < 30, 0.95, np.where(np.arange(N) < 34, 0.5, np.nan))
+    assert lines(nearly).reach(16).past is Past.OPEN
+    assert lines(nearly).reach(16, aside=True).past is Past.CUT
+
+
+def test_an_edge_s_trace_has_no_texture_of_its_own():
+    """Beside it, both pictures agree, as they would about a plain wall's shade."""
+    at = np.arange(N)
+    along = replace(lines(until(40, 0.1)), relief=np.where(at < 30, 1.0, 0.1))
+    assert along.shows(16).sum() == 30 and along.shows(16)[:30].all()
+
+
+def test_the_share_on_which_a_surface_was_matched():
+    at = np.arange(N)
+    matched = np.where(at < 20, 50.0, np.where(at < 30, 70.0, np.nan))
+    assert lines(until(60, 0.1), matched=matched).matched_share() == pytest.approx(2 / 3)
+    assert np.isnan(lines(until(60, 0.1), matched=np.nan).matched_share())
+
+
 def test_a_plain_part_is_bridged():
     at = np.arange(N)
     plain = (at >= 20) & (at < 35)

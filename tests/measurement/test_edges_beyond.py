@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from support.pictured import HIGH, masks, of_pair, rendered, true_box
 
 from stereolib.measurement.box import Box, Edge, Own, Side
 from stereolib.measurement.edges_beyond import (
+    is_matched_otherwise,
     is_other_beyond,
     matched_beyond,
     shown_beyond,
@@ -149,6 +152,21 @@ def test_both_pictures_show_a_face_beyond_a_line_on_it_and_not_beyond_its_outlin
         inside, missing = without_a_quarter(own, side, edge)
         assert shown_beyond(shown.views, shown.world, inside, side, edge, missing) >= 7
         assert shown_beyond(shown.views, shown.world, own, side, edge, missing) < 4
+
+
+@pytest.mark.parametrize("side", Side)
+@pytest.mark.parametrize("case", CASES)
+def test_a_face_does_not_go_on_where_something_else_was_matched(case, side):
+    """Its upper edge may be in line with a print on what stands before it."""
+    box, how = CASES[case]
+    shown, own = rendered(*box, **how), true_box(*box)
+    inside, extent = own.copy(), float(own[side.extent])
+    inside[side.extent] *= 0.75
+    assert not is_matched_otherwise(shown.views, shown.world, inside, side, extent)
+    for off_px, otherwise in ((12.0, True), (np.nan, False)):
+        views = replace(shown.views, disparity_px=shown.views.disparity_px + np.float32(off_px))
+        assert is_matched_otherwise(views, shown.world, inside, side, extent) is otherwise
+    assert not is_matched_otherwise(shown.views, shown.world, own, side, extent + 1.0)  # no more than SGBM spills
 
 
 def painted(shown, own, inside, color):

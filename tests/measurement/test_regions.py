@@ -89,6 +89,35 @@ def test_a_streak_of_wrong_matches_joins_nothing(rows, count):
         assert count == 1 or len(one.u) == pytest.approx(len(alone.u), abs=40)
 
 
+def test_a_valley_between_two_boxes_tells_them_apart():
+    """Before a wall that shows nothing, the map joins what stands side by side."""
+    boxes = [box_on_floor((150.0, 150.0, 200.0), 1000.0, lateral, np.pi / 4) for lateral in (130.0, -130.0)]
+    pose = recordings.setup("level")
+    seen, floor = render_truth(Scene((room(), *boxes)), RECT, pose), floor_from_pose(RECT, pose)
+    disparity = seen.disparity_px.copy()
+    for row in np.flatnonzero((seen.box == 1).any(axis=1) & (seen.box == 2).any(axis=1)):
+        ends = [np.flatnonzero(seen.box[row] == 1).max(), np.flatnonzero(seen.box[row] == 2).min()]
+        gap = np.arange(ends[0] + 1, ends[1])
+        disparity[row, gap] = np.interp(gap, ends, disparity[row, ends])
+    found = find_objects(disparity, floor)
+    assert len(found) == 2 and np.isfinite(disparity[300, 200:440]).all()
+    for region, alone in zip(found, find_objects(seen.disparity_px, floor), strict=True):
+        boxes_there = seen.box[region.v.astype(int), region.u.astype(int)]
+        assert min((boxes_there == 1).sum(), (boxes_there == 2).sum()) == 0  # nothing of the other one
+        assert len(alone.u) <= len(region.u) < 1.5 * len(alone.u)  # and a part of the gap
+
+
+@pytest.mark.parametrize("yaw", [0.0, 0.3, np.pi / 4])
+def test_one_box_has_no_valley(yaw):
+    """However it is turned, and also where single columns of it were matched wrongly."""
+    pose = recordings.setup("level")
+    seen, floor = render_truth(cube_scene(yaw_rad=yaw), RECT, pose), floor_from_pose(RECT, pose)
+    disparity, columns = seen.disparity_px.copy(), np.flatnonzero((seen.box == 1).any(axis=0))
+    wrong = columns[len(columns) // 2 : len(columns) // 2 + 6]
+    disparity[:, wrong] = np.where(seen.box[:, wrong] == 1, 0.985 * disparity[:, wrong], disparity[:, wrong])
+    assert len(find_objects(disparity, floor)) == 1
+
+
 def test_integer_disparities_are_refused():
     with pytest.raises(ValueError, match="float pixels"):
         find_objects(np.ones((480, 640), np.int16), floor_from_pose(RECT, recordings.setup("level")))

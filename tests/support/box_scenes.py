@@ -51,6 +51,7 @@ CACHE = ROOT / "benchmarks" / ".cache"
 _BORDER_PX = 3.0  # a corner so near the border of the picture is not in it: a point's blur ends there
 SEEN_PX = 2.0  # a face that is narrower in both pictures is no face: its two edges are one
 WIDE_PX = 12.0  # an edge that is known to half a pixel tells the width of a face so wide to 4 %
+_NEIGHBOURS = 10**8  # seeds of the boxes beside others
 _MISTAKEN_MM = 450.0  # what stands farther from the box than any of its corners is something else
 #: What the pictures depend on: others are rendered when it changes.
 _RENDERER = (
@@ -213,11 +214,55 @@ def carton_at_white_wall_scene(seed: int) -> BoxScene:
 
 
 def _before_white_walls(scene: BoxScene) -> BoxScene:
-    around, box = scene.scene.boxes
+    around, *boxes = scene.scene.boxes
     walls, (floor, ceiling) = around.materials[:4], around.materials[4:]
     blank = tuple(replace(wall, contrast=0.0) for wall in walls)
-    boxes = (replace(around, materials=(*blank, floor, ceiling)), box)
+    boxes = (replace(around, materials=(*blank, floor, ceiling)), *boxes)
     return replace(scene, scene=replace(scene.scene, boxes=boxes))
+
+
+def neighbour_scene(seed: int) -> BoxScene:
+    """A `plain_scene` with a second box beside the first one."""
+    return _beside(plain_scene(seed), plain_scene(_NEIGHBOURS + seed))
+
+
+def neighbour_carton_scene(seed: int) -> BoxScene:
+    """A `carton_scene` with a second carton beside the first one."""
+    return _beside(carton_scene(seed), carton_scene(_NEIGHBOURS + seed))
+
+
+def neighbour_at_white_wall_scene(seed: int) -> BoxScene:
+    """A `neighbour_carton_scene` before walls that show nothing."""
+    return _before_white_walls(neighbour_carton_scene(seed))
+
+
+def _beside(scene: BoxScene, other: BoxScene) -> BoxScene:
+    """Stand another scene's box beside the one, up to 150 mm from it, where it hides nothing of it."""
+    around, box = scene.scene.boxes
+    rng = np.random.default_rng([618, scene.seed])
+    T, half_mm = (
+        other.box.T_world_box.copy(),
+        [np.abs(b.T_world_box[1, :2]) @ b.size_mm[:2] / 2 for b in (box, other.box)],
+    )
+    while True:
+        side, gap, behind = rng.choice([-1, 1]), rng.uniform(10, 150), rng.uniform(-150, 250)
+        T[:2, 3] = box.T_world_box[:2, 3] + [behind, side * (sum(half_mm) + gap)]
+        second = replace(other.box, T_world_box=T)
+        both = replace(scene, scene=replace(scene.scene, boxes=(around, box, second)))
+        if not _may_hide(both):
+            return both
+
+
+def _may_hide(scene: BoxScene) -> bool:
+    """Whether the second box may hide something of the first one from a camera."""
+    for R, t in _into_rectified(scene):
+        (first, ahead), (second, ahead_of_second) = (
+            (scene.rig.rectify().left.project(points)[:, 0], points[:, 2])
+            for points in (corners_mm(box) @ R.T + t for box in scene.scene.boxes[1:])
+        )
+        if ahead_of_second.min() < ahead.max() and second.min() < first.max() and first.min() < second.max():
+            return True
+    return False
 
 
 def held_scene(seed: int) -> BoxScene:
@@ -385,11 +430,14 @@ def measure(shot: Shot, known: Instrument) -> Measurement:
 
 def the_box(measured: Measurement, truth: BoxScene, *, of_pair: bool = False) -> MeasuredObject | None:
     """The object that stands where the box does; with `of_pair` not one that the scan alone shows."""
-    at = truth.box.T_world_box[:2, 3]
+    at, *others = (box.T_world_box[:2, 3] for box in truth.scene.boxes[1:])
+
+    def off_mm(thing: MeasuredObject, place: Float64 = at) -> float:
+        return float(np.hypot(*(thing.position_mm - place)))
+
     things = [each for each in measured.objects if not (of_pair and each.sources.get("lines") is Source.SCAN)]
-    off = [float(np.hypot(*(thing.position_mm - at))) for thing in things]
-    nearest = int(np.argmin(off)) if off else -1
-    return things[nearest] if off and off[nearest] < _MISTAKEN_MM else None
+    things = [each for each in things if off_mm(each) < min([_MISTAKEN_MM, *(off_mm(each, other) for other in others)])]
+    return min(things, key=off_mm, default=None)
 
 
 def errors(thing: MeasuredObject | None, truth: BoxScene) -> dict[str, tuple[float, float]]:

@@ -244,6 +244,9 @@ SCENES: dict[str, tuple[Callable[[int], BoxScene], Callable[[BoxScene], Instrume
     "faint": (box_scenes.faint_scene, lambda _: box_scenes.instrument()),
     "white": (box_scenes.white_wall_scene, lambda _: box_scenes.instrument()),
     "white_cartons": (box_scenes.carton_at_white_wall_scene, lambda _: box_scenes.instrument()),
+    "neighbour": (box_scenes.neighbour_scene, lambda _: box_scenes.instrument()),
+    "neighbour_cartons": (box_scenes.neighbour_carton_scene, lambda _: box_scenes.instrument()),
+    "neighbour_white": (box_scenes.neighbour_at_white_wall_scene, lambda _: box_scenes.instrument()),
 }  # fmt: skip
 _CHEAP_WEBCAM = one_after_another(
     laser_moved(yaw_deg=1.0, any_way_mm=10.0, up_to=True), blurred(1.5),
@@ -309,6 +312,9 @@ ROWS: dict[str, Row] = {
     "white": Row("nothing is wrong, before walls that show nothing", untouched, "white"),
     "white_webcam": Row("before walls that show nothing, a cheap webcam as above", _CHEAP_WEBCAM, "white"),
     "white_cartons": Row("printed cartons on terrazzo, before walls that show nothing", untouched, "white_cartons"),
+    "neighbour": Row("a second box stands up to 150 mm beside the first one", untouched, "neighbour"),
+    "neighbour_cartons": Row("a second printed carton beside the first one", untouched, "neighbour_cartons"),
+    "neighbour_white": Row("the same before walls that show nothing", untouched, "neighbour_white"),
     "held": Row("a carton held 20 to 150 mm in the air, which has to be refused", untouched, "held", silent_pct=3.0),
     "leaning": Row(
         "a carton that leans by 5 to 20 degrees, which has to be refused", untouched, "leaning", silent_pct=3.0

@@ -1,4 +1,4 @@
-"""What lies beyond a line that is only printed on a face: its outline goes straight on, and it is matched there."""
+"""What lies beyond an edge of a face, or just inside of it: whether the face goes on there, or has ended before."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import cv2
 import numpy as np
 
-from stereolib.base import Float64
+from stereolib.base import Bools, Float64
 from stereolib.measurement.agreement import agreement
 from stereolib.measurement.box import Box, Edge, Own, Side, World
 from stereolib.measurement.light import Light, Picture, light_at
@@ -26,6 +26,7 @@ _LEAST = 1e-3  # of a difference: what is less is none
 _SPILL_PX = 4.0  # beyond an outline SGBM matches half its window as the nearer surface
 _ON_FACE_PX = 1.5  # of disparity
 _FACE_COLORS, _SAME_GREY, _ALIKE = (0.1, 0.9), 4.0, 0.2  # quantiles; grey levels; share of pixels that are alike
+_MOST_INSIDE, _LEAST_OTHER_PX = 0.5, 4  # share of a face in which it is looked for, and of pixels that tell it
 _BESIDE = np.arange(3.0, 13.0)  # px beyond an edge that show what lies there
 _INSIDE_PX, _SAMPLES = 24, 32  # lines within a face that tell its contrast, and points of each
 _SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
@@ -268,16 +269,71 @@ def is_other_beyond(views: Views, world: World, own: Float64, side: Side, edge: 
     per_px = _mm_per_px(world, own, side, edge, -0.9 * size_mm)
 
     def colors(beyond_mm: Float64) -> Float64:
-        u, v = world.pixels(_along(own, side, edge, beyond_mm).reshape(-1, 3)).astype(np.float32).T[:, None]
-        inside = (u[0] >= 0) & (v[0] >= 0) & (u[0] < views.left.shape[1]) & (v[0] < views.left.shape[0])
-        return np.asarray(cv2.remap(views.left, u, v, cv2.INTER_LINEAR).reshape(u.size, -1)[inside], np.float64)
+        found = _colors(views, world, _along(own, side, edge, beyond_mm))
+        return found[np.isfinite(found).all(axis=-1)]
 
     face, beyond = colors(np.linspace(-0.95, -0.05, _INSIDE_PX) * size_mm), colors(per_px * _BESIDE)
     if not len(face) or len(beyond) < len(_BESIDE) * _SAMPLES / 2:
         return False
+    return bool(_has_colors_of(face, beyond).mean() < _ALIKE)
+
+
+def other_inside_mm(views: Views, world: World, own: Float64, side: Side) -> float:
+    """By how much a face would be narrower if it ended where, before its end, another colour begins.
+
+    Parameters
+    ----------
+    views : Views
+    world : World
+        One, real.
+    own : (8,) float64
+        The box, in the order of `Own`.
+    side : Side
+        The face.
+
+    Returns
+    -------
+    float
+        0 where it has its own colours up to there, but for the 4 px that an edge is wide; or where it is a stripe on
+        the face, or the wall between it and what stands beside it, no picture tells. The one that shows the face wider
+        is looked at.
+    """
+    size_mm = float(own[side.extent])
+    per_px = _mm_per_px(world, own, side, side.end, -0.9 * size_mm)
+    count = int(_MOST_INSIDE * size_mm / per_px)
+    if count <= _SPILL_PX:
+        return 0.0
+    ends = _along(own, side, side.end, np.array([0.0, -size_mm]))[:, 0]
+    widths = [np.ptp(world.pixels(ends, right)[:, 0]) for right in (False, True)]
+    right = bool(widths[1] > widths[0])
+    inside = _along(own, side, side.end, -per_px * np.arange(1.0, count))
+    face = _colors(
+        views, world, _along(own, side, side.end, np.linspace(-0.95, -_MOST_INSIDE, _INSIDE_PX) * size_mm), right
+    )
+    face = face[np.isfinite(face).all(axis=-1)]
+    if not len(face):
+        return 0.0
+    other = _has_colors_of(face, _colors(views, world, inside, right)).mean(axis=1) < _ALIKE
+    at = np.flatnonzero(other)
+    first = int(at[0]) if len(at) else count
+    last = first + int(np.argmin(np.append(other[first:], False)))
+    return float(per_px * last) if first < _SPILL_PX and last - first >= _LEAST_OTHER_PX else 0.0
+
+
+def _colors(views: Views, world: World, points_mm: Float64, right: bool = False) -> Float64:
+    """Colours at points (..., 3) in one picture: (..., channels), NaN outside of it."""
+    picture = views.right if right else views.left
+    u, v = world.pixels(points_mm.reshape(-1, 3), right).astype(np.float32).T[:, None]
+    inside = (u[0] >= 0) & (v[0] >= 0) & (u[0] < picture.shape[1]) & (v[0] < picture.shape[0])
+    found = cv2.remap(picture, u, v, cv2.INTER_LINEAR).reshape(u.size, -1).astype(np.float64)
+    found[~inside] = np.nan
+    return np.asarray(found.reshape(*points_mm.shape[:-1], -1))
+
+
+def _has_colors_of(face: Float64, colors: Float64) -> Bools:
+    """Which colours (..., channels) a face (N, channels) has: between its tenths from either end, nearly."""
     darkest, lightest = np.quantile(face, _FACE_COLORS, axis=0)
-    alike = ((beyond > darkest - _SAME_GREY) & (beyond < lightest + _SAME_GREY)).all(axis=1)
-    return bool(alike.mean() < _ALIKE)
+    return np.asarray(((colors > darkest - _SAME_GREY) & (colors < lightest + _SAME_GREY)).all(axis=-1))
 
 
 def _along(own: Float64, side: Side, edge: Edge, beyond_mm: Float64) -> Float64:

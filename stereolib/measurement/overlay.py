@@ -11,7 +11,7 @@ import numpy as np
 from stereolib.base import Float64, UInt8
 from stereolib.measurement.floor import Floor
 from stereolib.measurement.measure import Measurement
-from stereolib.measurement.measured_object import MeasuredObject
+from stereolib.measurement.measured_object import UNSURE_MM, MeasuredObject
 
 #: Left, upper, right and lower end of something in a picture, px.
 Frame: TypeAlias = tuple[float, float, float, float]
@@ -31,6 +31,8 @@ _WIDTH_PX = 640  # of a picture with texts of these sizes; they grow with it
 def size_text(measured: MeasuredObject) -> str:
     """Say an object's sizes, ``"302 x 198 x 251 mm"``; a question mark where one is unknown.
 
+    One that is known to 5 mm only, or worse, has its standard deviation with it: ``"302 x 198+-7 x 251 mm"``.
+
     Parameters
     ----------
     measured : MeasuredObject
@@ -39,7 +41,11 @@ def size_text(measured: MeasuredObject) -> str:
     -------
     str
     """
-    return " x ".join("?" if np.isnan(size) else f"{size:.0f}" for size in measured.size_mm) + " mm"
+    told = [
+        "?" if np.isnan(size) else f"{size:.0f}" + (f"+-{std:.0f}" if std >= UNSURE_MM else "")
+        for size, std in zip(measured.size_mm, measured.std_mm, strict=True)
+    ]
+    return " x ".join(told) + " mm"
 
 
 def why_text(measured: MeasuredObject) -> str:

@@ -16,6 +16,7 @@ from stereolib.measurement.edges_beyond import (
     is_matched_otherwise,
     is_other_beyond,
     matched_beyond,
+    other_inside_mm,
     shown_beyond,
     upper_edge_beyond,
     uprights_beyond,
@@ -387,13 +388,15 @@ def _as_far_as_matched(
 
 
 def _doubt_of_lines(views: Views, world: World, region: ObjectRegion, rough: _Rough, own: Float64) -> Float64:
-    """Covariance of a box's parameters for edges that may be lines on it: (8, 8).
+    """Covariance of a box's parameters for edges that may be lines on it, or on what stands beside it: (8, 8).
 
-    Its faces may go on to where they were matched; and to anywhere above upper edges that have their own colour there,
-    where that is not the top's, on which the camera looks down.
+    Its faces may go on to where they were matched, and end where, before their end, another colour begins. And they may
+    go on to anywhere above upper edges that have their own colour there, where that is not the top's, on which the
+    camera looks down.
     """
     beyond = _goes_on(views, world, region, rough, own)
-    moves = [more_mm * edge_direction(edge, own, side) for side, edge, more_mm in beyond]
+    inside = [(side, side.end, other_inside_mm(views, world, own, side)) for side in Side if side.end in rough.open]
+    moves = [mm * edge_direction(edge, own, side) for side, edge, mm in (*beyond, *inside) if mm > 0]
     tops = [side for side in Side if side.top in rough.open and not _looks_down(world, own)]
     if tops and not any(is_other_beyond(views, world, own, side, side.top) for side in tops):
         moves.append(_ANYWHERE * own[Own.HEIGHT] * edge_direction(tops[0].top, own, tops[0]))

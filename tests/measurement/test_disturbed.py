@@ -21,7 +21,7 @@ pytestmark = pytest.mark.slow
 NUMBERS = {
     "plain": (2, 8, 11), "own": (0, 1, 4), "high": (0, 1, 3), "cartons": (0,), "bricks": (0,), "held": (0, 1),
     "leaning": (0, 1), "faint": (0, 1), "white": (1, 2, 4), "white_cartons": (4, 5, 6),
-    "neighbour": (1, 2, 3), "neighbour_cartons": (0, 1), "neighbour_white": (0, 1, 2),
+    "neighbour": (1, 2, 3), "neighbour_cartons": (1, 3), "neighbour_white": (0, 1, 2),
 }  # fmt: skip
 #: What makes intervals grow until they are no use, or takes a sensor away, may leave sizes out.
 MAY_REFUSE = {"noise_10", "clipped_15", "cheap_webcam", "cartons_jpeg_20", "cartons_webcam", "held", "leaning"}
@@ -89,7 +89,8 @@ def test_an_end_that_was_mistaken_for_a_line_inside_is_looked_for_where_the_face
 
 
 @pytest.mark.parametrize(
-    ("number", "least"), [(1012, 4), (1017, 2), (1021, 2), pytest.param(1127, 2, marks=SURER_THAN_TRUE_WITH_4)]
+    ("number", "least"),
+    [(1012, 4), (1017, 2), (1021, 1 if OPENCV4 else 2), pytest.param(1127, 1, marks=SURER_THAN_TRUE_WITH_4)],
 )
 def test_an_upper_line_of_print_is_no_upper_edge(number: int, least: int) -> None:
     """Their heights were those of their print, 36 % too low with 0.3 % of deviation: JPEG fills what is blank above.

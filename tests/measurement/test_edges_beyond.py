@@ -13,6 +13,7 @@ from stereolib.measurement.edges_beyond import (
     is_matched_otherwise,
     is_other_beyond,
     matched_beyond,
+    other_inside_mm,
     shown_beyond,
     upper_edge_beyond,
     uprights_beyond,
@@ -205,3 +206,20 @@ def test_beyond_the_pictures_rim_no_colour_is_known():
     shown, own = rendered(*box, **how), true_box(*box)
     own[Own.HEIGHT] = 800.0
     assert not is_other_beyond(shown.views, shown.world, own, Side.RIGHT, Edge.TOP_RIGHT)
+
+
+@pytest.mark.parametrize("side", Side)
+@pytest.mark.parametrize("case", CASES)
+def test_a_face_that_is_taken_to_reach_over_what_stands_beside_it_may_end_where_its_colours_do(case, side):
+    box, how = CASES[case]
+    shown, own = rendered(*box, **how), true_box(*box)
+    views = painted(shown, own, True, (90, 120, 150))
+    assert other_inside_mm(views, shown.world, own, side) == 0.0
+    for share in (1.1, 1.3):
+        wide = own.copy()
+        wide[side.extent] *= share
+        too_much = (share - 1) * own[side.extent]
+        assert other_inside_mm(views, shown.world, wide, side) == pytest.approx(too_much, abs=6.0)
+    narrow = own.copy()
+    narrow[side.extent] *= 0.8
+    assert other_inside_mm(views, shown.world, narrow, side) == 0.0

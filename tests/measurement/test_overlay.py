@@ -23,6 +23,13 @@ def test_the_boxes_are_drawn_where_the_cube_is():
     assert abs(rows.max() - seen_rows.max()) < 5 and size_text(the_cube(found)).endswith(" mm")
 
 
+def test_a_size_that_is_not_well_known_has_its_deviation_with_it():
+    cube = the_cube(measured())
+    vague = replace(cube, covariance=np.diag([49.0, 1.0, 16.0]))
+    assert "+-" not in size_text(cube) and size_text(vague) == size_text(cube).replace(" x", "+-7 x", 1)
+    assert size_text(replace(vague, size_mm=np.array([np.nan, 1.0, 2.0]))) == "? x 1 x 2 mm"
+
+
 def test_a_name_gives_the_colour_and_what_has_none_is_grey():
     found = measured()
     for name, rgb in (("A", OBJECT_RGB[0]), ("C", OBJECT_RGB[2]), ("", (140, 140, 140))):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 import sys
 from pathlib import Path
 
@@ -54,8 +55,20 @@ def _run(arguments: argparse.Namespace) -> int:
         written = report_rig(arguments.folder, out, name)
     except NotebookError as error:
         raise ValueError(f"{arguments.folder}: {_first_line(str(error))}") from error
+    for line in _verdict(written):
+        print(line)
     print(f"written to {out}: {', '.join(path.name for path in written)}")
     return DONE
+
+
+def _verdict(written: list[Path]) -> list[str]:
+    """The cameras' verdict, as the notebook that was run prints it; nothing where it had no boards."""
+    from stereolib.calibration import VERDICT_MEANINGS
+
+    cells = [cell for path in written if path.suffix == ".ipynb" for cell in json.loads(path.read_bytes())["cells"]]
+    texts = ("".join(output.get("text", ())) for cell in cells for output in cell.get("outputs", ()))
+    verdicts = tuple(f"{verdict}: {meaning}" for verdict, meaning in VERDICT_MEANINGS.items())
+    return [line for text in texts for line in text.splitlines() if line.startswith(verdicts)][:1]
 
 
 def _first_line(text: str) -> str:

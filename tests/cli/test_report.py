@@ -57,6 +57,7 @@ def test_report_of_a_laser_alone_leaves_out_the_rest(folder, capsys):
     assert run("report", folder) == 0
     assert {path: path.stat().st_mtime_ns for path in (datasets.ROOT / "figures").iterdir()} == figures
     said = capsys.readouterr().out
+    assert not re.search(r"^(good|usable|bad): ", said, re.MULTILINE)
     assert "0 pairs of the board, 0 pairs to measure, 1 scan\n  nothing in boards: no calibration" in said
     assert sorted(path.name for path in (folder / "report").iterdir()) == ["report.html", "report.ipynb"]
     text = told(folder / "report" / "report.ipynb")
@@ -108,8 +109,9 @@ def test_report_of_real_webcams_goes_as_far_as_their_boards(folder, quick, capsy
     )
     (folder / "rig.toml").write_text(text)
     assert run("report", folder) == 0
-    text = told(folder / "report" / "report.ipynb")
-    assert re.search(r"^(good|usable|bad): ", text, re.MULTILINE)
+    text, said = told(folder / "report" / "report.ipynb"), capsys.readouterr().out
+    verdict = re.search(r"^(good|usable|bad): .*", text, re.MULTILINE)
+    assert verdict and f"\n{verdict[0]}\nwritten to " in said
     assert re.search(r"baseline B 6\d\.\d\d mm", text) and re.search(
         r"rows of the right picture are off by [+-]\d", text
     )

@@ -31,7 +31,8 @@ _OTHER_FLOOR = 16.3  # squared deviations of three numbers, which chance passes 
 #: Below a picture: whose pixels are its own.
 _BLACK = "#000000"
 _AS_GIVEN = "LEFT as the camera gave it: pixels for --between"
-_MARKS = "green: the laser's readings, as if they lay on the floor; dashed: edges that the box itself hides"
+_READINGS = "green: the laser's readings, as if they lay on the floor"
+_HIDDEN = "dashed: edges that the box itself hides"
 _RECTIFIED = "rectified: its pixels are for --between ... --rectified, they are not those of LEFT"
 
 _NOTES = """\
@@ -116,8 +117,8 @@ def _run(arguments: argparse.Namespace) -> int:
     if floor is not None and (text := otherwise_seen(pair, floor)):
         first.append(text)
     measured = replace(measured, warnings=(*first, *measured.warnings))
-    key = _MARKS if len(measured.scan_mm) else _MARKS.partition("; ")[2]
-    lines = [*_size_lines(measured), (key, _BLACK), (_RECTIFIED, _BLACK)]
+    key = [_READINGS, _HIDDEN] if len(measured.scan_mm) else [_HIDDEN]
+    lines = [*_size_lines(measured), ("; ".join(key), _BLACK), (_RECTIFIED, _BLACK)]
     write_atomic(picture, picture_with_pixels(draw_objects(measured), lines))
     facts = measured_facts(measured) | {"picture": str(picture)}
     print(json.dumps(facts, indent=1, allow_nan=False) if arguments.json else measured_text(measured))

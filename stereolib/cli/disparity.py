@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from stereolib.cli.boards import add_pair
+from stereolib.cli.boards import add_pair, said_of
 from stereolib.cli.command import Command
 from stereolib.cli.errors import DONE, named
 from stereolib.cli.outputs import check_ending, check_outputs, default_name
@@ -36,7 +36,11 @@ _FILES = (
     (".png", False, "a picture to look at, with the key of its colours: depth, or disparity without --calibration"),
     ("_std.npy", False, "from best: standard deviation of the disparity, px, as measured on virtual scenes"),
     ("_depth_mm.npy", True, "depth along the rectified left camera's axis, (H, W) float32, mm"),
-    ("_depth_mm.png", True, "the same in whole mm, 16 bits, 0 is invalid or beyond 65,535 mm (ROS REP 118)"),
+    (
+        "_depth_mm.png",
+        True,
+        "the same in whole mm, 16 bits (viewers show it black), 0 is invalid or beyond 65,535 mm (ROS REP 118)",
+    ),
     ("_depth_std_mm.npy", True, "from best: its standard deviation, mm: the matcher's, and the calibration's"),
     (".ply", True, "coloured points in the rectified left camera's frame: x right, y down, z forward, m"),
 )
@@ -99,8 +103,9 @@ def _run(arguments: argparse.Namespace) -> int:
     with named(*files), _named_as_options(arguments.calibration):
         depth = None if instrument is None else measure_depth(*pair, instrument, *how, filled=arguments.filled)
         match = depth.match if depth else match_checked(*pair, *how)
-    for text in match.notes:
-        print(f"warning: {_as_options(text)}")
+    said = [*said_of(arguments.calibration), *depth.instrument.warnings] if depth else []
+    for text in (*said, *map(_as_options, match.notes)):
+        print(f"warning: {text}")
     _write(paths, match.estimate.disparity_px, match.estimate.std_px, depth)
     shares = ", ".join(f"{100 * share:.1f} % {kind}" for kind, share in match.shares.items())
     low, high = np.nanpercentile(match.estimate.disparity_px, (1, 99))

@@ -25,6 +25,10 @@ DONE, REFUSED, WRONG_INPUT, INTERRUPTED = 0, 1, 2, 130
 _ENDING = ("SIGTERM", "SIGHUP", "SIGBREAK")  # those of them that a system has
 
 
+class Refused(ValueError):
+    """All that was given is right, but nothing can be told of it."""
+
+
 class Ended(KeyboardInterrupt):
     """The system ends the command, or its terminal was closed: as Ctrl-C, but nobody waits for what comes after."""
 
@@ -42,9 +46,9 @@ def guarded(run: Callable[[], int], interrupted: str = "") -> int:
     Returns
     -------
     int
-        The code of `run`; 2 for wrong input, a file or device that the system refuses, a missing extra, or too little
-        memory; 130 when interrupted, or ended by SIGTERM or SIGHUP; 0, without a word, when who reads our output has
-        gone (``| head``).
+        The code of `run`; 1 where it raises `Refused`; 2 for wrong input, a file or device that the system refuses, a
+        missing extra, or too little memory; 130 when interrupted, or ended by SIGTERM or SIGHUP; 0, without a word,
+        when who reads our output has gone (``| head``).
 
     Raises
     ------
@@ -71,6 +75,8 @@ def guarded(run: Callable[[], int], interrupted: str = "") -> int:
             _say(f"error: too little memory ({why}): try smaller pictures, or close other programs")
         elif isinstance(error, (ValueError, OSError)):
             _say(f"error: {_told(error)}")
+            if isinstance(error, Refused):
+                return REFUSED
         else:
             raise
     return WRONG_INPUT

@@ -6,6 +6,7 @@ import argparse
 import itertools
 import json
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -13,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from stereolib.cli.boards import add_pair, said_of
 from stereolib.cli.command import Command
-from stereolib.cli.errors import DONE, REFUSED, named
+from stereolib.cli.errors import DONE, REFUSED, Refused, named
 from stereolib.cli.outputs import check_ending, check_outputs, default_name
 from stereolib.cli.ranges import MM, number
 from stereolib.cli.told import object_details, object_facts, object_title, wrapped
@@ -27,9 +28,10 @@ _FLOOR_STD = (1.0, 0.2)  # mm, degrees: what a ruler and a phone's level tell
 _STEEPEST = 90.0  # degrees
 _LAST_PX = 2**15  # no picture is larger
 _LEAST_MM = 1.0  # a lower camera was meant in metres
+_MOST_TIMES = 3.0  # as high or low as the pictures show it, a floor is no slip of a ruler
 _OTHER_FLOOR = 16.3  # squared deviations of three numbers, which chance passes once in 1,000
 #: Below a picture: whose pixels are its own.
-_BLACK = "#000000"
+_BLACK, _RED = "#000000", "#b00000"
 _AS_GIVEN = "LEFT as the camera gave it: pixels for --between"
 _READINGS = "green: the laser's readings, as if they lay on the floor"
 _HIDDEN = "dashed: edges that the box itself hides"
@@ -86,7 +88,7 @@ def _run(arguments: argparse.Namespace) -> int:
     from stereolib.base import write_atomic
     from stereolib.mapping import read_scan
     from stereolib.matching import check_matchable
-    from stereolib.measurement import Instrument, draw_objects, measure_objects
+    from stereolib.measurement import CannotMeasure, Instrument, draw_objects, measure_objects
     from stereolib.plotting import picture_with_pixels
     from stereolib.rig import find_pair, read_pair
 
@@ -96,6 +98,8 @@ def _run(arguments: argparse.Namespace) -> int:
     check_outputs([picture], force=arguments.force, option="--output")
     if arguments.rectified and not arguments.between:
         raise ValueError("--rectified says of which picture the pixels of --between are: give both, or neither")
+    if arguments.between and (idle := [f"--{n}" for n in ("scan", "floor") if getattr(arguments, n) is not None]):
+        raise ValueError(f"--between measures in the pictures alone: leave {' and '.join(idle)} away")
     instrument, files = Instrument.load(arguments.calibration), find_pair(arguments.left, arguments.right)
     pair = read_pair(*files)
     check_matchable(*pair, (str(files[0]), str(files[1])))
@@ -103,22 +107,28 @@ def _run(arguments: argparse.Namespace) -> int:
         with named(*files):
             drawn, facts, told = between(pair, arguments.between, instrument, is_rectified=arguments.rectified)
         caption = _RECTIFIED if arguments.rectified else _AS_GIVEN
-        lines = [(text, _BLACK) for text in (told.splitlines()[0], caption)]
+        facts |= {"warnings": said_of(arguments.calibration) + facts["warnings"], "picture": str(picture)}
+        lines = [(told.splitlines()[0], _BLACK), *_warning_lines(facts["warnings"]), (caption, _BLACK)]
         write_atomic(picture, picture_with_pixels(drawn, lines))
-        facts |= {"warnings": said_of(arguments.calibration), "picture": str(picture)}
         said = [told, *(f"warning: {text}" for text in facts["warnings"]), f"picture: {picture}"]
         print(json.dumps(facts, indent=1, allow_nan=False) if arguments.json else "\n".join(said))
         return DONE
     scan = None if arguments.scan is None else read_scan(arguments.scan)
     floor = None if arguments.floor is None else floor_by_hand(instrument.rectified, arguments.floor)
-    with named(*files):
-        measured = measure_objects(*pair, scan, instrument, floor=floor)
     first = said_of(arguments.calibration)
     if floor is not None and (text := otherwise_seen(pair, floor)):
         first.append(text)
+    try:
+        with named(*files):
+            measured = measure_objects(*pair, scan, instrument, floor=floor)
+    except ValueError as error:
+        if not isinstance(error.__cause__ or error, CannotMeasure):
+            raise
+        raise Refused(str(error)) from error
     measured = replace(measured, warnings=(*first, *measured.warnings))
     key = [_READINGS, _HIDDEN] if len(measured.scan_mm) else [_HIDDEN]
-    lines = [*_size_lines(measured), ("; ".join(key), _BLACK), (_RECTIFIED, _BLACK)]
+    about = [*_size_lines(measured), *_warning_lines(measured.warnings)]
+    lines = [*about, ("; ".join(key), _BLACK), (_RECTIFIED, _BLACK)]
     write_atomic(picture, picture_with_pixels(draw_objects(measured), lines))
     facts = measured_facts(measured) | {"picture": str(picture)}
     print(json.dumps(facts, indent=1, allow_nan=False) if arguments.json else measured_text(measured))
@@ -150,6 +160,7 @@ def between(
     facts: dict[str, Any] = {"length_mm": found.length_mm, "std_mm": found.std_mm}
     facts |= {"pixels": [list(at) for at in pixels], "pixels_of": frame}
     facts |= {"points_mm": found.points_mm.tolist(), "disparity_px": found.disparity_px.tolist()}
+    facts |= {"warnings": list(found.warnings)}
     depths = " and ".join(f"{depth:.0f} mm" for depth in found.depth_mm)
     told = f"{found.length_mm:.1f} ± {found.std_mm:.1f} mm (one standard deviation), at depths of {depths}"
     told += "\nan edge that was left out is missing in it; without --between, things are told from edge to edge"
@@ -214,12 +225,16 @@ def otherwise_seen(pair: tuple[UInt8, UInt8], floor: Floor) -> str:
     if off @ np.linalg.solve(seen.covariance + floor.covariance, off) < _OTHER_FLOOR:
         return ""
     there, given = (
-        f"{f.camera_height_mm:.0f} mm below the camera, which looks {np.degrees(f.pitch_rad):.1f} degrees up"
+        f"{f.camera_height_mm:.4g} mm below the camera, which looks {abs(np.degrees(f.pitch_rad)):.1f} degrees "
+        f"{'up' if f.pitch_rad >= 0 else 'down'}"
         for f in (seen, floor)
     )
-    return (
+    text = (
         f"--floor contradicts the pictures: they show a floor {there}; given is {given}. Leave it away, or correct it"
     )
+    if abs(math.log(seen.camera_height_mm / floor.camera_height_mm)) > math.log(_MOST_TIMES):
+        raise ValueError(f"{text}: millimetres are asked for")
+    return text
 
 
 def measured_facts(measured: Measurement) -> dict[str, Any]:
@@ -250,6 +265,11 @@ def _size_lines(measured: Measurement) -> list[tuple[str, str]]:
     colors = (f"#{r:02x}{g:02x}{b:02x}" for r, g, b in itertools.cycle(OBJECT_RGB))
     things = [(item, color) for item, color in zip(measured.objects, colors, strict=False) if not _is_nameless(item)]
     return [(object_title(str(k), item), color) for k, (item, color) in enumerate(things, start=1)]
+
+
+def _warning_lines(warnings: Sequence[str]) -> list[tuple[str, str]]:
+    """What of the warnings is written below a picture, which may be looked at without the text: what is wrong."""
+    return [(f"warning: {re.split('[:;]', text)[0]}", _RED) for text in warnings]
 
 
 def _is_nameless(item: MeasuredObject) -> bool:

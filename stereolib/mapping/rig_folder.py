@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import glob
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -258,7 +259,7 @@ def load_rig_folder(folder: Path, *, with_boards: bool = True) -> RigFolder:
             f"different tilts are needed, and 15 to 30 give a trustworthy rig"
         )
     pairs, scans_at = _pairs(folder, places["pairs"]), folder / places["scans"]
-    scans = scans_at.iterdir() if scans_at.is_dir() else folder.glob(places["scans"])
+    scans = scans_at.iterdir() if scans_at.is_dir() else _matching(folder, places["scans"])
     stations, alone = pair_stations(pairs, name_scans(sorted(scans)))
     stations = known_poses(stations, folder / POSES)
     lengths, names = said.lengths(), [station.name for station in stations if station.left]
@@ -424,11 +425,16 @@ def _is_number(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
+def _matching(folder: Path, pattern: str) -> list[Path]:
+    """Files of a pattern, which may lead out of the folder."""
+    return [folder / name for name in glob.glob(pattern, root_dir=folder)]
+
+
 def _pairs(folder: Path, place: str) -> tuple[PairFile, ...]:
     """Pairs of a folder or a pattern; none where it is missing or empty."""
     at = folder / place
     if at.is_dir() and not any(not path.name.startswith(".") for path in at.iterdir()):
         return ()
-    if not at.exists() and not any(folder.glob(place)):
+    if not at.exists() and not _matching(folder, place):
         return ()
     return tuple(find_pairs(at))

@@ -15,7 +15,7 @@ from .pipelines import (
     stereo_pipeline,
 )
 from .pixel_cost import PixelCost, pixel_cost
-from .plane_fill import behind_border, continue_background
+from .plane_fill import continue_background, fill_by_color
 from .rows import RowOffset, find_rows
 from .scenes import correlation_length_px, near_edge_mask, smallest_window
 from .scoring import RepairScore, Score, fattening_px, overreach_px, score, score_repair
@@ -40,7 +40,6 @@ __all__ = [
     "Score",
     "Surfaces",
     "Workers",
-    "behind_border",
     "census_transform",
     "check_matchable",
     "check_rectified",
@@ -57,6 +56,7 @@ __all__ = [
     "disparity_to_depth",
     "expected_disparity",
     "fattening_px",
+    "fill_by_color",
     "fill_matched",
     "find_rows",
     "left_right_check",

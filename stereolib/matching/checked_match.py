@@ -77,7 +77,7 @@ def match_checked(
         notes.append(f"too few points of the two pictures could be matched to tell {told}")
     rows, half_px = find_rows(left, right)
     estimate = _supported(run(left, right), half_px)
-    corrected = [rows.warning] if pipeline == "best" else []
+    corrected = rows.warnings if pipeline == "best" else ()
     rough_px, beyond = 2 * half_px[np.isfinite(half_px)], ""
     if num_disparities and rough_px.size and (share := float((rough_px > num_disparities).mean())) > _BEYOND:
         lost = f"{100 * share:.1f} % of the roughly matched pixels lie beyond num_disparities {num_disparities}"

@@ -21,7 +21,7 @@ from stereolib.matching.disparity import compute_disparity, left_right_check
 from stereolib.matching.filling import fill_background, remove_speckles
 from stereolib.matching.filters import dilate
 from stereolib.matching.levels import evened, shaded
-from stereolib.matching.plane_fill import behind_border, continue_background
+from stereolib.matching.plane_fill import continue_background, fill_by_color
 from stereolib.matching.rows import find_rows
 from stereolib.matching.sgbm import SGBMParams, check_window
 from stereolib.matching.surfaces import Surfaces, choose_surface
@@ -84,9 +84,9 @@ def stereo_pipeline(name: str = "best", num_disparities: int | None = 128) -> Pi
         - ``"fast"``: matched in half size from left and from right, checked, holes filled from the background, and
           enlarged. A quarter of the pixels, half of the disparities: several times faster than plain SGBM.
         - ``"best"``: rows corrected, then exposure, as a whole and part by part (`shaded`); `match_census_sgm`, checked
-          from right to left, specks removed, holes filled by the planes behind them, at the left border by colour, too
-          (`behind_border`), pixels beside steps given to the surface that has their colour (`choose_surface`), 5 x 5
-          median; a standard deviation for each pixel. Dense; some seconds.
+          from right to left, specks removed, holes filled by the planes behind them or by what around them has their
+          colour (`fill_by_color`), pixels beside steps given to the surface that has their colour (`choose_surface`),
+          5 x 5 median; a standard deviation for each pixel. Dense; some seconds.
     num_disparities : int or None, px
         Disparities from 0 to this are looked for; a multiple of 16, of 32 for ``"fast"``. None takes what
         `search_range` tells of the pair.
@@ -179,7 +179,7 @@ def fill_matched(
     checked = left_right_check(matched.left_px, matched.right_px)
     checked[checked > np.arange(checked.shape[1])] = np.nan
     checked = remove_speckles(checked, speckle_px)
-    dense = behind_border(continue_background(checked), checked, left)
+    dense = fill_by_color(continue_background(checked), checked, left)
     if np.isnan(dense).any():  # nothing was accepted anywhere
         dense = matched.left_px
     dense, moved = surface(dense, np.isfinite(checked), left)

@@ -1,4 +1,4 @@
-"""Filling of holes with the surfaces behind them: as planes, and at the left border with those of their colour."""
+"""Filling of holes with the surfaces behind them, as planes, or with those around them that have their colour."""
 
 from __future__ import annotations
 
@@ -6,17 +6,21 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereolib.base import Float32, Ints, UInt8
+from stereolib.base import Bools, Float32, Ints, UInt8
 from stereolib.matching.filling import check_map, fill_background, neighbours
 
-# Where a surface is looked at from the last pixel before a hole, px: away from the hole, and in the rows around.
-_AWAY_PX, _AROUND_PX = np.linspace(0, 31, 8).round(), np.linspace(-20, 20, 7).round()
+# Where a surface is looked at from the last pixel before a hole, px: away from the hole, and in the rows around. At
+# the left border, where holes are long, it is looked at as far as the hole goes, but no farther than this.
+_AWAY_PX, _AROUND_PX, _FARTHEST_PX = 31, np.arange(-24, 25, 6), 200
+_PLACES = np.linspace(0, 1, 8)  # of that way
 _SCALES_PX = (2.0, 1.0, 0.5)  # of the robust weights, one round each
 _LEVEL_PX, _SLOPE = 2.0, 0.04  # deviations of the plane from the pixel's own disparity and from level, before looking
 _LEAST_HOLE_PX = 4  # shorter ones are filled level
-# Colours at the left border: of a pixel, of a surface, how far from its rim that is looked at, window of the vote.
+_ALIKE_ROWS = 20  # above and below, with whose slopes a row goes on to the left border
+# Colours: of a pixel, of a surface, how far from its rim that is looked at, window of the vote.
 _OWN_PX, _SURFACE_PX, _INSIDE_PX, _VOTE_PX = 5, 9, 5, 15
-_BEHIND_PX, _ALIKE, _LEAST_UNLIKE = 2.0, 0.4, 9.0  # px; share of the nearer one's difference of colour; grey levels
+_SIDES = (0, 0, -1, 1), (-1, 1, 0, 0)  # rows and columns: left, right, above, below
+_ANOTHER_PX, _ALIKE, _LEAST_UNLIKE = 2.0, 0.5, 9.0  # px; share of the given one's difference of colour; grey levels
 
 
 def continue_background(disparity_px: npt.ArrayLike) -> Float32:
@@ -39,10 +43,12 @@ def continue_background(disparity_px: npt.ArrayLike) -> Float32:
     Notes
     -----
     To the last valid pixel (x_0, y_0) on the farther side a plane ``d = a + b (x - x_0) + c (y - y_0)`` is fitted, over
-    56 places within 31 columns beyond it and 20 rows around, by ``min sum rho(r_i) + prior``: three rounds of least
+    72 places within 31 columns beyond it and 24 rows around, by ``min sum rho(r_i) + prior``: three rounds of least
     squares with the weights ``1 / (1 + (r / s)^2)^2``, s = 2, 1, 0.5 px, so that other surfaces drop out. The prior
     holds a to the pixel's disparity (2 px) and b, c to 0 (0.04), where few places tell. The row is filled with
-    ``a + b (x - x_0)``; between two sides never nearer than both, and never behind infinity.
+    ``a + b (x - x_0)``; between two sides never nearer than both, and never behind infinity. Holes at the left border
+    are as wide as the disparities are large: there the places lie within as many columns as the hole has, up to 200,
+    and b is the median of those of the rows around, 20 above and 20 below, else every row would go its own way.
 
     Examples
     --------
@@ -60,17 +66,22 @@ def continue_background(disparity_px: npt.ArrayLike) -> Float32:
     for k, is_farther in enumerate(((before <= after) | np.isnan(after), (after < before) | np.isnan(before))):
         rows, at = np.nonzero(np.isnan(disparity) & (length >= _LEAST_HOLE_PX) & is_farther & np.isfinite(sides[k]))
         from_px = nearest[k][rows, at].astype(np.intp)
-        ends, which = np.unique(rows * len(columns) + from_px, return_inverse=True)
-        planes = _planes(disparity, *np.divmod(ends, len(columns)), away=2 * k - 1)
+        ends, first, which = np.unique(rows * len(columns) + from_px, return_index=True, return_inverse=True)
+        y, x = np.divmod(ends, len(columns))
+        at_border = (length[rows, at][first] == x) & (k == 1)
+        away_px = np.where(at_border, np.clip(x, _AWAY_PX, _FARTHEST_PX), _AWAY_PX)
+        planes = _planes(disparity, y, x, (2 * k - 1) * away_px)
+        planes[at_border, 1] = _of_rows_around(y[at_border], planes[at_border, 1], len(disparity))
         level, slope = planes[which].T
         filled[rows, at] = np.clip(level + slope * (at - from_px), 0, nearer[rows, at])
     return filled
 
 
-def behind_border(filled_px: Float32, disparity_px: Float32, left: UInt8) -> Float32:
-    """Give holes at the left border to a surface above or below instead, where that is farther and has their colour.
+def fill_by_color(filled_px: Float32, disparity_px: Float32, left: UInt8) -> Float32:
+    """Give holes to a surface left, right, above or below of them instead, where that has their colour.
 
-    Where a near surface leaves the right picture, its row goes on with it to the border, though it may end before.
+    A row goes on with the farther of its two surfaces, and at the border with the one it has; what a third one has
+    there, or the nearer one where nothing is hidden, the picture tells.
 
     Parameters
     ----------
@@ -84,9 +95,11 @@ def behind_border(filled_px: Float32, disparity_px: Float32, left: UInt8) -> Flo
     Returns
     -------
     (H, W) float32, px
-        A hole takes the disparity of the nearest valid pixel above or below if that is farther by more than 2 px and
-        the colours there, 5 px on, differ from the hole's by less than 0.4 of what those of its row do, which must be
-        9 grey levels or more (root mean square of the channels). Where most pixels within 15 px stay, it stays.
+        A hole takes the disparity of the nearest valid pixel to one of its four sides if that differs by more than 2 px
+        and the colours there, 5 px on, differ from the hole's by less than half of what those of the farther surface of
+        its row do, which must be 9 grey levels or more (root mean square of the channels); the one most alike, of
+        several. Nothing nearer is taken at the left border, nor where the nearer surface of the row hides the other:
+        ``d_right - d_left`` pixels left of it. Where most holes within 15 px stay, it stays.
 
     Examples
     --------
@@ -94,54 +107,74 @@ def behind_border(filled_px: Float32, disparity_px: Float32, left: UInt8) -> Flo
     >>> seen[30:], seen[:30, :30] = 10, np.nan  # a near thing above, which the right picture sees from column 30 on
     >>> left = np.full((60, 60), 50, np.uint8)
     >>> left[:30, 20:] = 200  # it ends at column 20
-    >>> filled = behind_border(continue_background(seen), seen, left)
+    >>> filled = fill_by_color(continue_background(seen), seen, left)
     >>> filled[10, [5, 25, 40]]
     array([10., 30., 30.], dtype=float32)
     """
-    known, rows_px = np.isfinite(disparity_px), np.arange(len(disparity_px), dtype=np.intp)[:, None]
-    first = np.where(known.any(axis=1), known.argmax(axis=1), 0)
-    if not (width := int(first.max())):
+    hole = np.isnan(disparity_px)
+    y, x = np.nonzero(hole)
+    if not 0 < y.size < hole.size:
         return filled_px
-    known, part = known[:, :width], np.atleast_3d(left)[:, : width + _SURFACE_PX]
-    own, around = (np.atleast_3d(cv2.blur(part, (size, size))).astype(np.int16) for size in (_OWN_PX, _SURFACE_PX))
-    # the first row and the last one may be holes: NaN
-    above, after = (np.maximum.accumulate(np.where(k, rows_px, 0), axis=0) for k in (known, known[::-1]))
-    below = len(known) - 1 - after[::-1]
-    hole = np.arange(width) < first[:, None]
-    least, level = np.full(known.shape, np.inf, np.float32), np.full(known.shape, np.nan, np.float32)
-    for rim, on in ((above, -_INSIDE_PX), (below, _INSIDE_PX)):
-        found = np.take_along_axis(disparity_px[:, :width], rim, axis=0)
-        y, x = np.nonzero(hole & (found < filled_px[:, :width] - _BEHIND_PX))
-        differs = _square(own[y, x] - around[(rim[y, x] + on).clip(0, len(known) - 1), x])
-        in_row = _square(own[y, x] - around[y, np.minimum(first[y] + _INSIDE_PX, around.shape[1] - 1)])
-        better = (differs < _ALIKE**2 * in_row) & (in_row > _LEAST_UNLIKE**2) & (differs < least[y, x])
-        y, x = y[better], x[better]
-        least[y, x], level[y, x] = differs[better], found[y, x]
-    share = cv2.blur(np.isfinite(level).astype(np.float32), (_VOTE_PX, _VOTE_PX), borderType=cv2.BORDER_REPLICATE)
-    taken = (share > 0.5) & np.isfinite(level)
+    picture = np.atleast_3d(left)
+    own, around = (np.atleast_3d(cv2.blur(picture, (size, size))).astype(np.int16) for size in (_OWN_PX, _SURFACE_PX))
+    rims = np.array([rim[y, x] for rim in _rims(~hole)])
+    there = rims >= 0
+    rim_y, rim_x = np.divmod(np.maximum(rims, 0), hole.shape[1])
+    level = np.where(there, disparity_px[rim_y, rim_x], np.float32(np.nan))
+    on_y, on_x = (
+        np.clip(rim + _INSIDE_PX * np.array(way)[:, None], 0, size - 1)
+        for rim, way, size in zip((rim_y, rim_x), _SIDES, hole.shape, strict=True)
+    )
+    differs = _square(own[y, x] - around[on_y, on_x])
+    given = np.where((level[0] <= level[1]) | ~there[1], differs[0], differs[1])  # of the farther one of the row
+    hidden = ~there[0] | (rim_x[1] - x <= level[1] - level[0])
+    nearer = level - filled_px[y, x]
+    other = (np.abs(nearer) > _ANOTHER_PX) & ~(hidden & (nearer > 0))
+    differs[~other | (differs >= _ALIKE**2 * given) | (given <= _LEAST_UNLIKE**2)] = np.inf
+    chosen, is_taken = level[differs.argmin(axis=0), np.arange(y.size)], np.isfinite(differs.min(axis=0))
+    taken = np.zeros(hole.shape, np.float32)
+    taken[y, x] = is_taken
+    votes, of = (cv2.blur(a, (_VOTE_PX, _VOTE_PX), borderType=cv2.BORDER_REPLICATE) for a in (taken, np.float32(hole)))
+    is_taken &= (votes > 0.5 * of)[y, x]
     out = filled_px.copy()
-    out[:, :width][taken] = level[taken]
+    out[y[is_taken], x[is_taken]] = chosen[is_taken]
     return out
+
+
+def _rims(known: Bools) -> tuple[Ints, Ints, Ints, Ints]:
+    """Flat index of the nearest pixel that is known to the left, right, above and below; -1 where there is none."""
+    flat = np.where(known, np.arange(known.size, dtype=np.int32).reshape(known.shape), np.int32(-1))
+    back = np.where(known, flat, np.int32(known.size))[::-1, ::-1]
+    after = (np.minimum.accumulate(back, axis=axis)[::-1, ::-1] for axis in (1, 0))
+    right, below = (np.where(side == known.size, np.int32(-1), side) for side in after)
+    return np.maximum.accumulate(flat, axis=1), right, np.maximum.accumulate(flat, axis=0), below
 
 
 def _square(colour: npt.NDArray[np.int16]) -> Float32:
     return np.asarray((colour.astype(np.float32) ** 2).mean(axis=-1))
 
 
-def _planes(disparity: Float32, rows: Ints, columns: Ints, away: int) -> Float32:
-    """Level (px) and slope along the row of the planes at some pixels, (N, 2); the surface lies left (-1) or right."""
-    dx, dy = (offset.ravel() for offset in np.meshgrid(away * _AWAY_PX, _AROUND_PX))
-    y, x = ((at[:, None] + by).astype(np.intp) for at, by in ((rows, dy), (columns, dx)))
+def _of_rows_around(rows: Ints, values: Float32, height: int) -> Float32:
+    """Median of the values of the rows around each, where these have one."""
+    every = np.full(height + 2 * _ALIKE_ROWS, np.nan, np.float32)
+    every[rows + _ALIKE_ROWS] = values
+    return np.asarray(np.nanmedian(every[rows[:, None] + np.arange(2 * _ALIKE_ROWS + 1)], axis=1))
+
+
+def _planes(disparity: Float32, rows: Ints, columns: Ints, away_px: Ints) -> Float32:
+    """Level (px) and slope along the row of the planes at some pixels, (N, 2); their surfaces lie so far to a side."""
+    share, dy = (offset.ravel() for offset in np.meshgrid(_PLACES, _AROUND_PX))
+    dx = (away_px[:, None] * share).round()
+    y, x = rows[:, None] + dy, (columns[:, None] + dx).astype(np.intp)
     inside = (y >= 0) & (y < disparity.shape[0]) & (x >= 0) & (x < disparity.shape[1])
     seen = np.where(inside, disparity[np.where(inside, y, 0), np.where(inside, x, 0)], np.float32(np.nan))
     known, own = np.isfinite(seen), disparity[rows, columns]
     off = np.where(known, seen - own[:, None], np.float32(0))
-    along = np.column_stack([np.ones_like(dx), dx, dy]).astype(np.float32)
-    squares = (along[:, :, None] * along[:, None, :]).reshape(-1, 9)
+    along = np.stack(np.broadcast_arrays(np.ones_like(dx), dx, dy), axis=-1).astype(np.float32)
     prior = np.diag((_SCALES_PX[-1] / np.array([_LEVEL_PX, _SLOPE, _SLOPE])) ** 2).astype(np.float32)
-    plane = np.zeros((len(rows), 3), np.float32)
+    plane = np.zeros((len(rows), 3, 1), np.float32)
     for scale in _SCALES_PX:
-        weight = known / (1 + ((off - plane @ along.T) / np.float32(scale)) ** 2) ** 2
-        normal = (weight @ squares).reshape(-1, 3, 3) + prior
-        plane = np.linalg.solve(normal, ((weight * off) @ along)[..., None])[..., 0]
-    return np.column_stack([own + plane[:, 0], plane[:, 1]])
+        weight = known / (1 + ((off - (along @ plane)[..., 0]) / np.float32(scale)) ** 2) ** 2
+        weighted = (along * weight[..., None]).transpose(0, 2, 1)
+        plane = np.linalg.solve(weighted @ along + prior, weighted @ off[..., None])
+    return np.column_stack([own + plane[:, 0, 0], plane[:, 1, 0]])

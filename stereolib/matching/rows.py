@@ -44,7 +44,8 @@ _LEAST_CELLS = 12
 _LEAST_USED = 0.4  # share of a cell that must be matched
 _LEAST_WEIGHT = 4.0  # of a cell: squared grey levels per px
 _MOVED_PX, _CERTAIN = 0.3, 5.0  # an offset so large, in px and in standard deviations, is told
-_SURE_STDS, _LEAST_ROLL = 3.0, 1e-9  # a roll so many deviations from none counts by half
+_SURE_STDS = 3.0  # a roll or zoom so many deviations from none counts by half,
+_LEAST_ROLL, _LEAST_ZOOM = 1e-9, 1e-3  # and one that is no larger than this does, too
 _NOWHERE_PX = -9.0  # where a pixel stands that nothing was matched with
 _UNKNOWN_PX = 3.0  # standard deviation where nothing tells
 
@@ -60,11 +61,14 @@ class RowOffset:
     covariance : (3, 3) float64
     centre : (u, v), px
         The picture's.
+    is_rough : bool
+        A zoom is then corrected in the rows alone: columns are matched as they are, and moved once it is well known.
     """
 
     coefficients: Float64
     covariance: Float64
     centre: tuple[float, float]
+    is_rough: bool = False
 
     def __post_init__(self) -> None:
         set_frozen(self, coefficients=finite_array(self.coefficients, (3,), "coefficients"))
@@ -89,25 +93,49 @@ class RowOffset:
         """How far the right picture is turned, clockwise, rad."""
         return float(np.arctan(self.coefficients[0]))
 
+    @cached_property
+    def _turn(self) -> tuple[float, float]:
+        """Roll and the zoom that is left beside it, each as far as it is no chance."""
+        (b, c, _), (var_b, var_c, _) = self.coefficients, np.diag(self.covariance)
+        roll = _surely(b, var_b, _LEAST_ROLL)
+        return roll, 0.0 if self.is_rough else _surely(c - _shortened(roll), var_c, _LEAST_ZOOM)
+
+    @property
+    def zoom(self) -> float:
+        """By what share the right picture is larger than the left one; 0 where it may be chance."""
+        return self._turn[1]
+
     @property
     def warp(self) -> Float64:
         """Affine matrix (2, 3) that takes pixels of the corrected picture to those of the right one.
 
-        Rows that rise along the picture are a roll, which shears the columns about the middle as much.
+        Rows that rise along the picture are a roll, which shears the columns about the middle as much; rows that grow
+        apart are a lens with another focus, which stretches the columns about the middle as much.
         """
-        b, c, a = self.coefficients
-        roll = b**3 / (b**2 + _SURE_STDS**2 * self.covariance[0, 0] + _LEAST_ROLL**2)  # nothing, if it may be chance
-        return np.array([[1.0, -roll, roll * self.centre[1]], [b, 1.0 + c, a]])
+        (b, c, a), (roll, zoom) = self.coefficients, self._turn
+        wider = _shortened(roll) + zoom
+        return np.array([[1.0 + wider, -roll, roll * self.centre[1] - wider * self.centre[0]], [b, 1.0 + c, a]])
 
     @property
-    def warning(self) -> str:
-        """What to tell of rows that disagree; empty where the offset is small, or is not certain."""
-        if abs(self.offset_px) < max(_MOVED_PX, _CERTAIN * self.std_px):
-            return ""
-        off, which = abs(self.offset_px), "low" if self.offset_px > 0 else "high"
-        why = "the rig has moved since its calibration or, if nothing fixed it, between the two pictures"
-        rows = f"the rows of right are {off:.1f} px too {which}, corrected here"
-        return f"{rows}: {why}; if more pairs say so, calibrate again"
+    def warnings(self) -> tuple[str, ...]:
+        """What to tell of rows that disagree; nothing where they hardly do, or it is not certain."""
+        std_b, std_c = np.sqrt(np.diag(self.covariance)[:2])
+        moved, said = [], []
+        if _is_told(self.offset_px, self.std_px):
+            moved.append(
+                f"the rows of right are {abs(self.offset_px):.1f} px too {'low' if self.offset_px > 0 else 'high'}"
+            )
+        if _is_told(self.coefficients[0] * self.centre[0], std_b * self.centre[0]):
+            moved.append(f"right is turned by {np.degrees(abs(self.roll_rad)):.1f} degrees")
+        if moved:
+            why = "the rig has moved since its calibration or, if nothing fixed it, between the two pictures"
+            said.append(f"{' and '.join(moved)}, corrected here: {why}; if more pairs say so, calibrate again")
+        if _is_told(self.zoom * self.centre[1], std_c * self.centre[1]):
+            which = "larger" if self.zoom > 0 else "smaller"
+            why = "the focus of a lens is another one than at the calibration (autofocus?)"
+            then = "evened out here, but what is measured may be off by as much: fix the focus, and calibrate again"
+            said.append(f"right is {100 * abs(self.zoom):.1f} % {which} than left: {why}; {then}")
+        return tuple(said)
 
     def doubled(self) -> RowOffset:
         """Tell the same offset in a picture of twice the size.
@@ -118,7 +146,7 @@ class RowOffset:
         """
         to = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-0.5, -0.5, 2.0]])  # v' = 2 v + 1/2 in the larger one
         centre = (2 * self.centre[0] + 0.5, 2 * self.centre[1] + 0.5)
-        return RowOffset(to @ self.coefficients, to @ self.covariance @ to.T, centre)
+        return RowOffset(to @ self.coefficients, to @ self.covariance @ to.T, centre, self.is_rough)
 
     def after(self, first: RowOffset) -> RowOffset:
         """Add an offset that had been corrected before this one was measured.
@@ -185,10 +213,18 @@ def find_rows(left: UInt8, right: UInt8) -> tuple[RowOffset, Float32]:
         return _unknown(left.shape), np.full(_halved(grey[0]).shape, np.nan, np.float32)
     first, second = (_even(_halved(_halved(image))) for image in grey)
     roughly = match_pair(first, second, _narrow(_QUARTER, first), whole=True)
-    rough = measure_rows(first, second, roughly).doubled().doubled()
+    rough = replace(measure_rows(first, second, roughly).doubled().doubled(), is_rough=True)
     first, second = (_even(_halved(image)) for image in (grey[0], rough.correct(grey[1])))
     small = match_pair(first, second, _narrow(_window(roughly), first), whole=True)
-    return measure_rows(first, second, small).doubled().after(rough), small
+    rows = measure_rows(first, second, small).doubled().after(rough)
+    return rows, _moved(small, rough.warp[0] - rows.warp[0])
+
+
+def _moved(half_px: Float32, columns: Float64) -> Float32:
+    """Disparities in half size when columns of the right picture, whole size, are moved by ``a x + b y + c``."""
+    v, u = (np.arange(size, dtype=np.float32) for size in half_px.shape)
+    a, b, c = columns.astype(np.float32)
+    return np.asarray(half_px - a * (u - half_px) - (b * v)[:, None] - (c + (a + b) / 2) / 2)
 
 
 def measure_rows(left: UInt8, right: UInt8, disparity_px: Float32) -> RowOffset:
@@ -224,6 +260,20 @@ def measure_rows(left: UInt8, right: UInt8, disparity_px: Float32) -> RowOffset:
     except np.linalg.LinAlgError:  # all that tells it stands in one place
         return _unknown(left.shape)
     return RowOffset(plane, covariance, ((width - 1) / 2, (height - 1) / 2))
+
+
+def _surely(value: float, variance: float, least: float) -> float:
+    """A value as far as it is no chance: all of it where it is much larger than its deviation, none where smaller."""
+    return float(value**5 / (value**4 + (_SURE_STDS**2 * variance + least**2) ** 2))
+
+
+def _shortened(roll: float) -> float:
+    """By what share a turn shortens what lies along the rows."""
+    return float(np.sqrt(max(1.0 - roll**2, 0.0)) - 1.0)
+
+
+def _is_told(off_px: float, std_px: float) -> bool:
+    return abs(off_px) >= max(_MOVED_PX, _CERTAIN * std_px)
 
 
 def _unknown(shape: tuple[int, ...]) -> RowOffset:

@@ -16,6 +16,7 @@ from stereolib.calibration import LidarCamera
 from stereolib.rig import RectifiedRig, StereoRig, calibration_notes, formats
 
 _ROTATION_TOLERANCE = 1e-6  # of R R', for which a file's digits are enough
+_CENTIMETRES_MM = 20.0  # no two webcams stand nearer to each other
 _MOST_STD = 1e6  # of deviations and of the laser's place, mm or px: a kilometre is damage, and products overflow
 
 
@@ -64,6 +65,32 @@ class Instrument:
     rectified: RectifiedRig
     lidar: LidarCamera | None = None
     uncertainty: SystematicUncertainty = field(default_factory=SystematicUncertainty)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What makes everything doubtful that is measured with it."""
+        if (apart_mm := self.rectified.baseline_mm) >= _CENTIMETRES_MM:
+            return ()
+        why = "if the board's squares were told in centimetres, all sizes are; calibrate again with millimetres"
+        return (f"the calibration has the cameras {apart_mm:.1f} mm apart: {why}",)
+
+    def turned_unseen(self, depth_mm: float) -> str:
+        """Say what a camera that was turned sideways changes, which nothing in a pair shows.
+
+        Parameters
+        ----------
+        depth_mm : float
+            Of what is measured.
+
+        Returns
+        -------
+        str
+        """
+        pct = 100 * depth_mm / (self.rectified.f_px * self.rectified.baseline_mm)
+        return (
+            "sizes are the pair's alone: if a camera was turned sideways since its calibration, nothing here shows it; "
+            f"each pixel of it changes them by {pct:.1f} %, which is not in their intervals"
+        )
 
     @classmethod
     def load(cls, path: str | PathLike[str]) -> Instrument:

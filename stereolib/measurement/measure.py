@@ -25,8 +25,6 @@ from stereolib.measurement.things import NOWHERE, SCAN_REACH_M, Scene, nearest_m
 from stereolib.measurement.views import Views
 
 _LIKELY = 0.5  # probability from which something is said to have moved
-_CENTIMETRES_MM = 20.0  # no two webcams stand nearer to each other
-_CENTIMETRES = "if the board's squares were told in centimetres, all sizes are; calibrate again with millimetres"
 _PAIR_ALONE = (
     "its sizes come from the pair alone. Were both taken at one moment, with nothing touching it? If this is said of "
     "many objects, the laser has moved: run calibrate-laser again"
@@ -181,15 +179,9 @@ def _said_of_lean(lean: Lean | None) -> list[str]:
 
 def _said_of_the_rig(views: Views, judged: Judged, near_mm: float, instrument: Instrument) -> list[str]:
     """What has moved since its calibration, and what nobody could tell."""
-    said, solution = [views.rows.warning] if views.rows.warning else [], judged.solution
-    if (apart_mm := instrument.rectified.baseline_mm) < _CENTIMETRES_MM:
-        said.append(f"the calibration has the cameras {apart_mm:.1f} mm apart: {_CENTIMETRES}")
+    said, solution = [*views.rows.warnings, *instrument.warnings], judged.solution
     if np.isfinite(near_mm) and not judged.scanned:
-        pct = 100 * near_mm / (instrument.rectified.f_px * instrument.rectified.baseline_mm)
-        said.append(
-            "sizes are the pair's alone: if a camera was turned sideways since its calibration, nothing here shows it; "
-            f"each pixel of it changes them by {pct:.1f} %, which is not in their intervals"
-        )
+        said.append(instrument.turned_unseen(near_mm))
     if instrument.lidar is None and judged.scanned:
         (x, y, yaw), std = solution.laser, solution.laser_std
         place = f"{x:.0f} ± {std[0]:.0f} mm ahead, {y:.0f} ± {std[1]:.0f} mm to the left"
@@ -198,9 +190,15 @@ def _said_of_the_rig(views: Views, judged: Judged, near_mm: float, instrument: I
     elif judged.chance(laser=True) > _LIKELY:
         (x, y, yaw), std = solution.laser, solution.laser_std
         move = f"{np.hypot(x, y):.0f} mm and {np.degrees(yaw):.1f} ± {np.degrees(std[2]):.1f} degrees"
-        said.append(f"the laser has moved since its calibration, by {move}; corrected here: calibrate it again")
+        said.append(
+            f"the laser has moved since its calibration, by {move}; corrected here: calibrate it again. If nobody "
+            "moved it, the cameras' scale is wrong (check it with --ruler-mm), or the laser's"
+        )
     if judged.chance(cameras=True) > _LIKELY:
         off, off_std = (float(a[Shared.OFFSET]) for a in (solution.shared, np.sqrt(np.diag(solution.covariance))))
         why = f"all disparities are off by {off:.2f} ± {off_std:.2f} px"
-        said.append(f"the cameras have turned since their calibration: {why}; corrected here: calibrate again")
+        said.append(
+            f"the cameras have turned since their calibration: {why}; corrected here: calibrate again. So it is if the "
+            "laser reads right; if it reads too far or too near, the pair alone is right: measure without the scan"
+        )
     return said

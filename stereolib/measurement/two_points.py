@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -66,12 +66,15 @@ class Between:
     length_mm, std_mm : float
         The standard deviation holds the matcher's scatter, 0.5 px of picking in each column and row (along the
         surface, so that its depth changes with it), and what the calibration leaves open.
+    warnings : tuple of str
+        What speaks against the pair or the rig.
     """
 
     points_mm: Float64
     disparity_px: Float64
     length_mm: float
     std_mm: float
+    warnings: tuple[str, ...] = ()
 
     @property
     def depth_mm(self) -> Float64:
@@ -282,7 +285,9 @@ def length_between(
     views = Views.of(left, right, rectified)
     map_px = match_views(views)
     one, other = (find_surface(views, map_px, at, name) for at, name in zip(ends, names, strict=True))
-    return measure_between(one, other, rectified, instrument.uncertainty)
+    found = measure_between(one, other, rectified, instrument.uncertainty)
+    unseen = instrument.turned_unseen(float(found.depth_mm.mean()))
+    return replace(found, warnings=(*views.rows.warnings, *instrument.warnings, unseen))
 
 
 def match_views(views: Views) -> Float32:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from html import escape
 
@@ -139,12 +140,10 @@ def _search_warning(state: State) -> str:
 def _rows_warning(state: State) -> str:
     """That the rows of an uncalibrated pair disagree; empty where they do not."""
     rows, _ = chain.rows(state)
-    if state.source != OWN or chain.rectified_rig(state) is not None or not rows.warning:
+    if state.source != OWN or chain.rectified_rig(state) is not None or not rows.warnings:
         return ""
-    return (
-        f"this pair is not rectified: rows of the right picture lie {abs(rows.offset_px):.1f} px too "
-        f"{'low' if rows.offset_px > 0 else 'high'}, and no knob of the matcher mends that; add its calibration"
-    )
+    seen = " and ".join(re.split("[,:]", text)[0] for text in rows.warnings)
+    return f"this pair is not rectified: {seen}, and no knob of the matcher mends that; add its calibration"
 
 
 def _laser_adds(state: State, measured: Measurement) -> str:

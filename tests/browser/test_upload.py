@@ -97,7 +97,5 @@ def test_a_pair_that_is_not_rectified_is_said_to_be_none(bench: Page, files: dic
     cv2.imwrite(str(right), np.roll(moved, 4, axis=0))
     upload(bench, left=files["left"], right=right)
     bench.wait_for(f"source={OWN}")
-    bench.page.locator(
-        ".stereolib-warnings", has_text="not rectified: rows of the right picture lie 4.0 px too low"
-    ).wait_for()
+    bench.page.locator(".stereolib-warnings", has_text="not rectified: the rows of right are 4.0 px too low").wait_for()
     assert "set-up's alone" in bench.text("results")

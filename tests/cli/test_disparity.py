@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import re
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -116,6 +118,15 @@ def test_a_raw_pair_with_its_calibration_in_millimetres(raw, tmp_path, capsys, m
     filled = np.isfinite(np.load(tmp_path / "d_depth_mm.npy", allow_pickle=False))
     np.testing.assert_array_equal(filled, np.load(out, allow_pickle=False) > 0)
     assert filled.sum() > np.isfinite(depth_mm).sum()
+
+
+def test_a_rig_in_centimetres_is_told(raw, tmp_path, capsys):
+    left, right, calibration, file = raw
+    rig = json.loads(Path(file).read_text())
+    tenth = tmp_path / "tenth.json"
+    tenth.write_text(json.dumps(rig | {"T_mm": [value / 10 for value in rig["T_mm"]]}))
+    assert run(left, right, calibration, tenth, "--pipeline", "paper", "--output", tmp_path / "d.npy") == 0
+    assert "warning: the calibration has the cameras 9.3 mm apart" in capsys.readouterr().out
 
 
 def test_exchanged_pictures_are_told_with_a_calibration_too(raw, tmp_path, capsys):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from dataclasses import replace
+from functools import partial
 
 import cv2
 import numpy as np
@@ -36,7 +37,8 @@ def files(tmp_path):
 
 
 def run(folder, *more, right="right.png", rig="rig.json", scan="scan.bin"):
-    words = ["measure", folder / "left.png", folder / right, "--calibration", folder / rig, "--scan", folder / scan]
+    words = ["measure", folder / "left.png", folder / right, "--calibration", folder / rig]
+    words += ["--scan", folder / scan] if scan else []
     return commands.main([str(word) for word in (*words, "--output", folder / "out.png", *more)])
 
 
@@ -79,6 +81,17 @@ def test_a_floor_by_hand_that_the_pictures_contradict_is_said(files, capsys):
         run(files, f"--floor={height:.1f},{pitch + off_deg:.2f}", "--json", "--force")
         warnings = json.loads(capsys.readouterr().out)["warnings"]
         assert any("--floor contradicts the pictures" in text for text in warnings) is said
+    assert run(files, f"--floor={height / 10:.1f},{pitch:.2f}", "--force") == 2
+    said = capsys.readouterr().err
+    assert "millimetres are asked for" in said and f"{height / 10:.1f} mm below" in said and "degrees up" in said
+
+
+def test_where_nothing_can_be_measured_the_code_says_so(files, capsys):
+    """All that was given is right: 1, and not the 2 of wrong input."""
+    for side, image in zip(("left", "right"), recordings.load_pair("conditions/glare"), strict=True):
+        cv2.imwrite(str(files / f"{side}.png"), image)
+    assert run(files, scan=None) == 1
+    assert "no floor" in (said := capsys.readouterr().err) and said.count("\n") == 1
 
 
 def test_between_two_pixels_without_a_floor(files, capsys):
@@ -87,33 +100,59 @@ def test_between_two_pixels_without_a_floor(files, capsys):
     setup = recordings.setup()
     marks_mm = np.array([[700.0, 0.0, z] for z in (20.0, 280.0)])  # on the cube's near edge
     words = [f"{u:.1f},{v:.1f}" for u, v in paper_rig().left.project(marks_mm @ setup[:3, :3].T + setup[:3, 3])]
-    assert run(files, "--between", *words, "--json", "--force") == 0
+    run_pair = partial(run, files, "--between", *words, "--force", scan=None)
+    assert run_pair("--json") == 0
     facts = json.loads(capsys.readouterr().out)
     assert facts["length_mm"] == pytest.approx(260, abs=2 * facts["std_mm"]) and 0 < facts["std_mm"] < 3
     assert np.linalg.norm(np.subtract(*facts["points_mm"])) == pytest.approx(facts["length_mm"])
-    assert run(files, "--between", *words, "--force") == 0 and "at depths of" in (said := capsys.readouterr().out)
+    assert run_pair() == 0 and "at depths of" in (said := capsys.readouterr().out)
+    assert "nothing here shows it; each pixel of it changes them by" in said.replace("\n", " ")
     assert "the pixels were taken for those of this picture: left, as the camera gave it" in said
     flat = [
         f"{u:.1f},{v:.1f}" for u, v in RECT.rectify_points([[float(x) for x in w.split(",")] for w in words], "left")
     ]
-    assert flat != words and run(files, "--between", *flat, "--rectified", "--json", "--force") == 0
+    assert flat != words and run(files, "--between", *flat, "--rectified", "--json", "--force", scan=None) == 0
     again = json.loads(capsys.readouterr().out)
     assert again["length_mm"] == pytest.approx(facts["length_mm"], abs=0.3)
     assert (facts["pixels_of"], again["pixels_of"]) == ("left, as the camera gave it", "left, rectified")
     assert run(files, "--rectified", "--force") == 2 and "give both, or neither" in capsys.readouterr().err
     assert (
-        run(files, "--between", "5,5", "9999,5", "--force") == 2
+        run(files, "--between", "5,5", "9999,5", "--force", scan=None) == 2
         and "outside the left picture" in capsys.readouterr().err
     )
     with pytest.raises(SystemExit):
         run(files, "--between", "5;5", "6,6")
     assert "is not X,Y" in capsys.readouterr().err
+    for more, idle in (((), "--scan"), (("--floor=85,8",), "--scan and --floor")):
+        assert (
+            run(files, "--between", *words, *more, "--force") == 2 and f"leave {idle} away" in capsys.readouterr().err
+        )
+
+
+def test_between_two_pixels_says_what_speaks_against_pair_and_rig(files, capsys):
+    """Rows that are off and a lens with another focus, of which it tells the right length; and a rig in centimetres."""
+    left, right = recordings.load_pair("conditions/texture")
+    height, width = left.shape[:2]
+    M = cv2.getRotationMatrix2D(((width - 1) / 2, (height - 1) / 2), 0.0, 1.01)
+    M[1, 2] += 2.0
+    cv2.imwrite(str(files / "moved.png"), cv2.warpAffine(right, M, (width, height), borderMode=cv2.BORDER_REPLICATE))
+    rig = json.loads((files / "rig.json").read_text())
+    (files / "tenth.json").write_text(json.dumps(rig | {"T_mm": [value / 10 for value in rig["T_mm"]]}))
+    where, facts = ("--between", "310,400", "310,160", "--json", "--force"), []
+    for change in ({}, {"right": "moved.png"}, {"rig": "tenth.json"}):
+        assert run(files, *where, scan=None, **change) == 0
+        facts.append(json.loads(capsys.readouterr().out))
+    plain, moved, tenth = (fact["warnings"] for fact in facts)
+    assert len(plain) == 1 and "turned sideways" in plain[0]
+    assert "px too low" in moved[0] and "1.0 % larger than left" in moved[0]
+    assert facts[1]["length_mm"] == pytest.approx(facts[0]["length_mm"], rel=0.01)
+    assert any("9.3 mm apart" in text and "again with millimetres" in text for text in tenth)
 
 
 def test_pixels_that_may_be_of_the_other_picture_are_told_so(files, capsys):
     hint = "pixels that were read off a rectified picture need --rectified"
     for flags, said in (((), hint), (("--rectified",), "")):
-        assert run(files, "--between", "630,470", "320,240", *flags, "--force") == 2
+        assert run(files, "--between", "630,470", "320,240", *flags, "--force", scan=None) == 2
         error = capsys.readouterr().err
         assert "pixel 630,470" in error and (hint in error) == bool(said)
 

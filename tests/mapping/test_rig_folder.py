@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import glob
 from dataclasses import replace
 
 import cv2
@@ -54,6 +55,18 @@ def test_scans_belong_to_pairs_by_name(folder):
         "7": (False, "7.bin"),
     }
     assert own.absent[-1] == "no pair is named like 7.bin: used by themselves"
+
+
+def test_patterns_may_lead_out_of_the_folder(folder, tmp_path):
+    other = tmp_path.with_name(tmp_path.name + " elsewhere [1]")
+    other.mkdir()
+    fill(other, "a_left.png", "a_right.png", "a_scan.bin")
+    for way in (other.as_posix(), "../" + other.name):
+        inside = glob.escape(way)
+        text = f'[recordings]\npairs = "{inside}/a_*.png"\nscans = "{inside}/*.bin"\n'
+        (folder / RIG_FILE).write_text(text)
+        (station,) = load_rig_folder(folder).stations
+        assert station.left.name == "a_left.png" and station.scan.name == "a_scan.bin"
 
 
 def test_a_board_is_asked_for_only_where_there_are_some(folder):

@@ -43,9 +43,26 @@ def test_a_recorded_pair_s_rows_are_found_as_they_were_moved(offset_px, roll_deg
     found, _ = find_rows(left, moved(right, offset_px, roll_deg))
     assert abs(found.offset_px - offset_px) < 3 * found.std_px < 0.06
     assert abs(found.roll_rad - np.radians(roll_deg)) < ROOM_RAD
-    assert bool(found.warning) == (abs(offset_px) > 0.3)
-    assert not found.warning or ("too low" in found.warning) == (offset_px > 0)
-    assert not found.warning or f" {abs(offset_px):.1f} px" in found.warning
+    told = f"{abs(offset_px):.1f} px too {'low' if offset_px > 0 else 'high'}"
+    said = " ".join(found.warnings)
+    assert (told in said) == (abs(offset_px) > 0.3) and ("px too" in said) == (abs(offset_px) > 0.3)
+    assert (f"turned by {abs(roll_deg):.1f} degrees" in said) == (abs(roll_deg) > 0.1)
+    assert "larger" not in said and "smaller" not in said
+
+
+@pytest.mark.parametrize("share", [0.005, -0.005, 0.02])
+def test_a_lens_with_another_focus_is_told_and_evened_out(share):
+    left, right = rectified_cube()
+    height, width = right.shape[:2]
+    M = cv2.getRotationMatrix2D(((width - 1) / 2, (height - 1) / 2), 0.0, 1 + share)
+    found, _ = find_rows(left, cv2.warpAffine(right, M, (width, height), borderMode=cv2.BORDER_REPLICATE))
+    assert found.zoom == pytest.approx(share, abs=0.0005)
+    how = "larger" if share > 0 else "smaller"
+    (said,) = found.warnings
+    assert f"right is {100 * abs(share):.1f} % {how} than left" in said and "focus" in said
+    (along_u, _, _), (_, along_v, _) = found.warp
+    assert along_u == pytest.approx(1 + share, abs=0.0005) and along_v == pytest.approx(1 + share, abs=0.0005)
+    assert find_rows(left, right)[0].warnings == () and abs(find_rows(left, right)[0].warp[0, 0] - 1) < 2e-5
 
 
 def test_deviations_hold_over_many_pairs():
@@ -72,17 +89,18 @@ def test_correcting_brings_the_disparities_back():
     as_it_was, disturbed, corrected = map(off_by_a_pixel, (right, tilted, found.correct(tilted)))
     assert disturbed > as_it_was + 0.1 and corrected < as_it_was + 0.02
     again, _ = find_rows(left, found.correct(tilted))
-    assert abs(again.offset_px) < 3 * again.std_px and abs(again.roll_rad) < ROOM_RAD and again.warning == ""
+    assert abs(again.offset_px) < 3 * again.std_px and abs(again.roll_rad) < ROOM_RAD and again.warnings == ()
 
 
 def test_a_roll_that_may_be_chance_moves_no_column():
-    """One of three deviations counts by half; the rows follow the slope in any case."""
+    """One of three deviations counts by half; the rows follow the slope in any case. So does a zoom."""
     for stds, share in ((0.1, 0.0), (3.0, 0.5), (100.0, 1.0)):
         slope = 0.004
         rows = RowOffset(np.array([slope, 0.001, 0.2]), np.diag([slope / stds, 1.0, 1.0]) ** 2, (319.5, 239.5))
         (along_u, shear, back), along_v = rows.warp
-        assert shear == pytest.approx(-share * slope, abs=0.002 * slope) and along_u == 1.0
-        assert shear * 239.5 + back == pytest.approx(0)  # about the middle
+        assert shear == pytest.approx(-share * slope, abs=0.002 * slope)
+        assert along_u == pytest.approx(np.sqrt(1 - shear**2), abs=1e-8)  # as long as it was
+        assert (along_u - 1) * 319.5 + shear * 239.5 + back == pytest.approx(0)  # about the middle
         np.testing.assert_allclose(along_v, [slope, 1.001, 0.2])
 
 
@@ -160,7 +178,7 @@ def few_points():
 )
 def test_where_nothing_tells_no_offset_is_claimed(pair):
     rows, _ = find_rows(pair[0], pair[-1])
-    assert rows.offset_px == 0 and rows.roll_rad == 0 and rows.std_px >= 3 and rows.warning == ""
+    assert rows.offset_px == 0 and rows.roll_rad == 0 and rows.std_px >= 3 and rows.warnings == ()
     np.testing.assert_array_equal(rows.correct(pair[-1]), pair[-1])
 
 
@@ -178,7 +196,7 @@ def test_cells_below_the_least_number_tell_nothing():
 def test_exchanged_sides_are_no_moved_rows():
     left, right = rectified_cube()
     rows, _ = find_rows(right, left)
-    assert rows.warning == "" and rows.std_px > 0.1
+    assert rows.warnings == () and rows.std_px > 0.1
 
 
 @pytest.mark.parametrize("period_px", [8, 12, 16, 24, 40])
@@ -192,7 +210,7 @@ def test_of_a_repetitive_texture_no_more_is_said_than_it_shows(period_px, offset
     rows, _ = find_rows(*(np.clip(p + rng.normal(0, 2, p.shape), 0, 255).astype(np.uint8) for p in pair))
     half = period_px / 2
     off = (rows.offset_px - offset_px + half / 2) % half - half / 2
-    assert abs(off) < 0.15 or rows.warning == ""
+    assert abs(off) < 0.15 or rows.warnings == ()
     assert abs(off) < 0.05 or period_px < 24
 
 

@@ -43,7 +43,7 @@ def test_rows_are_measured_and_corrected(offset, roll):
     inner = np.s_[12:-12, 12:-12]
     assert np.abs(views.right[inner].astype(float) - plain.right[inner]).mean() < 3.0
     assert np.isfinite(views.disparity_px).mean() > np.isfinite(plain.disparity_px).mean() - 0.03
-    assert bool(views.rows.warning) == (abs(offset) >= 0.5)
+    assert bool(views.rows.warnings) == (abs(offset) >= 0.5)
 
 
 def test_the_rows_deviation_is_that_of_their_errors():
@@ -71,7 +71,7 @@ def test_pictures_of_nothing_match_nothing():
         blank = np.full((480, 640, 3), level, np.uint8)
         views = Views.of_rectified(blank, blank)
         assert not np.isfinite(views.disparity_px).any() or np.nanmax(views.disparity_px) == 0
-        assert views.rows.offset_px == 0 and views.rows.std_px >= 3 and not views.rows.warning
+        assert views.rows.offset_px == 0 and views.rows.std_px >= 3 and not views.rows.warnings
         assert views.clipped == (level != 90)
     with pytest.raises(ValueError, match="one size"):
         Views.of_rectified(np.zeros((48, 64), np.uint8), np.zeros((48, 63), np.uint8))

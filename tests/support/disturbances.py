@@ -175,13 +175,16 @@ def noisy(sigma: float) -> Disturbance:
 # the lenses
 
 
-def right_moved(*, rows_px: float = 0.0, columns_px: float = 0.0, roll_deg: float = 0.0) -> Disturbance:
-    """Move the right picture, either way: the right camera was turned a little after the calibration."""
+def right_moved(
+    *, rows_px: float = 0.0, columns_px: float = 0.0, roll_deg: float = 0.0, zoom_pct: float = 0.0
+) -> Disturbance:
+    """Move the right picture, either way: its camera was turned, or focused otherwise, after the calibration."""
 
     def disturb(shot: Shot, known: Instrument, rng: np.random.Generator) -> Case:
         height, width = shot.right.shape[:2]
-        sign = rng.choice([-1, 1], 3)
-        M = cv2.getRotationMatrix2D(((width - 1) / 2, (height - 1) / 2), float(sign[0] * roll_deg), 1.0)
+        sign = rng.choice([-1, 1], 4 if zoom_pct else 3)
+        larger = 1 + float(sign[-1]) * zoom_pct / 100
+        M = cv2.getRotationMatrix2D(((width - 1) / 2, (height - 1) / 2), float(sign[0] * roll_deg), larger)
         M[:, 2] += [sign[1] * columns_px, sign[2] * rows_px]
 
         def warp(picture: UInt8) -> UInt8:
@@ -277,6 +280,12 @@ ROWS: dict[str, Row] = {
     "rows_1": Row("right camera tilted since the calibration: picture 1 px up or down", right_moved(rows_px=1.0)),
     "rows_2": Row("right camera tilted since the calibration: picture 2 px up or down", right_moved(rows_px=2.0)),
     "roll_0.3": Row("right camera rolled by 0.3 degrees since the calibration", right_moved(roll_deg=0.3)),
+    "roll_1": Row("right camera rolled by 1 degree since the calibration", right_moved(roll_deg=1.0)),
+    "zoom_0.5": Row(
+        "right lens focused otherwise than when calibrated: its picture 0.5 % larger or smaller",
+        right_moved(zoom_pct=0.5),
+    ),
+    "zoom_2": Row("the same by 2 %", right_moved(zoom_pct=2.0)),
     "columns_1": Row(
         "right camera turned since the calibration: picture 1 px left or right", right_moved(columns_px=1.0)
     ),

@@ -45,10 +45,12 @@ def continue_background(disparity_px: npt.ArrayLike) -> Float32:
     To the last valid pixel (x_0, y_0) on the farther side a plane ``d = a + b (x - x_0) + c (y - y_0)`` is fitted, over
     72 places within 31 columns beyond it and 24 rows around, by ``min sum rho(r_i) + prior``: three rounds of least
     squares with the weights ``1 / (1 + (r / s)^2)^2``, s = 2, 1, 0.5 px, so that other surfaces drop out. The prior
-    holds a to the pixel's disparity (2 px) and b, c to 0 (0.04), where few places tell. The row is filled with
-    ``a + b (x - x_0)``; between two sides never nearer than both, and never behind infinity. Holes at the left border
-    are as wide as the disparities are large: there the places lie within as many columns as the hole has, up to 200,
-    and b is the median of those of the rows around, 20 above and 20 below, else every row would go its own way.
+    holds a to the pixel's disparity (2 px), b to 0 and c to the median step between neighbouring rows of places (0.04),
+    where few places tell: without that step rows of a floor would lie so far off the first plane as to drop out. The
+    row is filled with ``a + b (x - x_0)``; between two sides never nearer than both, and never behind infinity. Holes
+    at the left border are as wide as the disparities are large: there the places lie within as many columns as the hole
+    has, up to 200, and b is the median of those of the rows around, 20 above and 20 below, else every row would go its
+    own way.
 
     Examples
     --------
@@ -161,6 +163,14 @@ def _of_rows_around(rows: Ints, values: Float32, height: int) -> Float32:
     return np.asarray(np.nanmedian(every[rows[:, None] + np.arange(2 * _ALIKE_ROWS + 1)], axis=1))
 
 
+def _steepness(seen: Float32) -> Float32:
+    """By how much disparities (N, places) grow from row to row, px per px: the median of neighbouring rows. (N,)."""
+    rows = seen.reshape(len(seen), len(_AROUND_PX), len(_PLACES))
+    steps = np.diff(rows, axis=1).reshape(len(seen), (len(_AROUND_PX) - 1) * len(_PLACES))
+    steps[np.isnan(steps).all(axis=1)] = 0.0
+    return np.asarray(np.nanmedian(steps, axis=1) / np.float32(np.diff(_AROUND_PX)[0]))
+
+
 def _planes(disparity: Float32, rows: Ints, columns: Ints, away_px: Ints) -> Float32:
     """Level (px) and slope along the row of the planes at some pixels, (N, 2); their surfaces lie so far to a side."""
     share, dy = (offset.ravel() for offset in np.meshgrid(_PLACES, _AROUND_PX))
@@ -169,7 +179,7 @@ def _planes(disparity: Float32, rows: Ints, columns: Ints, away_px: Ints) -> Flo
     inside = (y >= 0) & (y < disparity.shape[0]) & (x >= 0) & (x < disparity.shape[1])
     seen = np.where(inside, disparity[np.where(inside, y, 0), np.where(inside, x, 0)], np.float32(np.nan))
     known, own = np.isfinite(seen), disparity[rows, columns]
-    off = np.where(known, seen - own[:, None], np.float32(0))
+    off = np.where(known, seen - own[:, None] - _steepness(seen)[:, None] * dy.astype(np.float32), np.float32(0))
     along = np.stack(np.broadcast_arrays(np.ones_like(dx), dx, dy), axis=-1).astype(np.float32)
     prior = np.diag((_SCALES_PX[-1] / np.array([_LEVEL_PX, _SLOPE, _SLOPE])) ** 2).astype(np.float32)
     plane = np.zeros((len(rows), 3, 1), np.float32)

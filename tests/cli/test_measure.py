@@ -144,7 +144,7 @@ def test_between_two_pixels_says_what_speaks_against_pair_and_rig(files, capsys)
         facts.append(json.loads(capsys.readouterr().out))
     plain, moved, tenth = (fact["warnings"] for fact in facts)
     assert len(plain) == 1 and "turned sideways" in plain[0]
-    assert "px too low" in moved[0] and "1.0 % larger than left" in moved[0]
+    assert "px too low" in moved[0] and "1.0 % larger than left" in moved[1]
     assert facts[1]["length_mm"] == pytest.approx(facts[0]["length_mm"], rel=0.01)
     assert any("9.3 mm apart" in text and "again with millimetres" in text for text in tenth)
 

@@ -34,11 +34,12 @@ def _run(arguments: argparse.Namespace) -> int:
     import numpy as np
 
     from stereolib.calibration import calibrate_lidar_to_camera, find_laser_boards_in_files
-    from stereolib.measurement import save_laser_pose
+    from stereolib.measurement import Instrument, save_laser_pose
     from stereolib.rig import StereoRig
 
     rig = StereoRig.load(arguments.calibration)
     check_target(arguments.calibration)
+    before = Instrument.load(arguments.calibration).lidar
     board = parse_board(arguments.board, arguments.square_mm)
     pictures, scans = _paired(arguments.pictures, arguments.scans)
     views = find_laser_boards_in_files(pictures, scans, board, rig.left, margin_mm=arguments.margin_mm)
@@ -50,6 +51,13 @@ def _run(arguments: argparse.Namespace) -> int:
     print(f"laser: {len(views)} poses; known to {shift:.1f} mm and {turn:.2f} degrees (one standard deviation)")
     print(f"it stands {place_text(x, y, z)} the left lens: check with a ruler")
     print(f"its angle 0 points {turn_text(right, down)} where the left lens looks")
+    if before is not None:
+        R, t = (pose.T_left_lidar @ np.linalg.inv(before.T_left_lidar))[:3, :3], pose.T_left_lidar - before.T_left_lidar
+        turned = float(np.degrees(np.arccos(np.clip((np.trace(R) - 1) / 2, -1.0, 1.0))))
+        moved = float(np.linalg.norm(t[:3, 3]))
+        print(
+            f"the pose that stood in the file is replaced: this one lies {moved:.1f} mm and {turned:.2f} degrees off it"
+        )
     print(f"written into {arguments.calibration}")
     return DONE
 

@@ -62,13 +62,13 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def _verdict(written: list[Path]) -> list[str]:
-    """The cameras' verdict, as the notebook that was run prints it; nothing where it had no boards."""
+    """The cameras' verdict and why, as the notebook that was run prints them; nothing where it had no boards."""
     from stereolib.calibration import VERDICT_MEANINGS
 
     cells = [cell for path in written if path.suffix == ".ipynb" for cell in json.loads(path.read_bytes())["cells"]]
     texts = ("".join(output.get("text", ())) for cell in cells for output in cell.get("outputs", ()))
     verdicts = tuple(f"{verdict}: {meaning}" for verdict, meaning in VERDICT_MEANINGS.items())
-    return [line for text in texts for line in text.splitlines() if line.startswith(verdicts)][:1]
+    return next((text.splitlines() for text in texts if text.startswith(verdicts)), [])
 
 
 def _first_line(text: str) -> str:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from stereolib.base import UInt8
+from stereolib.base import UInt8, listed
 from stereolib.laser import LaserScan
 from stereolib.mapping.assemble import Map, NothingToMap, merge_stations
 from stereolib.mapping.placing import place_stations
@@ -197,4 +197,8 @@ def _without_pictures(reasons: Mapping[str, Why]) -> dict[str, Why]:
 
 
 def _listed(why: Mapping[str, str]) -> str:
-    return "; ".join(f"station {name}: {text}" for name, text in why.items())
+    """Stations and what is said of them, those together of which the same is said."""
+    of = dict[str, list[str]]()
+    for name, text in why.items():
+        of.setdefault(text, []).append(name)
+    return "; ".join(f"station{'s' * (len(names) > 1)} {listed(names)}: {text}" for text, names in of.items())

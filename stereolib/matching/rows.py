@@ -46,6 +46,7 @@ _LEAST_WEIGHT = 4.0  # of a cell: squared grey levels per px
 _MOVED_PX, _CERTAIN = 0.3, 5.0  # an offset so large, in px and in standard deviations, is told
 _SURE_STDS = 3.0  # a roll or zoom so many deviations from none counts by half,
 _LEAST_ROLL, _LEAST_ZOOM = 1e-9, 1e-3  # and one that is no larger than this does, too
+_AXIS = 0.02  # of a picture's width: standard deviation of a lens's axis from its middle, about which it is turned
 _NOWHERE_PX = -9.0  # where a pixel stands that nothing was matched with
 _UNKNOWN_PX = 3.0  # standard deviation where nothing tells
 
@@ -104,6 +105,11 @@ class RowOffset:
     def zoom(self) -> float:
         """By what share the right picture is larger than the left one; 0 where it may be chance."""
         return self._turn[1]
+
+    @property
+    def columns_std_px(self) -> float:
+        """Standard deviation of a shift of all columns that is left: a camera turns about its axis, not the middle."""
+        return float(np.hypot(*self._turn)) * _AXIS * 2 * self.centre[0]
 
     @property
     def warp(self) -> Float64:

@@ -101,6 +101,7 @@ def scene_priors(views: Views, instrument: Instrument, floor: Floor) -> Priors:
     rectified, share = instrument.rectified, np.ones(4)
     share[2:] = rectified.f_px, rectified.baseline_mm
     cameras = np.diag([_LEAST_STD**2] * 4)
+    cameras[0, 0] += views.rows.columns_std_px**2
     cameras[1, 1] += views.rows.std_px**2
     cameras[np.ix_(_CALIBRATED, _CALIBRATED)] += instrument.uncertainty.covariance
     laser = _BELOW if instrument.lidar is None else LaserOnFloor.of(instrument.lidar, floor)

@@ -183,9 +183,12 @@ def boards(files):
 def test_command_finds_the_laser_from_files(boards, capsys):
     words = ["calibrate-laser", boards / "pictures", boards / "scans", "--calibration", boards / "rig.json"]
     words = [str(word) for word in (*words, "--board", "6x9", "--square-mm", "30")]
+    save_laser_pose(boards / "rig.json", LIDAR)
     assert commands.main([*words, "--margin-mm", "24"]) == 0
-    assert "10 poses" in capsys.readouterr().out
+    said = capsys.readouterr().out
     found = Instrument.load(boards / "rig.json").lidar
+    off_mm = np.linalg.norm((found.T_left_lidar - LIDAR.T_left_lidar)[:3, 3])
+    assert "10 poses" in said and f"is replaced: this one lies {off_mm:.1f} mm and 0." in said
     off = (np.linalg.inv(LIDAR.T_left_lidar) @ found.T_left_lidar)[:3, 3]
     assert (np.abs(off) < 4 * found.std_mm).all() and found.std_mm.max() < 5
     (boards / "scans" / "03.bin").unlink()

@@ -154,6 +154,11 @@ def test_nothing_to_map_is_said_with_its_reasons(tmp_path):
         cv2.imwrite(str(tmp_path / f"hall_{side}.png"), grey)
     with pytest.raises(NothingToMap, match=r"no station could be measured\. station hall: no floor"):
         mapped(tmp_path)
+    for side in ("left", "right"):
+        cv2.imwrite(str(tmp_path / f"door_{side}.png"), grey)
+    with pytest.raises(NothingToMap) as refused:  # once, of both
+        mapped(tmp_path)
+    assert "stations door, hall: no floor" in str(refused.value) and str(refused.value).count("no floor") == 1
 
 
 def test_a_warning_of_an_object_has_its_station_and_what_the_map_calls_it():

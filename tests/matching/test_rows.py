@@ -92,6 +92,22 @@ def test_correcting_brings_the_disparities_back():
     assert abs(again.offset_px) < 3 * again.std_px and abs(again.roll_rad) < ROOM_RAD and again.warnings == ()
 
 
+def test_what_turns_about_another_point_than_the_middle_leaves_a_shift_of_the_columns():
+    """A roll and a zoom about a lens's axis: the shift that is left lies within its deviation; none without them."""
+    left, right = rectified_cube()
+    height, width = right.shape[:2]
+    axis = (width - 1) / 2 - 10.0, (height - 1) / 2 + 12.0
+    for roll_deg, share in ((1.0, 0.0), (0.0, 0.02)):
+        M = cv2.getRotationMatrix2D(axis, -roll_deg, 1 + share)
+        found, _ = find_rows(left, cv2.warpAffine(right, M, (width, height), borderMode=cv2.BORDER_REPLICATE))
+        there = found.warp @ [*found.centre, 1.0] - M @ [
+            *found.centre,
+            1.0,
+        ]  # of the middle, as sought
+        assert 0.1 < abs(there[0]) < 2 * found.columns_std_px < 1 and abs(there[1]) < 0.1
+    assert find_rows(left, right)[0].columns_std_px < 0.002
+
+
 def test_a_roll_that_may_be_chance_moves_no_column():
     """One of three deviations counts by half; the rows follow the slope in any case. So does a zoom."""
     for stds, share in ((0.1, 0.0), (3.0, 0.5), (100.0, 1.0)):

@@ -184,7 +184,8 @@ def right_moved(
         height, width = shot.right.shape[:2]
         sign = rng.choice([-1, 1], 4 if zoom_pct else 3)
         larger = 1 + float(sign[-1]) * zoom_pct / 100
-        M = cv2.getRotationMatrix2D(((width - 1) / 2, (height - 1) / 2), float(sign[0] * roll_deg), larger)
+        axis = known.rectified.rig.right.K[:2, 2].tolist()  # about which a camera rolls, and a lens zooms
+        M = cv2.getRotationMatrix2D(axis, float(sign[0] * roll_deg), larger)
         M[:, 2] += [sign[1] * columns_px, sign[2] * rows_px]
 
         def warp(picture: UInt8) -> UInt8:

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from stereolib.base import check_target, counted, listed
 from stereolib.cli.boards import parse_board
 from stereolib.cli.command import Command
 from stereolib.cli.errors import DONE
 from stereolib.cli.ranges import MM, number
+
+if TYPE_CHECKING:
+    from stereolib.base import Float64
 
 
 def _configure(parser: argparse.ArgumentParser) -> None:
@@ -34,12 +38,12 @@ def _run(arguments: argparse.Namespace) -> int:
     import numpy as np
 
     from stereolib.calibration import calibrate_lidar_to_camera, find_laser_boards_in_files
-    from stereolib.measurement import Instrument, save_laser_pose
+    from stereolib.measurement import save_laser_pose
     from stereolib.rig import StereoRig
 
     rig = StereoRig.load(arguments.calibration)
     check_target(arguments.calibration)
-    before = Instrument.load(arguments.calibration).lidar
+    before = _pose_before(arguments.calibration)
     board = parse_board(arguments.board, arguments.square_mm)
     pictures, scans = _paired(arguments.pictures, arguments.scans)
     views = find_laser_boards_in_files(pictures, scans, board, rig.left, margin_mm=arguments.margin_mm)
@@ -52,14 +56,31 @@ def _run(arguments: argparse.Namespace) -> int:
     print(f"it stands {place_text(x, y, z)} the left lens: check with a ruler")
     print(f"its angle 0 points {turn_text(right, down)} where the left lens looks")
     if before is not None:
-        R, t = (pose.T_left_lidar @ np.linalg.inv(before.T_left_lidar))[:3, :3], pose.T_left_lidar - before.T_left_lidar
-        turned = float(np.degrees(np.arccos(np.clip((np.trace(R) - 1) / 2, -1.0, 1.0))))
-        moved = float(np.linalg.norm(t[:3, 3]))
-        print(
-            f"the pose that stood in the file is replaced: this one lies {moved:.1f} mm and {turned:.2f} degrees off it"
-        )
+        moved_mm, turned_deg = apart(before, pose.T_left_lidar)
+        off = f"{moved_mm:.1f} mm and {turned_deg:.2f} degrees"
+        print(f"the pose that stood in the file is replaced: this one lies {off} off it")
     print(f"written into {arguments.calibration}")
     return DONE
+
+
+def _pose_before(calibration: Path) -> Float64 | None:
+    """Where the file had the laser; None if nowhere, or where that is damaged, which this command mends."""
+    from stereolib.measurement import Instrument
+
+    try:
+        lidar = Instrument.load(calibration).lidar
+    except ValueError:
+        return None
+    return None if lidar is None else lidar.T_left_lidar
+
+
+def apart(one: Float64, other: Float64) -> tuple[float, float]:
+    """How far two poses (4, 4) lie apart: mm, and degrees of turn."""
+    import cv2
+    import numpy as np
+
+    turn = cv2.Rodrigues(other[:3, :3] @ one[:3, :3].T)[0]
+    return float(np.linalg.norm(other[:3, 3] - one[:3, 3])), float(np.degrees(np.linalg.norm(turn)))
 
 
 def place_text(x_mm: float, y_mm: float, z_mm: float) -> str:

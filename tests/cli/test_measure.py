@@ -14,7 +14,7 @@ from support.instruments import LIDAR, RECT, SENSOR
 
 from stereolib.base import data_path
 from stereolib.cli import commands
-from stereolib.cli.calibrate_laser import _paired, place_text, turn_text
+from stereolib.cli.calibrate_laser import _paired, apart, place_text, turn_text
 from stereolib.measurement import Instrument, draw_objects, floor_from_pose, measure_objects, save_laser_pose
 from stereolib.measurement.overlay import why_text
 from stereolib.paper import paper_rig
@@ -180,6 +180,12 @@ def boards(files):
     return files
 
 
+def test_how_far_two_poses_lie_apart():
+    here, there = np.eye(4), np.eye(4)
+    there[:3, :3], there[:3, 3] = cv2.Rodrigues(np.array([0.0, np.radians(3.0), 0.0]))[0], (3.0, 0.0, -4.0)
+    assert apart(here, there) == pytest.approx((5.0, 3.0)) and apart(there, there) == pytest.approx((0.0, 0.0))
+
+
 def test_command_finds_the_laser_from_files(boards, capsys):
     words = ["calibrate-laser", boards / "pictures", boards / "scans", "--calibration", boards / "rig.json"]
     words = [str(word) for word in (*words, "--board", "6x9", "--square-mm", "30")]
@@ -191,6 +197,10 @@ def test_command_finds_the_laser_from_files(boards, capsys):
     assert "10 poses" in said and f"is replaced: this one lies {off_mm:.1f} mm and 0." in said
     off = (np.linalg.inv(LIDAR.T_left_lidar) @ found.T_left_lidar)[:3, 3]
     assert (np.abs(off) < 4 * found.std_mm).all() and found.std_mm.max() < 5
+    rig = json.loads((boards / "rig.json").read_text())
+    (boards / "rig.json").write_text(json.dumps(rig | {"lidar": {"T_left_lidar": "damaged"}}))
+    assert commands.main([*words, "--margin-mm", "24"]) == 0 and "is replaced" not in capsys.readouterr().out
+    np.testing.assert_array_equal(Instrument.load(boards / "rig.json").lidar.T_left_lidar, found.T_left_lidar)
     (boards / "scans" / "03.bin").unlink()
     assert commands.main(words) == 2 and "one scan for each picture" in capsys.readouterr().err
 

@@ -111,7 +111,8 @@ def test_report_of_real_webcams_goes_as_far_as_their_boards(folder, quick, capsy
     assert run("report", folder) == 0
     text, said = told(folder / "report" / "report.ipynb"), capsys.readouterr().out
     verdict = re.search(r"^(good|usable|bad): .*", text, re.MULTILINE)
-    assert verdict and f"\n{verdict[0]}\nwritten to " in said
+    reasons = re.findall(r"^because .*", text, re.MULTILINE)
+    assert verdict and reasons and "\n".join(("", verdict[0], *reasons, "6 pairs, reprojection error ")) in said
     assert re.search(r"baseline B 6\d\.\d\d mm", text) and re.search(
         r"rows of the right picture are off by [+-]\d", text
     )

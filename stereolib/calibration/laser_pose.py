@@ -1,6 +1,7 @@
-"""Where the laser stands to the camera, from boards that both see (Zhang and Pless, IROS 2004).
+"""Where the laser stands to the camera, and what it reads too far, from boards that both see.
 
-The picture gives the board's plane, the scan a line of points on it: in the camera's frame they must lie on the plane.
+The picture gives the board's plane, the scan a line of points on it: in the camera's frame they must lie on the plane
+(Zhang and Pless, IROS 2004).
 """
 
 from __future__ import annotations
@@ -18,14 +19,21 @@ from stereolib.rig import pose_left_world, rigid, skew
 _PLACES_MM = tuple((x, y * x) for x in (500.0, 1200.0) for y in (-0.36, 0.0, 0.36))
 _LEAST_POSES = 4  # three planes determine a pose, the fourth tells whether they agree
 _CONTRADICTS = 4.0  # standard deviations by which a view may miss its plane: chance does not in 10000 views
+#: Share by which a laser that nobody calibrated reads too far or too near: standard deviation.
+LASER_SCALE_STD = 0.02
+_MOST_SCALE = 0.02  # no such laser is off by more, if it is whole
+_VAGUE_SCALE = 0.01  # standard deviation of what had better be known
+_SURE_STDS = 3.0  # what is told as wrong is so by as many
 _OWN_BIAS = 0.4  # share of the laser's bias that differs from view to view
 _LEAST_FACING = 0.1  # cosine of the angle between beam and normal: beams that graze more tell next to nothing
 _ROUNDS = 3  # of weights and poses; the second changes next to nothing
-_STEP_SCALE = np.array([1e-2] * 3 + [10.0] * 3)  # rad and mm: about what the start is off
+_STEP_SCALE = np.array([1e-2] * 3 + [10.0] * 3 + [1e-2])  # rad, mm, share: about what the start is off
 _MOST_STEPS = 60
 #: Gauss-Newton steps after `least_squares`, which stops at 1e-4 mm: the second reaches rounding, two are a margin.
 _POLISH_STEPS = 4
-_LEVER_MM = 1000.0  # turns count as what they move at this distance
+_LEVER_MM = 1000.0  # turns and scale count as what they move at this distance
+_POSE = 6  # the first parameters; the scale comes last
+_UNIT = np.array([_LEVER_MM] * 3 + [1.0] * 3 + [_LEVER_MM])
 _UNHELD = 1e-6  # share of the firmest direction below which the boards hold none: it stays where it is
 _TILT_DEG = 10.0  # boards that lean by less say nothing of the height
 _LEAST_TILTED = 3  # boards that must lean
@@ -34,27 +42,53 @@ _SPREAD_DEG = 50.0  # boards that face ways nearer together hold no place
 
 @dataclass(frozen=True, eq=False)
 class LidarCamera:
-    """The laser's pose in the left camera's frame.
+    """The laser in the left camera's frame.
 
     Attributes
     ----------
     T_left_lidar : (4, 4) float64
         Maps points of the scan (x forward, y left, z up; z = 0) into the left camera, mm.
-    std_rad : (3,) float64
-        Standard deviations of small turns about the laser's own axes x, y, z.
-    std_mm : (3,) float64
-        Of small shifts along them.
-    covariance : (6, 6) float64
-        Of both, turns first: rad, mm.
+    scale : float
+        Share by which the laser reads too far, as the cameras tell lengths: ``1 - scale`` of what it reads is right.
+    covariance : (7, 7) float64
+        Of turns, shifts and scale: rad, mm, share.
     view_misses : (views,) float64
         How far each view's plane is missed, in standard deviations: about 1 where all is well.
     """
 
     T_left_lidar: Float64
-    std_rad: Float64
-    std_mm: Float64
+    scale: float
     covariance: Float64
     view_misses: Float64
+
+    @property
+    def warning(self) -> str:
+        """What to tell of a scale that the boards leave open, or that is more than such a laser errs; "" of others."""
+        if self.std_scale > _VAGUE_SCALE:
+            why = "the boards stand too close together to tell whether the laser reads too far"
+            return f"{why}, which is known to {100 * self.std_scale:.1f} % only: hold some nearer and some farther"
+        if abs(self.scale) < _MOST_SCALE + _SURE_STDS * self.std_scale:
+            return ""
+        how = f"the laser reads {100 * abs(self.scale):.1f} % {'longer' if self.scale > 0 else 'shorter'}"
+        why = (
+            "more than such a laser errs: is the edge of a board's square as it was told? Measure it over many squares"
+        )
+        return f"{how} than the cameras have it, {why}, and calibrate again; sizes are as the cameras tell them"
+
+    @property
+    def std_rad(self) -> Float64:
+        """Standard deviations of small turns about the laser's own axes x, y, z. (3,)."""
+        return np.sqrt(np.diag(self.covariance))[:3]
+
+    @property
+    def std_mm(self) -> Float64:
+        """Of small shifts along them. (3,)."""
+        return np.sqrt(np.diag(self.covariance))[3:6]
+
+    @property
+    def std_scale(self) -> float:
+        """Of `scale`."""
+        return float(np.sqrt(self.covariance[6, 6]))
 
     def to_camera(self, points_mm: Floats) -> Float64:
         """Bring points of the scan into the left camera's frame.
@@ -67,7 +101,7 @@ class LidarCamera:
         -------
         (N, 3) float64, mm
         """
-        p = np.asarray(points_mm, float)
+        p = (1 - self.scale) * np.asarray(points_mm, float)
         return np.asarray(p @ self.T_left_lidar[:3, :2].T + self.T_left_lidar[:3, 3])
 
 
@@ -79,7 +113,7 @@ def calibrate_lidar_to_camera(
     bias_mm: float = 1.0,
     max_std_mm: float = 6.0,
 ) -> LidarCamera:
-    """Find the pose of the laser from boards that both see.
+    """Find the laser's pose, and its scale against the cameras', from boards that both see.
 
     Parameters
     ----------
@@ -104,10 +138,10 @@ def calibrate_lidar_to_camera(
 
     Notes
     -----
-    Minimises ``sum ((n . (R p + t) - d) / s)^2`` with n, d the board's plane, by `scipy.optimize.least_squares` and
-    then Gauss-Newton to rounding. For a small turn w and shift tau in the laser's own frame, with ``m = R' n``:
-    ``d residual = (p x m) . w + m . tau``. As p = (x, y, 0): upright boards (m_z = 0) say nothing of roll, pitch and
-    height.
+    Minimises ``sum ((n . (R (1 - e) p + t) - d) / s)^2 + (e / 0.02)^2`` with n, d the board's plane and e the scale, by
+    `scipy.optimize.least_squares` and then Gauss-Newton to rounding. For a small turn w and shift tau in the laser's
+    own frame, with ``m = R' n``: ``d residual = (p x m) . w + m . tau - m . p de``. As p = (x, y, 0): upright boards
+    (m_z = 0) say nothing of roll, pitch and height; boards that all stand at one place say nothing of the scale.
     """
     if len(views) < _LEAST_POSES:
         why = f"at least {_LEAST_POSES} poses of the board are needed, got {len(views)}"
@@ -115,22 +149,37 @@ def calibrate_lidar_to_camera(
     if start is None:
         starts = [pose_left_world(0.0, 0.0)[:3, :3] @ _turn([0, 0, angle]) for angle in np.radians([0, 90, 180, 270])]
         fits = [_solve(views, rigid(R, np.zeros(3)), board_std_mm, bias_mm) for R in starts]
-        pose, J, e = min(fits, key=lambda fit: float(fit[2] @ fit[2]))
+        found = min(fits, key=lambda fit: float(fit.misses @ fit.misses))
     else:
-        pose, J, e = _solve(views, finite_array(start, (4, 4), "start"), board_std_mm, bias_mm)
-    _check_observable(views, pose, J, max_std_mm)
-    misses = _misses(views, e)
+        found = _solve(views, finite_array(start, (4, 4), "start"), board_std_mm, bias_mm)
+    _check_observable(views, found, max_std_mm)
+    misses = _of_views(views, found.misses)
     if misses.max() > _CONTRADICTS:
-        raise ValueError(_contradiction(views, pose, board_std_mm, bias_mm))
-    scale = max(1.0, float(np.sqrt(e @ e / max(len(e) - 6, 1))))
-    covariance = np.asarray(np.linalg.inv(J.T @ J) * scale**2, np.float64)
+        raise ValueError(_contradiction(views, found.pose, board_std_mm, bias_mm))
+    e = np.append(found.misses, found.scale / LASER_SCALE_STD)
+    scatter = max(1.0, float(np.sqrt(e @ e / max(len(e) - len(_STEP_SCALE), 1))))
+    covariance = np.asarray(np.linalg.inv(found.precision) * scatter**2, np.float64)
     toward = _toward(views)
-    covariance[3:, 3:] += bias_mm**2 * np.outer(toward, toward)  # a bias common to all views shifts the laser
-    std = np.sqrt(np.diag(covariance))
-    return LidarCamera(pose, std[:3], std[3:], covariance, misses)
+    covariance[3:6, 3:6] += bias_mm**2 * np.outer(toward, toward)  # a bias common to all views shifts the laser
+    return LidarCamera(found.pose, found.scale, covariance, misses)
 
 
-def _misses(views: Sequence[LaserBoardView], e: Float64) -> Float64:
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    """Pose (4, 4) and scale; Jacobian (N, 7) in the laser's frame, and residuals (N,), both over their deviations."""
+
+    pose: Float64
+    scale: float
+    J: Float64
+    misses: Float64
+
+    @property
+    def precision(self) -> Float64:
+        """Of turns, shifts and scale. (7, 7)."""
+        return np.asarray(self.J.T @ self.J + np.diag([0.0] * 6 + [LASER_SCALE_STD**-2]))
+
+
+def _of_views(views: Sequence[LaserBoardView], e: Float64) -> Float64:
     """How far each view's plane is missed on average, in standard deviations. (views,)."""
     ends = np.cumsum([len(view.points_mm) for view in views])[:-1]
     return np.array([abs(part.mean()) * np.sqrt(len(part)) for part in np.split(e, ends)])
@@ -141,7 +190,7 @@ def _contradiction(views: Sequence[LaserBoardView], pose: Float64, board_std_mm:
     left = []
     for k in range(len(views)):
         others = [*views[:k], *views[k + 1 :]]
-        left.append(float(_misses(others, _solve(others, pose, board_std_mm, bias_mm)[2]).max()))
+        left.append(float(_of_views(others, _solve(others, pose, board_std_mm, bias_mm).misses).max()))
     k = int(np.argmin(left))
     if left[k] > _CONTRADICTS:
         remedy = "see that pictures and scans belong together, and that the readings lie on the board"
@@ -162,10 +211,7 @@ def _turn(vector: Sequence[float] | Float64) -> Float64:
     return np.asarray(Rotation.from_rotvec(np.asarray(vector, float)).as_matrix())
 
 
-def _solve(
-    views: Sequence[LaserBoardView], start: Float64, board_std_mm: float, bias_mm: float
-) -> tuple[Float64, Float64, Float64]:
-    """Pose (4, 4), Jacobian (N, 6) in the laser's frame and residuals (N,), both over their deviations."""
+def _solve(views: Sequence[LaserBoardView], start: Float64, board_std_mm: float, bias_mm: float) -> _Fit:
     from scipy.optimize import least_squares
 
     p = np.concatenate([np.pad(view.points_mm, ((0, 0), (0, 1))) for view in views])
@@ -176,41 +222,50 @@ def _solve(
     many = np.repeat(counts, counts)
     beam = p / np.linalg.norm(p, axis=1, keepdims=True)
 
-    def at(x: Float64) -> Float64:
-        return np.asarray(start @ rigid(_turn(x[:3]), x[3:]))
+    def moved(pose: Float64, scale: float, x: Float64) -> tuple[Float64, float]:
+        return np.asarray(pose @ rigid(_turn(x[:3]), x[3:6])), scale + float(x[6])
 
-    def off(x: Float64, weight: Float64) -> Float64:
-        pose = at(x)
-        return np.asarray(((p @ pose[:3, :3].T + pose[:3, 3]) * n).sum(axis=1) * weight - d * weight)
+    def off(pose: Float64, scale: float, weight: Float64) -> Float64:
+        R, t = pose[:3, :3], pose[:3, 3]
+        miss = ((1 - scale) * (p @ R.T * n).sum(axis=1) + (n @ t - d)) * weight
+        return np.append(miss, scale / LASER_SCALE_STD)
 
-    def whitened(pose: Float64) -> tuple[Float64, Float64]:
+    def missed(x: Float64, pose: Float64, scale: float, weight: Float64) -> Float64:
+        return off(*moved(pose, scale, x), weight)
+
+    def slopes(pose: Float64, scale: float, weight: Float64) -> Float64:
         m = n @ pose[:3, :3]
-        facing = np.maximum(np.abs((m * beam).sum(axis=1)), _LEAST_FACING)
+        J = np.column_stack([(1 - scale) * np.cross(p, m), m, -(m * p).sum(axis=1)]) * weight[:, None]
+        return np.vstack([J, [0.0] * 6 + [1 / LASER_SCALE_STD]])
+
+    def weights(pose: Float64) -> Float64:
+        facing = np.maximum(np.abs((n @ pose[:3, :3] * beam).sum(axis=1)), _LEAST_FACING)
         # An error common to the N points of a view counts N times in each, so that together they count once.
         # Most of the laser's bias is common to all views; the share that differs from view to view is `_OWN_BIAS`.
-        scale = np.sqrt((sigma * facing) ** 2 + many * (board_std_mm**2 + (_OWN_BIAS * bias_mm * facing) ** 2))
-        residual = (m * p).sum(axis=1) + n @ pose[:3, 3] - d
-        return np.column_stack([np.cross(p, m), m]) / scale[:, None], residual / scale
+        return np.asarray(
+            1 / np.sqrt((sigma * facing) ** 2 + many * (board_std_mm**2 + (_OWN_BIAS * bias_mm * facing) ** 2))
+        )
 
-    pose = start
+    pose, scale = start, 0.0
     for _ in range(_ROUNDS):  # the weights follow the pose
-        weight = np.linalg.norm(whitened(pose)[0][:, 3:], axis=1)
-        fit = least_squares(off, np.zeros(6), args=(weight,), x_scale=_STEP_SCALE, max_nfev=_MOST_STEPS)
-        pose = at(fit.x)
+        weight = weights(pose)
+        known = pose, scale, weight
+        fit = least_squares(missed, np.zeros(7), args=known, x_scale=_STEP_SCALE, max_nfev=_MOST_STEPS)
+        pose, scale = moved(pose, scale, fit.x)
         for _ in range(_POLISH_STEPS):
-            m = n @ pose[:3, :3]
-            J = np.column_stack([np.cross(p, m) / _LEVER_MM, m]) * weight[:, None]
-            e = ((m * p).sum(axis=1) + n @ pose[:3, 3] - d) * weight
-            step = np.linalg.lstsq(J, -e, rcond=_UNHELD)[0]
-            pose = pose @ rigid(_turn(step[:3] / _LEVER_MM), step[3:])
-        start = pose
-    return pose, *whitened(pose)
+            J, e = slopes(pose, scale, weight) / _UNIT, off(pose, scale, weight)
+            pose, scale = moved(pose, scale, np.linalg.lstsq(J, -e, rcond=_UNHELD)[0] / _UNIT)
+    weight = weights(pose)
+    return _Fit(pose, scale, slopes(pose, scale, weight)[:-1], off(pose, scale, weight)[:-1])
 
 
-def _check_observable(views: Sequence[LaserBoardView], pose: Float64, J: Float64, max_std_mm: float) -> None:
-    """Refuse poses that leave a motion open; say which, and what pose would fix it."""
-    unit = np.array([_LEVER_MM] * 3 + [1.0] * 3)
-    values, vectors = np.linalg.eigh((J / unit).T @ (J / unit))
+def _check_observable(views: Sequence[LaserBoardView], found: _Fit, max_std_mm: float) -> None:
+    """Refuse poses that leave a motion open; say which, and what pose would fix it.
+
+    What they leave open of the scale is carried on, and told.
+    """
+    unit = _UNIT[:_POSE]
+    values, vectors = np.linalg.eigh(found.precision[:_POSE, :_POSE] / np.outer(unit, unit))
     root = vectors / np.sqrt(np.maximum(values, 1e-10)) / unit[:, None]
     worst, motion = 0.0, np.zeros(3)
     ahead = _toward(views)
@@ -223,7 +278,7 @@ def _check_observable(views: Sequence[LaserBoardView], pose: Float64, J: Float64
     if worst <= max_std_mm:
         return
     direction = ("forward", "sideways", "up")[int(motion.argmax())]
-    advice = _advice_for_height(views, pose) if direction == "up" else _advice_for_place(views, pose)
+    advice = (_advice_for_height if direction == "up" else _advice_for_place)(views, found.pose)
     why = f"these {len(views)} poses leave open where the scan lies: {direction}, its points at 0.5 to 1.2 m are"
     raise ValueError(f"{why} uncertain by {min(worst, 9999):.0f} mm ({max_std_mm:g} mm are allowed): {advice}")
 

@@ -55,11 +55,16 @@ def _run(arguments: argparse.Namespace) -> int:
     print(f"laser: {len(views)} poses; known to {shift:.1f} mm and {turn:.2f} degrees (one standard deviation)")
     print(f"it stands {place_text(x, y, z)} the left lens: check with a ruler")
     print(f"its angle 0 points {turn_text(right, down)} where the left lens looks")
+    too = "far" if pose.scale >= 0 else "near"
+    off = f"{100 * abs(pose.scale):.1f} ± {100 * pose.std_scale:.1f} % too {too}"
+    print(f"it reads {off}, as the cameras tell lengths: taken off in what is measured")
     if before is not None:
         moved_mm, turned_deg = apart(before, pose.T_left_lidar)
-        off = f"{moved_mm:.1f} mm and {turned_deg:.2f} degrees"
-        print(f"the pose that stood in the file is replaced: this one lies {off} off it")
+        by = f"{moved_mm:.1f} mm and {turned_deg:.2f} degrees"
+        print(f"the pose that stood in the file is replaced: this one lies {by} off it")
     print(f"written into {arguments.calibration}")
+    if pose.warning:
+        print(f"warning: {pose.warning}")
     return DONE
 
 

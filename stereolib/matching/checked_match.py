@@ -26,10 +26,13 @@ class CheckedMatch:
     notes : tuple of str
         Rows that could not be compared or do not agree, parts of another moment, a range that was too small, little
         that was matched.
+    columns_std_px : float
+        Standard deviation of a shift of all disparities that correcting the rows may have left.
     """
 
     estimate: DisparityEstimate
     notes: tuple[str, ...]
+    columns_std_px: float = 0.0
 
     @property
     def shares(self) -> dict[str, float]:
@@ -77,7 +80,7 @@ def match_checked(
         notes.append(f"too few points of the two pictures could be matched to tell {told}")
     rows, half_px = find_rows(left, right)
     estimate = _supported(run(left, right), half_px)
-    corrected = rows.warnings if pipeline == "best" else ()
+    corrects = pipeline == "best"
     rough_px, beyond = 2 * half_px[np.isfinite(half_px)], ""
     if num_disparities and rough_px.size and (share := float((rough_px > num_disparities).mean())) > _BEYOND:
         lost = f"{100 * share:.1f} % of the roughly matched pixels lie beyond num_disparities {num_disparities}"
@@ -89,7 +92,8 @@ def match_checked(
         raise ValueError(f"{only}: nothing can be measured; {beyond or remedy}")
     if matched < _LITTLE and not beyond:
         notes.append(f"{only}: more light or texture helps, and pictures of one moment of one place")
-    return CheckedMatch(estimate, tuple(filter(None, [*notes, *corrected, beyond, moved_between(left, right)])))
+    said = [*notes, *(rows.warnings if corrects else ()), beyond, moved_between(left, right)]
+    return CheckedMatch(estimate, tuple(filter(None, said)), rows.columns_std_px if corrects else 0.0)
 
 
 def _supported(estimate: DisparityEstimate, rough_px: Float32) -> DisparityEstimate:

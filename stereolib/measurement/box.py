@@ -29,9 +29,9 @@ COMPLEX_STEP = 1e-30
 class Shared(IntEnum):
     """What all boxes of one pair and one scan share, by its place in the vector of parameters.
 
-    The camera's height (a share), pitch and roll (rad) are changes of the floor that was given; the laser's place (mm)
-    and yaw (rad) are changes of its pose; the disparities' offset and the rows' (px); focal length and baseline are
-    relative changes.
+    The camera's height (a share), pitch and roll (rad) are changes of the floor that was given; the laser's place (mm),
+    yaw (rad) and scale (share by which it reads too far) are changes of what its calibration says; the disparities'
+    offset and the rows' (px); focal length and baseline are relative changes.
     """
 
     CAMERA_HEIGHT = 0
@@ -40,6 +40,7 @@ class Shared(IntEnum):
     LASER_X = auto()
     LASER_Y = auto()
     LASER_YAW = auto()
+    LASER_SCALE = auto()
     OFFSET = auto()
     ROWS = auto()
     FOCAL = auto()
@@ -156,8 +157,8 @@ class World:
         mm; px; focal length times baseline, px mm.
     offset, rows : (...)
         By which all disparities and all rows of the right picture are off, px.
-    laser_place, laser_yaw : (..., 2) and (...)
-        mm, rad.
+    laser_place, laser_yaw, laser_scale : (..., 2), (...) and (...)
+        mm, rad, and the share by which the laser reads too far.
     centre_px : (2,)
         Principal point of the left picture.
     """
@@ -170,6 +171,7 @@ class World:
     rows: Numbers
     laser_place: Numbers
     laser_yaw: Numbers
+    laser_scale: Numbers
     centre_px: Float64
 
     @classmethod
@@ -181,7 +183,7 @@ class World:
         floor : Floor
         laser_place_mm : (2,) float64
         laser_yaw_rad : float
-        shared : (..., 10) real or complex
+        shared : (..., 11) real or complex
             In the order of `Shared`.
 
         Returns
@@ -206,6 +208,7 @@ class World:
             rows=shared[..., Shared.ROWS],
             laser_place=laser_place_mm + shared[..., Shared.LASER_X : Shared.LASER_Y + 1],
             laser_yaw=laser_yaw_rad + shared[..., Shared.LASER_YAW],
+            laser_scale=shared[..., Shared.LASER_SCALE],
             centre_px=rectified.P1[:2, 2],
         )
 

@@ -56,7 +56,8 @@ class DepthMap:
         rectified, d = self.instrument.rectified, np.where(np.isfinite(self.depth_mm), self._disparity_px, np.nan)
         share = np.square(std_px / d)
         g = (1 / rectified.f_px, 1 / rectified.baseline_mm, 1 / d)
-        for row, first in zip(self.instrument.uncertainty.covariance, g, strict=True):
+        known = self.instrument.uncertainty.with_offset(self.match.columns_std_px)
+        for row, first in zip(known.covariance, g, strict=True):
             for value, second in zip(row, g, strict=True):
                 share = share + value * first * second
         return np.asarray(self.depth_mm * np.sqrt(share), np.float32)

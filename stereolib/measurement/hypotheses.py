@@ -12,10 +12,11 @@ from stereolib.base import Float64
 from stereolib.measurement.box import Shared
 from stereolib.measurement.scene_solver import Priors, Seen, Solution, solve
 
-_MOVED_LASER = np.diag([50.0**2, 50.0**2, np.radians(5.0) ** 2])  # how far, if it has: standard deviations
+_MOVED_LASER = np.diag([50.0**2, 50.0**2, np.radians(5.0) ** 2])  # how far, if it has; its scale stays
 _MOVED_OFFSET_PX = 1.0  # by which a camera turned a little shifts all disparities
 _LASER_ODDS, _CAMERA_ODDS = 0.1, 0.02  # that they have moved, before anything was seen: a laser's mount is home-made
-_LASER = slice(Shared.LASER_X, Shared.LASER_YAW + 1)
+_LASER = slice(Shared.LASER_X, Shared.LASER_SCALE + 1)
+_POSE = slice(0, len(_MOVED_LASER))  # in it
 _LEAST_EXCESS = 3.0  # of cost: moving gains no more, which outweighs no odds
 
 
@@ -96,7 +97,7 @@ def judge(priors: Priors, seen: Sequence[Seen], *, scanned: bool) -> Judged:
     if not scanned:
         return Judged(first, {Moved.NOTHING: 1.0}, scanned)
     if first.excess <= _LEAST_EXCESS:
-        loose, odds = _loosened(first, priors, widened(priors, Moved.LASER)), _LASER_ODDS
+        loose, odds = _loosened(first, priors), _LASER_ODDS
         return Judged(
             _mixed({Moved.NOTHING: first, Moved.LASER: loose}, {Moved.NOTHING: 1 - odds, Moved.LASER: odds}),
             {Moved.NOTHING: 1.0},
@@ -130,20 +131,25 @@ def widened(priors: Priors, what: Moved) -> Priors:
     """
     laser, cameras = priors.laser, priors.cameras.copy()
     if what.laser:
-        laser = replace(laser, covariance=laser.covariance + _MOVED_LASER)
+        covariance = laser.covariance.copy()
+        covariance[_POSE, _POSE] += _MOVED_LASER
+        laser = replace(laser, covariance=covariance)
     if what.cameras:
         cameras[0, 0] += _MOVED_OFFSET_PX**2
     return replace(priors, laser=laser, cameras=cameras)
 
 
-def _loosened(solution: Solution, priors: Priors, wide: Priors) -> Solution:
-    """The same with the laser's pose less well known: ``C + C_L (A^-1 - C_LL)^-1 C_L'``, A what its prior tells less.
+def _loosened(solution: Solution, priors: Priors) -> Solution:
+    """The same with the laser's pose less well known.
 
-    By Woodbury's formula, with ``A^-1 = P + P (W - P)^-1 P`` for the prior's covariance P and the wider one W.
+    By Woodbury's formula, twice: a wider prior has the precision ``P^-1 - U S^-1 U'`` with ``U = P^-1 E``, E the pose's
+    columns, and ``S = M^-1 + E' U``; so the covariance is ``C + C_L U (S - U' C_LL U)^-1 U' C_L'``.
     """
-    P, W, C = priors.laser.covariance, wide.laser.covariance, solution.covariance
-    left = P + P @ np.linalg.solve(W - P, P) - C[_LASER, _LASER]
-    return replace(solution, covariance=C + C[:, _LASER] @ np.linalg.solve(left, C[_LASER]))
+    precision, C = np.linalg.inv(priors.laser.covariance), solution.covariance
+    U = precision[:, _POSE]
+    told = C[:, _LASER] @ U
+    left = np.linalg.inv(_MOVED_LASER) + U[_POSE] - U.T @ told[_LASER]
+    return replace(solution, covariance=C + told @ np.linalg.solve(left, told.T))
 
 
 def _prior_log(what: Moved, priors: Priors) -> float:

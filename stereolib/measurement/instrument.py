@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from os import PathLike
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from stereolib.base import Float64, finite_array, read_json, write_atomic
-from stereolib.calibration import LidarCamera
+from stereolib.calibration import LASER_SCALE_STD, LidarCamera
 from stereolib.rig import RectifiedRig, StereoRig, calibration_notes, formats
 
 _ROTATION_TOLERANCE = 1e-6  # of R R', for which a file's digits are enough
 _CENTIMETRES_MM = 20.0  # no two webcams stand nearer to each other
+_MOST_SCALE = 0.5  # of a laser: no reading is twice as far
 _MOST_STD = 1e6  # of deviations and of the laser's place, mm or px: a kilometre is damage, and products overflow
 
 
@@ -47,6 +49,22 @@ class SystematicUncertainty:
         together.T[np.triu_indices(3, 1)] = self.correlation
         return np.asarray(together * np.outer(std, std))
 
+    def with_offset(self, std_px: float) -> SystematicUncertainty:
+        """The same, with something else that shifts every disparity.
+
+        Parameters
+        ----------
+        std_px : float
+            Its standard deviation.
+
+        Returns
+        -------
+        SystematicUncertainty
+        """
+        both, (f_and_b, *with_it) = float(np.hypot(self.offset_px, std_px)), self.correlation
+        first, second = (self.offset_px / both * r if both else r for r in with_it)
+        return replace(self, offset_px=both, correlation=(f_and_b, first, second))
+
 
 @dataclass(frozen=True, eq=False)
 class Instrument:
@@ -69,10 +87,11 @@ class Instrument:
     @property
     def warnings(self) -> tuple[str, ...]:
         """What makes everything doubtful that is measured with it."""
-        if (apart_mm := self.rectified.baseline_mm) >= _CENTIMETRES_MM:
-            return ()
-        why = "if the board's squares were told in centimetres, all sizes are; calibrate again with millimetres"
-        return (f"the calibration has the cameras {apart_mm:.1f} mm apart: {why}",)
+        said = [] if self.lidar is None else [self.lidar.warning]
+        if (apart_mm := self.rectified.baseline_mm) < _CENTIMETRES_MM:
+            why = "if the board's squares were told in centimetres, all sizes are; calibrate again with millimetres"
+            said.append(f"the calibration has the cameras {apart_mm:.1f} mm apart: {why}")
+        return tuple(filter(None, said))
 
     def turned_unseen(self, depth_mm: float) -> str:
         """Say what a camera that was turned sideways changes, which nothing in a pair shows.
@@ -117,7 +136,7 @@ class Instrument:
             uncertainty = _uncertainty(**std.get("rectified", {}))
             laser = text.get("lidar")
             remedy = 'run `stereolib calibrate-laser` again, or take the entry "lidar" out of the file'
-            lidar = None if laser is None else _lidar(laser["T_left_lidar"], laser["covariance"])
+            lidar = None if laser is None else _lidar(laser["T_left_lidar"], laser["covariance"], laser.get("scale"))
         except (ValueError, LookupError, TypeError, AttributeError) as error:
             what = f"what it says of the laser or of deviations is damaged ({error})"
             raise ValueError(f"{path}: {what}: {remedy}") from error
@@ -146,7 +165,8 @@ def save_laser_pose(path: str | PathLike[str], lidar: LidarCamera) -> Path:
         If it cannot be written.
     """
     rig = dict(_read_rig(path)[1])
-    rig["lidar"] = {"T_left_lidar": lidar.T_left_lidar.tolist(), "covariance": lidar.covariance.tolist()}
+    of_laser = {"T_left_lidar": lidar.T_left_lidar, "covariance": lidar.covariance}
+    rig["lidar"] = {"scale": lidar.scale, **{name: array.tolist() for name, array in of_laser.items()}}
     return write_atomic(path, json.dumps(rig, indent=1, allow_nan=False) + "\n")
 
 
@@ -163,14 +183,17 @@ def _uncertainty(correlation: Any = (0.0, 0.0, 0.0), **stds: Any) -> SystematicU
     return SystematicUncertainty(**known, correlation=(float(r[0]), float(r[1]), float(r[2])))
 
 
-def _lidar(pose: Any, covariance: Any) -> LidarCamera:
+def _lidar(pose: Any, covariance: Any, scale: Any) -> LidarCamera:
+    """From what a file says; one without a scale is of a laser whose scale nobody calibrated."""
     T = finite_array(pose, (4, 4), "T_left_lidar", most=_MOST_STD)
-    C = finite_array(covariance, (6, 6), "covariance", most=_MOST_STD**2)
+    size = 6 if scale is None else 7
+    C = finite_array(covariance, (size, size), "covariance", most=_MOST_STD**2)
+    e = 0.0 if scale is None else float(finite_array(scale, (), "scale", most=_MOST_SCALE))
     is_rotation = np.allclose(T[:3, :3] @ T[:3, :3].T, np.eye(3), atol=_ROTATION_TOLERANCE)
     if not (is_rotation and np.linalg.det(T[:3, :3]) > 0 and np.array_equal(T[3], (0, 0, 0, 1))):
         raise ValueError("T_left_lidar must be a rotation (3, 3) and a shift in mm, above the row 0 0 0 1")
     least = float(np.linalg.eigvalsh((C + C.T) / 2)[0])
     if not np.allclose(C, C.T) or least < -_ROTATION_TOLERANCE * np.trace(C):
         raise ValueError("covariance must be symmetric, without negative variances")
-    std = np.sqrt(np.diag(C))
-    return LidarCamera(T, std_rad=std[:3], std_mm=std[3:], covariance=C, view_misses=np.zeros(0))
+    C = C if size == 7 else block_diag(C, LASER_SCALE_STD**2)
+    return LidarCamera(T, e, C, view_misses=np.zeros(0))

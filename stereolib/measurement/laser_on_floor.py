@@ -63,18 +63,20 @@ class Lean:
 
 @dataclass(frozen=True, eq=False)
 class LaserOnFloor:
-    """Where the laser stands in the floor's frame: ``p_floor = R p_scan + t``.
+    """Where the laser stands in the floor's frame: ``p_floor = (1 - scale) R p_scan + t``.
 
     Attributes
     ----------
     R : (2, 2) float64
     t : (2,) float64, mm
-    covariance : (3, 3) float64
-        Of (x, y, yaw), mm and rad.
+    covariance : (4, 4) float64
+        Of (x, y, yaw, scale): mm, rad, share.
     bias_mm : float
         Standard deviation of the error that all readings on one face share.
     lean : Lean or None
         How its plane leans over the floor, where that is known.
+    scale : float
+        Share by which it reads farther than its calibration has it.
     """
 
     R: Float64
@@ -82,6 +84,7 @@ class LaserOnFloor:
     covariance: Float64
     bias_mm: float = 1.0
     lean: Lean | None = None
+    scale: float = 0.0
 
     @classmethod
     def of(cls, lidar: LidarCamera, floor: Floor) -> LaserOnFloor:
@@ -98,8 +101,8 @@ class LaserOnFloor:
         """
         T = floor.axes @ floor.rectified.R1 @ lidar.T_left_lidar[:3]
         R = turn_2d(np.arctan2(T[1, 0], T[0, 0]))
-        J = np.zeros((3, 6))
-        J[:2, 3:5], J[2, 2] = R, 1.0
+        J = np.zeros((4, 7))
+        J[:2, 3:5], J[2, 2], J[3, 6] = R, 1.0, 1.0
         turned = lidar.covariance[:2, :2]  # about its x and y, which tilt its y and x
         lean = Lean(
             T[2, :2],
@@ -113,18 +116,19 @@ class LaserOnFloor:
         """Direction of the laser's beam 0."""
         return float(np.arctan2(self.R[1, 0], self.R[0, 0]))
 
-    def moved(self, x_mm: float, y_mm: float, yaw_rad: float) -> LaserOnFloor:
-        """Another pose of it: shifted along the floor, and turned about itself.
+    def moved(self, x_mm: float, y_mm: float, yaw_rad: float, scale: float = 0.0) -> LaserOnFloor:
+        """Another pose of it: shifted along the floor, and turned about itself; and another scale.
 
         Parameters
         ----------
-        x_mm, y_mm, yaw_rad : float
+        x_mm, y_mm, yaw_rad, scale : float
+            Changes.
 
         Returns
         -------
         LaserOnFloor
         """
-        return replace(self, R=turn_2d(yaw_rad) @ self.R, t=self.t + np.array([x_mm, y_mm]))
+        return replace(self, R=turn_2d(yaw_rad) @ self.R, t=self.t + np.array([x_mm, y_mm]), scale=self.scale + scale)
 
     def points_mm(self, points_mm: Floats) -> Float64:
         """Put points of the scan on the floor.
@@ -138,4 +142,4 @@ class LaserOnFloor:
         -------
         (N, 2) float64, mm
         """
-        return np.asarray(np.asarray(points_mm, float) @ self.R.T + self.t)
+        return np.asarray((1 - self.scale) * np.asarray(points_mm, float) @ self.R.T + self.t)

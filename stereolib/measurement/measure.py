@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stereolib.base import Float32, Float64, UInt8
+from stereolib.calibration import LidarCamera
 from stereolib.laser import LaserScan, points_mm
 from stereolib.measurement.box import Shared
 from stereolib.measurement.floor import Floor
@@ -122,7 +123,7 @@ def measure_standing(standing: Standing, scan: LaserScan | None) -> Measurement:
     if scan is not None and instrument.lidar is None:
         warnings.append("the laser's pose is not known: it is taken to stand straight below the left camera")
     if scan is not None:
-        scan = _above_floor(scan, priors.laser.lean)
+        scan = _above_floor(_as_cameras_tell(scan, instrument.lidar), priors.laser.lean)
         warnings += _said_of_lean(priors.laser.lean)
     footprints, walls_mm, no_object = ([], NOWHERE, "") if scan is None else scanned_parts(scan, priors.laser.bias_mm)
     warnings += [no_object] if no_object else []
@@ -159,6 +160,11 @@ def disagreement(item: MeasuredObject) -> str:
     return f"scan and pair disagree about the object {np.hypot(*item.position_mm):.0f} mm away"
 
 
+def _as_cameras_tell(scan: LaserScan, lidar: LidarCamera | None) -> LaserScan:
+    """A scan in the cameras' scale, against which the laser was calibrated."""
+    return scan if lidar is None else replace(scan, ranges_mm=(1 - lidar.scale) * scan.ranges_mm)
+
+
 def _above_floor(scan: LaserScan, lean: Lean | None) -> LaserScan:
     """A scan without what a leaning laser reads of the floor."""
     if lean is None or not lean.is_sure:
@@ -183,22 +189,22 @@ def _said_of_the_rig(views: Views, judged: Judged, near_mm: float, instrument: I
     if np.isfinite(near_mm) and not judged.scanned:
         said.append(instrument.turned_unseen(near_mm))
     if instrument.lidar is None and judged.scanned:
-        (x, y, yaw), std = solution.laser, solution.laser_std
+        (x, y, yaw, _), std = solution.laser, solution.laser_std
         place = f"{x:.0f} ± {std[0]:.0f} mm ahead, {y:.0f} ± {std[1]:.0f} mm to the left"
         turn = f"turned by {np.degrees(yaw):.1f} ± {np.degrees(std[2]):.1f} degrees against the pictures' axis"
         said.append(f"the objects place the laser {place}, {turn}")
     elif judged.chance(laser=True) > _LIKELY:
-        (x, y, yaw), std = solution.laser, solution.laser_std
+        (x, y, yaw, _), std = solution.laser, solution.laser_std
         move = f"{np.hypot(x, y):.0f} mm and {np.degrees(yaw):.1f} ± {np.degrees(std[2]):.1f} degrees"
         said.append(
             f"the laser has moved since its calibration, by {move}; corrected here: calibrate it again. If nobody "
-            "moved it, the cameras' scale is wrong (check it with --ruler-mm), or the laser's"
+            "moved it, the cameras' scale has changed (check it with --ruler-mm), or the laser's"
         )
     if judged.chance(cameras=True) > _LIKELY:
         off, off_std = (float(a[Shared.OFFSET]) for a in (solution.shared, np.sqrt(np.diag(solution.covariance))))
         why = f"all disparities are off by {off:.2f} ± {off_std:.2f} px"
         said.append(
             f"the cameras have turned since their calibration: {why}; corrected here: calibrate again. So it is if the "
-            "laser reads right; if it reads too far or too near, the pair alone is right: measure without the scan"
+            "laser reads as when it was calibrated; if it does not, the pair alone is right: measure without the scan"
         )
     return said

@@ -60,7 +60,7 @@ class MeasuredObject:
         Why ``"length"``, ``"width"`` or ``"height"`` is unknown, or the whole ``"object"`` not measured.
     scan_share : float
         Share of what is known of the faces' lines that the scan gave, 0..1.
-    common_mm : (3, 6) float64
+    common_mm : (3, 7) float64
         What `size_mm` is off for one standard deviation of each error that other pairs of the same calibration share;
         ``common_mm @ common_mm.T`` is a part of `covariance`. 0 where that is unknown.
     unsure : dict of str

@@ -223,6 +223,7 @@ class RangesSeen:
     def together(several: Sequence[RangesSeen]) -> Residuals:
         """Residuals of many at once."""
         face = np.concatenate([np.full(seen.count, int(seen.side is Side.LEFT)) for seen in several])
+        ranges = np.concatenate([seen.ranges_mm for seen in several])
         sigma = np.concatenate([seen.sigma_mm for seen in several])
         beams = _by_face(face, np.concatenate([seen.beams for seen in several]))
         met = _by_face(
@@ -234,7 +235,8 @@ class RangesSeen:
             facing = normals @ beams
             facing = np.where(facing.real > _GRAZING, facing, _GRAZING)
             off = box.distances - (box.normals @ world.laser_place[..., None])[..., 0]
-            found: Numbers = ((off[..., face] - normals @ met) / facing + box.own[..., _BIASES][..., face]) / sigma
+            bias = box.own[..., _BIASES][..., face] + world.laser_scale[..., None] * ranges
+            found: Numbers = ((off[..., face] - normals @ met) / facing + bias) / sigma
             return found
 
         return residuals

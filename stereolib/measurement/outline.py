@@ -99,9 +99,9 @@ def predicted_stds_px(
     edges : sequence of Edge
     first : Side
     priors : Priors
-    x : (18,) float64
+    x : (19,) float64
         Shared parameters, then the box's own.
-    covariance : (18, 18) float64
+    covariance : (19, 19) float64
 
     Returns
     -------

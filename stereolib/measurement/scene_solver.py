@@ -25,15 +25,15 @@ _REACH = 2.5  # standard deviations beyond which an observation that may be mist
 _NO_REACH = 1e6  # of the others
 _TOLERANCE = 1e-4  # relative: a hundredth of a standard deviation at most
 _MOST_STEPS = 40
-_LASER = slice(Shared.LASER_X, Shared.LASER_YAW + 1)
+_LASER = slice(Shared.LASER_X, Shared.LASER_SCALE + 1)
 _CAMERAS = slice(Shared.OFFSET, None)
-#: What errs alike in all pairs of one calibration: the laser's pose, and of the cameras all but the rows' offset.
-_COMMON = [0, 1, 2, 3, 5, 6]  # of the laser's three and the cameras' four
+#: What errs alike in all pairs of one calibration: the laser's pose and scale, and of the cameras all but the rows.
+_COMMON = [0, 1, 2, 3, 4, 6, 7]  # of the laser's four and the cameras' four
 COMMON_ERRORS = len(_COMMON)
 _STEPS = 1j * COMPLEX_STEP * np.eye(len(Shared) + len(Own))
 _FLOOR_ROUNDING = np.array([1e-5, 1e-5, 1e-3])  # of a floor's plane: one that is given is known so well at most
 #: What the parameters are off at first, at most: the first step goes no farther.
-_SHARED_SCALE = np.array([0.1, 0.01, 0.01, 10.0, 10.0, 0.01, 1.0, 1.0, 0.01, 0.01])
+_SHARED_SCALE = np.array([0.1, 0.01, 0.01, 10.0, 10.0, 0.01, 0.01, 1.0, 1.0, 0.01, 0.01])
 _OWN_SCALE = np.array([10.0, 10.0, 0.01, 10.0, 10.0, 10.0, 5.0, 5.0])
 
 
@@ -61,7 +61,7 @@ class Priors:
 
         Parameters
         ----------
-        shared : (..., 10)
+        shared : (..., 11)
 
         Returns
         -------
@@ -71,13 +71,13 @@ class Priors:
 
     @cached_property
     def roots(self) -> tuple[Float64, Float64, Float64]:
-        """What makes errors of laser, floor and cameras independent: (3, 3), (3, 3) and (4, 4)."""
+        """What makes errors of laser, floor and cameras independent: (4, 4), (3, 3) and (4, 4)."""
         floor = self.floor.covariance + np.diag(_FLOOR_ROUNDING**2)
         return whitening(self.laser.covariance), whitening(floor), whitening(self.cameras)
 
     @property
     def common(self) -> Float64:
-        """How many of the residuals' standard deviations each error is that all pairs of a calibration share. (7, 6).
+        """How many of the residuals' standard deviations each error is that all pairs of a calibration share. (8, 7).
 
         For one standard deviation of each: columns of the covariance's symmetric root, so that they mean the same in
         every pair; rows are the residuals of laser and cameras.
@@ -87,17 +87,17 @@ class Priors:
         return np.asarray(both[:, _COMMON])
 
     def residuals(self, shared: Numbers, world: World) -> Numbers:
-        """Shared parameters minus what is known of them, and the floor, in standard deviations: (..., 10).
+        """Shared parameters minus what is known of them, and the floor, in standard deviations: (..., 11).
 
         Parameters
         ----------
-        shared : (..., 10)
+        shared : (..., 11)
         world : World
             Of them.
 
         Returns
         -------
-        (..., 10)
+        (..., 11)
         """
         laser, _, cameras = self.roots
         seen = self._floor_seen(world, Box(shared))
@@ -114,9 +114,9 @@ class Solution:
 
     Attributes
     ----------
-    shared : (10,) float64
+    shared : (11,) float64
     boxes : tuple of (8,) float64
-    covariance : (10 + 8 n, 10 + 8 n) float64
+    covariance : (11 + 8 n, 11 + 8 n) float64
         Of all, `shared` first.
     cost : float
         Half the sum of the squared residuals, in standard deviations; those that may be mistaken count less.
@@ -128,9 +128,9 @@ class Solution:
         What the laser's readings and its pose, and what the pictures show of the boxes, cost more than they would on
         average.
     given : dict
-        What of the variances (10 + 8 n,) comes from ``"floor"``, ``"laser"``, ``"cameras"``, and from each kind of
+        What of the variances (11 + 8 n,) comes from ``"floor"``, ``"laser"``, ``"cameras"``, and from each kind of
         observation, by the name of its class: they add up to the covariance's diagonal.
-    common : (10 + 8 n, 6) float64
+    common : (11 + 8 n, 7) float64
         What all are off for one standard deviation of each error that other pairs of the same calibration share
         (`Priors.common`): ``common @ common.T`` is a part of the covariance.
     """
@@ -147,12 +147,12 @@ class Solution:
 
     @property
     def laser(self) -> Float64:
-        """Shift (mm) and turn (rad) of the laser from where it was calibrated. (3,)."""
+        """Shift (mm), turn (rad) and change of scale (share) of the laser since its calibration. (4,)."""
         return self.shared[_LASER]
 
     @property
     def laser_std(self) -> Float64:
-        """Standard deviations of `laser`. (3,)."""
+        """Standard deviations of `laser`. (4,)."""
         return np.sqrt(np.diag(self.covariance))[_LASER]
 
     def at(self, own: Float64) -> Solution:
@@ -160,12 +160,12 @@ class Solution:
         return replace(self, boxes=(own, *self.boxes[1:]))
 
     def of_box(self, box: int) -> tuple[Float64, Float64]:
-        """Shared and own parameters of a box in one vector (18,), and their covariance (18, 18)."""
+        """Shared and own parameters of a box in one vector (19,), and their covariance (19, 19)."""
         at = _places(box)
         return np.concatenate([self.shared, self.boxes[box]]), self.covariance[np.ix_(at, at)]
 
     def common_of_box(self, box: int) -> Float64:
-        """`common` of the parameters of `of_box`. (18, 6)."""
+        """`common` of the parameters of `of_box`. (19, 7)."""
         return self.common[_places(box)]
 
 
@@ -178,7 +178,7 @@ class Seen:
     start : (8,) float64
         In the order of `Own`.
     observations : sequence of Observation
-    shared : (10,) float64
+    shared : (11,) float64
         What is shared, as this box has it: the search begins at the mean.
     """
 
@@ -309,7 +309,7 @@ class _Problem:
 
     def sorted_by_kind(self, parts: Float64) -> dict[str, Float64]:
         """Sum columns (one a residual) by what gave them."""
-        known = ["floor"] * 3 + ["laser"] * 3 + ["cameras"] * 4
+        known = ["floor"] * 3 + ["laser"] * 4 + ["cameras"] * 4
         names = np.array(known + [type(o).__name__ for o in self.owners[len(known) :]])
         return {name: parts @ (names == name) for name in dict.fromkeys(names.tolist())}
 

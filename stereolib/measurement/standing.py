@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stereolib.calibration import LASER_SCALE_STD
 from stereolib.measurement.floor import Floor, floor_from_pose
 from stereolib.measurement.instrument import Instrument
 from stereolib.measurement.laser_on_floor import LaserOnFloor
@@ -18,7 +19,7 @@ from stereolib.measurement.views import Views
 from stereolib.rig import pose_left_world, rigid
 
 #: A laser that nobody calibrated: straight below the camera within 50 mm and five degrees.
-_BELOW = LaserOnFloor(np.eye(2), np.zeros(2), np.diag([50.0**2, 50.0**2, np.radians(5.0) ** 2]))
+_BELOW = LaserOnFloor(np.eye(2), np.zeros(2), np.diag([50.0**2, 50.0**2, np.radians(5.0) ** 2, LASER_SCALE_STD**2]))
 _LASER_ABOVE_FLOOR_MM = 100.0  # where no floor is seen; the scan's sizes do not depend on it
 _LEAST_STD = 1e-5  # of what a calibration knows, px or mm
 _CALIBRATED = [2, 3, 0]  # of offset, rows, focal length and baseline: in the order of `SystematicUncertainty`
@@ -101,9 +102,9 @@ def scene_priors(views: Views, instrument: Instrument, floor: Floor) -> Priors:
     rectified, share = instrument.rectified, np.ones(4)
     share[2:] = rectified.f_px, rectified.baseline_mm
     cameras = np.diag([_LEAST_STD**2] * 4)
-    cameras[0, 0] += views.rows.columns_std_px**2
     cameras[1, 1] += views.rows.std_px**2
-    cameras[np.ix_(_CALIBRATED, _CALIBRATED)] += instrument.uncertainty.covariance
+    known = instrument.uncertainty.with_offset(views.rows.columns_std_px)
+    cameras[np.ix_(_CALIBRATED, _CALIBRATED)] += known.covariance
     laser = _BELOW if instrument.lidar is None else LaserOnFloor.of(instrument.lidar, floor)
     return Priors(floor, laser, cameras / np.outer(share, share))
 

@@ -285,7 +285,8 @@ def length_between(
     views = Views.of(left, right, rectified)
     map_px = match_views(views)
     one, other = (find_surface(views, map_px, at, name) for at, name in zip(ends, names, strict=True))
-    found = measure_between(one, other, rectified, instrument.uncertainty)
+    known = instrument.uncertainty.with_offset(views.rows.columns_std_px)
+    found = measure_between(one, other, rectified, known)
     unseen = instrument.turned_unseen(float(found.depth_mm.mean()))
     return replace(found, warnings=(*views.rows.warnings, *instrument.warnings, unseen))
 

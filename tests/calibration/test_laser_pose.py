@@ -9,10 +9,11 @@ from functools import cache
 import cv2
 import numpy as np
 import pytest
+from support.box_scenes import reading_too_far
 
 from stereolib import laser, paper
 from stereolib.calibration import LaserBoardView, calibrate_lidar_to_camera, find_board_in_scan
-from stereolib.calibration.laser_pose import _check_observable
+from stereolib.calibration.laser_pose import _check_observable, _Fit
 from stereolib.rig import pose_left_world, rigid
 from stereolib.virtual import Scene, VirtualLidar, board_box, room
 
@@ -58,18 +59,21 @@ def seen_by_camera(T_left_board, rng):
     return rigid(cv2.Rodrigues(rotation)[0], t)
 
 
-def scanned(T_world_board, rng):
+def scanned(T_world_board, rng, too_far_pct=0.0):
     scene = Scene((room(), board_box(INNER, SQUARE, T_world_board)))
-    data = VirtualLidar(height_mm=HEIGHT).scan(scene, LASER, rng, turns=5)
+    sensor = reading_too_far(VirtualLidar(height_mm=HEIGHT), too_far_pct)
+    data = sensor.scan(scene, LASER, rng, turns=5)
     return laser.average(laser.turns(laser.decode(data)))
 
 
-def views(poses, seed):
+def views(poses, seed, *, too_far_pct=0.0):
     rng = np.random.default_rng(seed)
     found = []
     for pose in poses:
         T = upright(*pose)
-        found.append(find_board_in_scan(scanned(T, rng), seen_by_camera(POSE @ T, rng), diagonal_mm=DIAGONAL))
+        found.append(
+            find_board_in_scan(scanned(T, rng, too_far_pct), seen_by_camera(POSE @ T, rng), diagonal_mm=DIAGONAL)
+        )
     return found
 
 
@@ -90,6 +94,44 @@ def test_pose_comes_back_with_honest_deviations():
     scores = np.abs(scores)
     assert (scores < 1.96).mean() >= 0.95
     assert 0.7 < np.sqrt(np.mean(scores**2)) < 1.1  # below 1: the stated bias is the most that the laser may have
+
+
+@pytest.mark.parametrize("pct", [-2.0, 1.0, 3.0])
+def test_a_laser_that_reads_too_far_is_told_from_one_that_stands_elsewhere(pct):
+    found = calibrate_lidar_to_camera(views(GOOD, 7, too_far_pct=pct))
+    assert found.scale == pytest.approx(pct / 100, abs=2.5 * found.std_scale) and found.std_scale < 0.003
+    assert (np.abs(error(found.T_left_lidar)[3:]) < 3 * found.std_mm).all() and found.std_mm.max() < 4
+    assert found.to_camera([[0.0, 0.0], [1000.0, 0.0]])[1] - found.T_left_lidar[:3, 3] == pytest.approx(
+        (1 - found.scale) * 1000 * found.T_left_lidar[:3, 0]
+    )
+
+
+def test_what_no_laser_errs_is_told_with_what_to_measure():
+    """Squares of 30 mm told as 27 mm: the cameras' world shrinks, and the laser's does not."""
+    good = views(GOOD, 8)
+    assert calibrate_lidar_to_camera(good).warning == ""
+    shrunk = [replace(v, T_left_board=v.T_left_board @ np.diag([1.0, 1, 1, 1])) for v in good]
+    for view in shrunk:
+        view.T_left_board.flags.writeable = True
+        view.T_left_board[:3, 3] *= 0.9
+    told = re.match(
+        r"the laser reads (\d+\.\d) % longer than the cameras have it", calibrate_lidar_to_camera(shrunk).warning
+    )
+    assert told and 8 < float(told[1]) < 11
+
+
+def test_boards_that_are_all_at_one_place_leave_the_scale_open_and_it_is_said():
+    """Of a laser that reads 2 % too far; two views more, nearer and farther, tell it."""
+    near = [(700, y, turn, lean) for y, turn, lean in
+            ((0, 0, 30), (40, 35, -30), (-40, -35, 30), (60, -30, -30), (-60, 30, 30), (20, 20, 30), (-20, -10, -30))
+            ]  # fmt: skip
+    found = calibrate_lidar_to_camera(views(near, 9, too_far_pct=2.0), max_std_mm=30.0)
+    assert 0.01 < found.std_scale < 0.02 and abs(found.scale - 0.02) < 2 * found.std_scale
+    assert "hold some nearer and some farther" in found.warning
+    more = [*near, (1300, 0, 0, 0), (520, 0, 20, 0)]
+    found = calibrate_lidar_to_camera(views(more, 9, too_far_pct=2.0), max_std_mm=30.0)
+    assert found.std_scale < 0.005 and found.warning == ""
+    assert found.scale == pytest.approx(0.02, abs=2.5 * found.std_scale)
 
 
 def test_points_of_the_scan_land_on_the_board():
@@ -172,11 +214,12 @@ def test_last_bits_of_the_input_stay_last_bits():
 def test_what_a_turn_leaves_open_counts_where_objects_stand(turn, direction, worst_mm):
     """A roll moves only what stands beside the middle, up to 0.36 of 1.2 m; a yaw most what stands farthest."""
     tilted = views(GOOD[:4], 0)
-    std = np.array([1e-5] * 3 + [0.01] * 3)
+    std = np.array([1e-5] * 3 + [0.01] * 3 + [1e-5])
     std[turn] = 0.05
+    found = _Fit(TRUTH, 0.0, np.diag(1 / std), np.zeros(0))
     facing = [replace(view, points_mm=view.points_mm - [0.0, view.points_mm.mean(axis=0)[1]]) for view in tilted]
     with pytest.raises(ValueError, match=rf"scan lies: {direction}, .* uncertain by (\d+) mm") as said:
-        _check_observable(facing, TRUTH, np.diag(1 / std), 10.0)
+        _check_observable(facing, found, 10.0)
     told = int(re.search(r"uncertain by (\d+) mm", str(said.value))[1])
     assert told == pytest.approx(0.05 * worst_mm, abs=1)
-    _check_observable(facing, TRUTH, np.diag(1 / std), 0.05 * worst_mm + 1)
+    _check_observable(facing, found, 0.05 * worst_mm + 1)

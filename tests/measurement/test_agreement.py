@@ -11,7 +11,7 @@ from support.boxes import FLOOR, RECT
 
 from stereolib.measurement import Views
 from stereolib.measurement.agreement import Agreement, Past, Samples, agreement
-from stereolib.measurement.box import World
+from stereolib.measurement.box import Shared, World
 
 N = 60
 
@@ -200,7 +200,7 @@ def test_parts_may_run_backwards():
 @pytest.fixture(scope="module")
 def wall():
     """A textured wall 800 mm ahead, to the left of column 400 of the left picture; beside it another moment."""
-    world = World.of(FLOOR, np.zeros(2), 0.0, np.zeros(10))
+    world = World.of(FLOOR, np.zeros(2), 0.0, np.zeros(len(Shared)))
     plane = world.disparity_plane(np.array([1.0, 0.0, 0.0]), np.array(800.0))
     texture = cv2.GaussianBlur(np.random.default_rng(3).normal(0, 1, (480, 900)), (0, 0), 1.5)
     texture = np.clip(128 + 45 * texture / texture.std(), 0, 255).astype(np.float32)

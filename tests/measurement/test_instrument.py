@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from support.instruments import LIDAR, RECT
 
-from stereolib.measurement import Instrument, save_laser_pose
+from stereolib.calibration import LASER_SCALE_STD
+from stereolib.measurement import Instrument, SystematicUncertainty, save_laser_pose
 from stereolib.rig import StereoRig
 
 
@@ -19,12 +20,33 @@ def test_instrument_file_goes_round(tmp_path):
     instrument = Instrument.load(tmp_path / "rig.json")
     np.testing.assert_array_equal(instrument.lidar.T_left_lidar, LIDAR.T_left_lidar)
     np.testing.assert_array_equal(instrument.lidar.covariance, LIDAR.covariance)
+    assert instrument.lidar.scale == LIDAR.scale
     assert instrument.uncertainty.f_px == 0.1 and instrument.rectified.f_px == RECT.f_px
     text = json.loads((tmp_path / "rig.json").read_text())
     text["lidar"]["T_left_lidar"][0][0] = 3.0
     (tmp_path / "rig.json").write_text(json.dumps(text))
     with pytest.raises(ValueError, match="laser or of deviations is damaged"):
         Instrument.load(tmp_path / "rig.json")
+
+
+def test_a_laser_s_entry_without_a_scale_leaves_it_open(tmp_path):
+    path = StereoRig.save(RECT.rig, tmp_path / "rig.json")
+    save_laser_pose(path, LIDAR)
+    text = json.loads(path.read_text())
+    del text["lidar"]["scale"]
+    text["lidar"]["covariance"] = LIDAR.covariance[:6, :6].tolist()
+    path.write_text(json.dumps(text))
+    lidar = Instrument.load(path).lidar
+    assert (lidar.scale, lidar.std_scale) == (0.0, LASER_SCALE_STD)
+    np.testing.assert_array_equal(lidar.covariance[:6, :6], LIDAR.covariance[:6, :6])
+
+
+def test_something_else_that_shifts_all_disparities_widens_the_offset_alone():
+    known = SystematicUncertainty(4.0, 0.5, 0.3, (0.5, -0.4, 0.2))
+    more = np.diag([0.0, 0.0, 0.4**2])
+    np.testing.assert_allclose(known.with_offset(0.4).covariance, known.covariance + more, atol=1e-12)
+    np.testing.assert_array_equal(SystematicUncertainty().with_offset(0.4).covariance, more)
+    np.testing.assert_array_equal(SystematicUncertainty().with_offset(0.0).covariance, 0 * more)
 
 
 @pytest.mark.parametrize(

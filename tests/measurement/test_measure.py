@@ -248,9 +248,23 @@ def test_a_laser_nobody_calibrated_is_found_by_the_scene():
     assert np.abs(found.laser.t).max() < 15 and abs(np.degrees(found.laser.yaw_rad)) < 1.5
 
 
+def test_a_laser_calibrated_as_reading_too_far_tells_the_same():
+    """The calibration knows the scale: no size changes, and nothing is said to have moved."""
+    right = texture(scan_of())
+    far = replace(scan_of(), ranges_mm=scan_of().ranges_mm * 1.03)
+    known = replace(INSTRUMENT, lidar=replace(LIDAR, scale=1 - 1 / 1.03))
+    found = measure_objects(*recordings.load_pair("conditions/texture"), far, known)
+    np.testing.assert_allclose(the_cube(found).size_mm, the_cube(right).size_mm, atol=1e-3)
+    np.testing.assert_allclose(found.scan_mm, right.scan_mm, atol=1e-3)
+    assert [text.split(":")[0] for text in found.warnings] == [
+        "the laser reads 2.9 % longer than the cameras have it, more than such a laser errs",
+        *(text.split(":")[0] for text in right.warnings),
+    ]
+
+
 def test_a_pose_that_nobody_may_believe_hardly_matters():
     """Deviations of a kilometre: the laser is placed by the scene."""
-    loose = replace(LIDAR, covariance=np.diag([1.0] * 3 + [1e12] * 3))
+    loose = replace(LIDAR, covariance=np.diag([1.0] * 3 + [1e12] * 3 + [1e4]))
     found = measure_objects(*recordings.load_pair("conditions/texture"), scan_of(), Instrument(RECT, loose))
     np.testing.assert_allclose(the_cube(found).size_mm, 300, atol=2)
 

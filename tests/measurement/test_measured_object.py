@@ -21,8 +21,8 @@ FROM_ABOVE = {edge: past for edge, past in OPEN.items() if edge is not Edge.RIGH
 
 
 def solution(own=OWN, spread=None):
-    covariance = np.zeros((18, 18))
-    covariance[10:, 10:] = np.diag(np.full(8, 1e-6) if spread is None else np.square(spread))
+    covariance = np.zeros((len(Shared) + len(Own),) * 2)
+    covariance[len(Shared) :, len(Shared) :] = np.diag(np.full(8, 1e-6) if spread is None else np.square(spread))
     return Solution(
         STILL, (own,), covariance, 0.0, 0.0, (np.zeros(0),), 0.0, {}, np.zeros((len(covariance), COMMON_ERRORS))
     )
@@ -169,10 +169,12 @@ def test_a_size_of_5_mm_or_worse_is_told_with_what_makes_it_so():
     blurred = [replace(seen, std_px=3.0) if isinstance(seen, EdgeSeen) else seen for seen in pictured(world)]
     wide = from_box(solve(PRIORS, [Seen(start(), blurred)]), 0, BoxFacts(OPEN))
     assert wide.std_mm[0] > 5 and wide.unsure["length"] == UNSURE["EdgeSeen"]
-    many = dict.fromkeys(("EdgeSeen", "PlaneSeen", "floor"), np.full(18, 12.0))
+    many = dict.fromkeys(("EdgeSeen", "PlaneSeen", "floor"), np.full(len(Shared) + len(Own), 12.0))
     spread = solution(spread=np.full(8, 6.0))
     assert not from_box(replace(spread, given=many), 0, BoxFacts(OPEN)).unsure  # no one thing makes it
-    assert set(from_box(replace(spread, given={"laser": np.full(18, 36.0)}), 0, BoxFacts(OPEN)).unsure) == {
+    assert set(
+        from_box(replace(spread, given={"laser": np.full(len(Shared) + len(Own), 36.0)}), 0, BoxFacts(OPEN)).unsure
+    ) == {
         "length",
         "width",
         "height",

@@ -24,7 +24,7 @@ N = len(Shared)
 @pytest.mark.parametrize("kind", KINDS)
 def test_derivatives_are_those_of_central_differences(kind):
     rng = np.random.default_rng(3)
-    scale = np.array([*[1e-3] * 3, 1, 1, 1e-3, 0.1, 0.1, 1e-3, 1e-3, 1, 1, 1e-3, 1, 1, 1, 0.5, 0.5])
+    scale = np.array([*[1e-3] * 3, 1, 1, 1e-3, 1e-3, 0.1, 0.1, 1e-3, 1e-3, 1, 1, 1e-3, 1, 1, 1, 0.5, 0.5])
     x = np.concatenate([STILL, OWN]) + scale * rng.normal(0, 1, N + len(Own))
 
     def residuals(y):
@@ -40,7 +40,7 @@ def test_derivatives_are_those_of_central_differences(kind):
 
 def test_the_truth_leaves_no_residual():
     """Of every kind, also where cameras and laser are not where they were calibrated."""
-    for x in (STILL, shared(pitch=0.01, offset=0.3, focal=0.002, laser_x=8.0, laser_yaw=0.05)):
+    for x in (STILL, shared(pitch=0.01, offset=0.3, focal=0.002, laser_x=8.0, laser_yaw=0.05, laser_scale=0.02)):
         world = PRIORS.world(x)
         for seen in everything(world)[7:]:
             assert np.abs(seen.residuals(world, Box(OWN))).max() < 1e-9
@@ -92,7 +92,7 @@ def test_who_saw_what():
 
 def test_many_at_once_are_each_by_itself():
     """Of either face and the floor, real and complex, from a world and a box that are off."""
-    x = np.concatenate([shared(pitch=0.01, offset=0.3, laser_x=8.0, laser_yaw=0.05), OWN + 1e-3])
+    x = np.concatenate([shared(pitch=0.01, offset=0.3, laser_x=8.0, laser_yaw=0.05, laser_scale=0.02), OWN + 1e-3])
     kinds = {kind: [o for o in everything(WORLD) if type(o) is kind] for kind in map(type, everything(WORLD))}
     kinds[PlaneSeen].append(FLOOR_SEEN)
     for y in (x, x + 1j * 1e-30 * np.eye(len(x))):

@@ -11,7 +11,7 @@ from stereolib.base import turn_2d
 from stereolib.measurement import LaserOnFloor
 from stereolib.measurement.pairing import Place, pair_up
 
-HERE = LaserOnFloor(np.eye(2), np.zeros(2), np.diag([1.0, 1.0, 1e-6]))
+HERE = LaserOnFloor(np.eye(2), np.zeros(2), np.diag([1.0, 1.0, 1e-6, 1e-8]))
 
 
 def outline(distance, bearing_deg, width=200.0):

@@ -15,7 +15,7 @@ from stereolib.measurement.regions import ObjectRegion
 from stereolib.measurement.scanned import is_wall, scan_observations, scanned_box, sides_of
 from stereolib.measurement.scene_solver import Priors, solve
 
-NEAR = np.diag([0.5**2, 0.5**2, 1e-6])
+NEAR = np.diag([0.5**2, 0.5**2, 1e-6, 1e-8])
 STD = np.diag([0.03, 0.03, 2e-4, 2e-4]) ** 2
 
 

@@ -136,6 +136,8 @@ RIGS: dict[str, tuple[Callable[[dict[str, Any]], object], str]] = {
     "laser_last": (_set("lidar", "T_left_lidar", 3, to=[0, 0, 0, 2]), "must be a rotation"),
     "laser_flat": (_set("lidar", "T_left_lidar", to=[1, 2]), "laser"),
     "laser_sure": (_set("lidar", "covariance", 0, 0, to=-1.0), "covariance"),
+    "laser_scale": (_set("lidar", "scale", to=float("nan")), "finite"),
+    "laser_half": (_set("lidar", "scale", to=-3.0), "scale"),
     "laser_vague": (_set("lidar", "covariance", 0, 0, to=1e300), "covariance"),
 }
 _KEPT = {"sigma_px": 0.1, "scatter": 1.0, "outer_px": {}}

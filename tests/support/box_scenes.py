@@ -375,12 +375,18 @@ def _instrument(found: StereoCalibration, views: list[LaserBoardView]) -> Instru
     return Instrument(rectified, calibrate_lidar_to_camera(views), SystematicUncertainty(**how_well))
 
 
+def reading_too_far(sensor: VirtualLidar, pct: float) -> VirtualLidar:
+    """A laser that reads so much farther than another."""
+    first, second, third = sensor.bias_mm
+    return replace(sensor, bias_mm=(first, second + 10 * pct, third))  # mm at 1 m
+
+
 @cache
-def instrument() -> Instrument:
+def instrument(*, laser_too_far_pct: float = 0.0) -> Instrument:
     """Rig and laser as calibrated from the recorded boards and from ten boards that the laser sees too."""
-    found = _recorded_boards()
+    found, sensor = _recorded_boards(), reading_too_far(SENSOR, laser_too_far_pct)
     views = laser_boards.laser_board_views(
-        SENSOR, paper.paper_rig().left, np.random.default_rng(604), believed_left=found.rig.left, height_mm=150.0
+        sensor, paper.paper_rig().left, np.random.default_rng(604), believed_left=found.rig.left, height_mm=150.0
     )
     return _instrument(found, views)
 

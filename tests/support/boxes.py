@@ -15,7 +15,7 @@ RECT = recordings.rectified()
 FLOOR = floor_from_pose(
     RECT, recordings.setup(), height_std_mm=0.5, pitch_std_rad=np.radians(0.03), roll_std_rad=np.radians(0.03)
 )
-HERE = LaserOnFloor(np.eye(2), np.zeros(2), np.diag([1.0, 1.0, np.radians(0.2) ** 2]), bias_mm=0.5)
+HERE = LaserOnFloor(np.eye(2), np.zeros(2), np.diag([1.0, 1.0, np.radians(0.2) ** 2, 2e-3**2]), bias_mm=0.5)
 PRIORS = Priors(FLOOR, HERE, np.diag([0.03, 0.03, 2e-4, 2e-4]) ** 2)
 STILL = np.zeros(len(Shared))
 #: Near corner at (700, 20), right side 300 mm, left side 200 mm, height 250 mm.
@@ -71,7 +71,8 @@ def readings(world, own, rng=None, sides=Side):
         ranges = np.linalg.norm(points, axis=1)
         error = 0.0 if rng is None else rng.normal(0, SIGMA_MM, 15)
         beams, sigma = points / ranges[:, None], np.full(15, SIGMA_MM)
-        found.append(RangesSeen(side, np.zeros((15, 2)), beams, ranges + own[side.bias] + error, sigma))
+        told = (ranges + own[side.bias] + error) / (1 - world.laser_scale)
+        found.append(RangesSeen(side, np.zeros((15, 2)), beams, told, sigma))
     return found
 
 

@@ -104,6 +104,18 @@ def emitter_beside_axis(shot: Shot, known: Instrument, rng: np.random.Generator)
     return _scanned_again(shot, replace(shot.truth, sensor=sensor), rng), known
 
 
+def laser_too_far(pct: float) -> Disturbance:
+    """The laser reads so much too far, or too near, here and when it was calibrated."""
+
+    def disturb(shot: Shot, known: Instrument, rng: np.random.Generator) -> Case:
+        off_pct = float(rng.choice([-1, 1])) * pct
+        sensor = box_scenes.reading_too_far(shot.truth.sensor, off_pct)
+        known = replace(known, lidar=box_scenes.instrument(laser_too_far_pct=off_pct).lidar)
+        return _scanned_again(shot, replace(shot.truth, sensor=sensor), rng), known
+
+    return disturb
+
+
 def _scanned_again(shot: Shot, seen: BoxScene, rng: np.random.Generator) -> Shot:
     return replace(shot, scan=box_scenes.scan(seen, rng))
 
@@ -270,6 +282,7 @@ ROWS: dict[str, Row] = {
     "other_scan": Row("scan taken of another scene than the pictures", other_scan, of_pair=True),
     "no_scan": Row("no scan: the two pictures alone", no_scan),
     "emitter": Row("laser whose light starts 25 mm beside its axis, as a real XV-11's does", emitter_beside_axis),
+    "laser_far_2": Row("laser that reads 2 % too far or too near, at its calibration too", laser_too_far(2.0)),
     "gain_0.5": Row("right picture half as bright as the left one", right_gain(0.5)),
     "gain_0.7": Row("right picture 0.7 times as bright as the left one", right_gain(0.7)),
     "gain_1.4": Row("right picture 1.4 times as bright as the left one", right_gain(1.4)),

@@ -12,7 +12,7 @@ from stereolib.virtual import VirtualLidar, recordings
 RECT = recordings.rectified()
 SENSOR = VirtualLidar()
 LIDAR = LidarCamera(
-    recordings.setup() @ rigid(np.eye(3), [0.0, 0.0, SENSOR.height_mm]), np.zeros(3), np.zeros(3),
-    np.diag([1e-6] * 3 + [0.25] * 3), np.zeros(0),
+    recordings.setup() @ rigid(np.eye(3), [0.0, 0.0, SENSOR.height_mm]), 0.0,
+    np.diag([1e-6] * 3 + [0.25] * 3 + [1e-6]), np.zeros(0),
 )  # fmt: skip
 INSTRUMENT = Instrument(RECT, LIDAR)

@@ -10,7 +10,7 @@ import numpy as np
 
 from stereolib.base import Float64
 from stereolib.measurement import Instrument, Views, find_floor, find_objects
-from stereolib.measurement.box import Box, Own, World
+from stereolib.measurement.box import Box, Own, Shared, World
 from stereolib.measurement.faces import find_face
 from stereolib.measurement.follow import Stretch, follow_face
 from stereolib.measurement.pictured import Pictured, see_box
@@ -45,7 +45,7 @@ def of_pair(left, right):
     views = Views.of_rectified(left, right)
     floor = find_floor(views, RECT)
     priors = scene_priors(views, Instrument(RECT), floor)
-    return Shown(views, priors, priors.world(np.zeros(10)), find_objects(views.disparity_px, floor))
+    return Shown(views, priors, priors.world(np.zeros(len(Shared))), find_objects(views.disparity_px, floor))
 
 
 @cache

@@ -9,7 +9,6 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from stereolib import laser
 from stereolib.base import Float64, finite_array, set_frozen
 from stereolib.calibration.boards import Board, find_board
 from stereolib.calibration.bundle_adjustment import board_pose
@@ -93,7 +92,13 @@ def find_board_in_scan(
 
 
 def find_laser_boards_in_files(
-    pictures: Sequence[Path], scans: Sequence[Path], board: Board, left: Camera, *, margin_mm: float = 0.0
+    pictures: Sequence[Path],
+    scans: Sequence[Path],
+    board: Board,
+    left: Camera,
+    read_scan: Callable[[Path], LaserScan],
+    *,
+    margin_mm: float = 0.0,
 ) -> list[LaserBoardView]:
     """Find the boards that both saw in pictures of the left camera and recordings of the laser, one for one.
 
@@ -102,6 +107,8 @@ def find_laser_boards_in_files(
     pictures, scans : sequences of Path
     board : Checkerboard or Charuco
     left : Camera
+    read_scan : callable
+        Reads a file of the laser and names it where it cannot (`stereolib.mapping.read_scan`).
     margin_mm : float
         By how much the board reaches beyond its squares.
 
@@ -122,9 +129,9 @@ def find_laser_boards_in_files(
             raise ValueError(f"{picture}: the board was not found in it; take this pose out, or take it again")
         known = np.isfinite(corners).all(axis=1)
         turn, t = board_pose(board.points_mm[known], corners[known], left)
+        seen = read_scan(scan)
         try:
-            turns = laser.average(laser.turns(laser.read_recording(scan)))
-            views.append(find_board_in_scan(turns, rigid(cv2.Rodrigues(turn)[0], t), diagonal_mm=diagonal))
+            views.append(find_board_in_scan(seen, rigid(cv2.Rodrigues(turn)[0], t), diagonal_mm=diagonal))
         except ValueError as error:
             raise ValueError(f"{scan}: {error}") from error
     return views

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 def _configure(parser: argparse.ArgumentParser) -> None:
     about = "the board, seen by the left camera: a folder or a pattern; right pictures in it are left out"
     parser.add_argument("pictures", metavar="PICTURES", help=about)
-    parser.add_argument("scans", type=Path, metavar="SCANS", help="folder: a recording of the laser for each picture")
+    parser.add_argument("scans", type=Path, metavar="SCANS", help="folder: a recording of the laser for each picture, or its scan as .csv")
     parser.add_argument(
         "--calibration", type=Path, required=True, metavar="FILE", help="calibration.json: is completed"
     )
@@ -38,6 +38,7 @@ def _run(arguments: argparse.Namespace) -> int:
     import numpy as np
 
     from stereolib.calibration import calibrate_lidar_to_camera, find_laser_boards_in_files
+    from stereolib.mapping import read_scan
     from stereolib.measurement import save_laser_pose
     from stereolib.rig import StereoRig
 
@@ -46,7 +47,7 @@ def _run(arguments: argparse.Namespace) -> int:
     before = _pose_before(arguments.calibration)
     board = parse_board(arguments.board, arguments.square_mm)
     pictures, scans = _paired(arguments.pictures, arguments.scans)
-    views = find_laser_boards_in_files(pictures, scans, board, rig.left, margin_mm=arguments.margin_mm)
+    views = find_laser_boards_in_files(pictures, scans, board, rig.left, read_scan, margin_mm=arguments.margin_mm)
     pose = calibrate_lidar_to_camera(views)
     save_laser_pose(arguments.calibration, pose)
     turn, shift = float(np.degrees(pose.std_rad).max()), float(pose.std_mm.max())
@@ -113,7 +114,7 @@ def _paired(pictures: str, scans: Path) -> tuple[list[Path], list[Path]]:
     if not scans.is_dir():
         raise ValueError(f"{scans} is no folder: it should hold the scans")
     seen = left_pictures(pictures)
-    files = name_scans(path for path in sorted(scans.iterdir()) if path.suffix.lower() == ".bin")
+    files = name_scans(sorted(scans.iterdir()))
     stations, _ = pair_stations([PairFile(picture, picture) for picture in seen], files)
     both = [(station.left, station.scan) for station in stations if station.left and station.scan]
     if not len(both) == len(seen) == len(files) > 0:
@@ -121,7 +122,7 @@ def _paired(pictures: str, scans: Path) -> tuple[list[Path], list[Path]]:
         alone = [path.name for path in (*seen, *files.values()) if path.name not in used]
         told = f"; without a partner: {listed(alone)}" if alone else ""
         raise ValueError(
-            f"{counted(len(seen), 'picture')} in {pictures} and {counted(len(files), 'scan')} (.bin) in {scans}: there "
+            f"{counted(len(seen), 'picture')} in {pictures} and {counted(len(files), 'scan')} (.bin, .csv) in {scans}: there "
             f"must be one scan for each picture, of its name or number{told}"
         )
     return [left for left, _ in both], [scan for _, scan in both]

@@ -15,6 +15,7 @@ from support.instruments import LIDAR, RECT, SENSOR
 from stereolib.base import data_path
 from stereolib.cli import commands
 from stereolib.cli.calibrate_laser import _paired, apart, place_text, turn_text
+from stereolib.mapping import read_scan
 from stereolib.measurement import Instrument, draw_objects, floor_from_pose, measure_objects, save_laser_pose
 from stereolib.measurement.overlay import why_text
 from stereolib.paper import paper_rig
@@ -203,7 +204,15 @@ def test_command_finds_the_laser_from_files(boards, capsys):
     (boards / "rig.json").write_text(json.dumps(rig | {"lidar": {"T_left_lidar": "damaged"}}))
     assert commands.main([*words, "--margin-mm", "24"]) == 0 and "is replaced" not in capsys.readouterr().out
     np.testing.assert_array_equal(Instrument.load(boards / "rig.json").lidar.T_left_lidar, found.T_left_lidar)
+    scan = read_scan(boards / "scans" / "03.bin")
+    told = zip(np.degrees(scan.angles_rad), scan.ranges_mm, strict=True)
+    rows = [f"{angle:.1f},{mm:.2f}" if np.isfinite(mm) else f"{angle:.1f}," for angle, mm in told]
+    (boards / "scans" / "03.csv").write_text("\n".join(["angle_deg,range_mm", *rows]) + "\n")
     (boards / "scans" / "03.bin").unlink()
+    assert commands.main([*words, "--margin-mm", "24"]) == 0  # a table is a scan, too
+    table = Instrument.load(boards / "rig.json").lidar
+    np.testing.assert_allclose(table.T_left_lidar[:3, 3], found.T_left_lidar[:3, 3], atol=0.5)
+    (boards / "scans" / "03.csv").unlink()
     assert commands.main(words) == 2 and "one scan for each picture" in capsys.readouterr().err
 
 

@@ -19,7 +19,12 @@ if TYPE_CHECKING:
 def _configure(parser: argparse.ArgumentParser) -> None:
     about = "the board, seen by the left camera: a folder or a pattern; right pictures in it are left out"
     parser.add_argument("pictures", metavar="PICTURES", help=about)
-    parser.add_argument("scans", type=Path, metavar="SCANS", help="folder: a recording of the laser for each picture, or its scan as .csv")
+    parser.add_argument(
+        "scans",
+        type=Path,
+        metavar="SCANS",
+        help="folder: a recording of the laser for each picture, or its scan as .csv",
+    )
     parser.add_argument(
         "--calibration", type=Path, required=True, metavar="FILE", help="calibration.json: is completed"
     )
@@ -121,10 +126,10 @@ def _paired(pictures: str, scans: Path) -> tuple[list[Path], list[Path]]:
         used = {path.name for pair in both for path in pair}
         alone = [path.name for path in (*seen, *files.values()) if path.name not in used]
         told = f"; without a partner: {listed(alone)}" if alone else ""
-        raise ValueError(
-            f"{counted(len(seen), 'picture')} in {pictures} and {counted(len(files), 'scan')} (.bin, .csv) in {scans}: there "
-            f"must be one scan for each picture, of its name or number{told}"
+        here = (
+            f"{counted(len(seen), 'picture')} in {pictures} and {counted(len(files), 'scan')} (.bin, .csv) in {scans}"
         )
+        raise ValueError(f"{here}: there must be one scan for each picture, of its name or number{told}")
     return [left for left, _ in both], [scan for _, scan in both]
 
 

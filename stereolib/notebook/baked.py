@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import io
 import json
+from bisect import bisect_left
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from itertools import product
@@ -224,10 +225,14 @@ def _write(path: Path, text: str) -> Path:
 
 def _small_enough(page: Baked, drawn: list[tuple[UInt8, str]]) -> str:
     """The page with the best pictures that fit."""
-    for quality in _QUALITIES:
-        text = _page(page, drawn, quality)
-        if len(text.encode()) <= _MOST_BYTES:
-            return text
+    texts = dict[int, str]()
+
+    def is_small(quality: int) -> bool:
+        texts[quality] = _page(page, drawn, quality)
+        return len(texts[quality].encode()) <= _MOST_BYTES
+
+    if (k := bisect_left(_QUALITIES, True, key=is_small)) < len(_QUALITIES):
+        return texts[_QUALITIES[k]]
     raise ValueError(f"{page.file} has {len(drawn)} pictures, too many for {_MOST_BYTES / 1e6} MB")
 
 

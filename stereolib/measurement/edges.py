@@ -70,6 +70,10 @@ class ParallelLines:
     shift_px: Float64
     off_px: Float64
 
+    def some(self, kept: Bools) -> ParallelLines:
+        """Those of a mask (lines,)."""
+        return ParallelLines(self.ends_px[kept], self.shift_px[kept], self.off_px[kept])
+
 
 class Powers(NamedTuple):
     """How the odds of two lines follow from what they show.

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from stereolib.base import Float64
+from stereolib.base import Bools, Float64
 from stereolib.measurement.agreement import agreement
 from stereolib.measurement.box import Box, Edge, Own, Shared, Side, World, derivatives
 from stereolib.measurement.edges import STEP_PX, ParallelLines, Peak, Powers, locate_edge, rivals
@@ -30,6 +30,7 @@ _FAR_MM, _EARLY = np.arange(0.0, 1000.0, 2.0), 10  # depths that are tried; a te
 _LEAST_SLIVER_PX, _WIDEST_SLIVER_PX = 3.0, 60.0
 _LEAST_AHEAD_MM = 1.0  # of the camera
 _WIDER = 1.5  # the right picture measures an end where it shows the face by so much wider
+_LEAST_LINES = 16  # 4 px: less tells no edge from what is beside it
 _LINES, _SAMPLES = 4, 16  # every fourth line is compared between both pictures, at so many points
 _SHOWN = 0.3  # a picture that shows a face by less than this share of the other's width tells nothing of its end
 _APART_PX = 3.0  # an upper edge that lies so far from the height of both is a line
@@ -269,6 +270,11 @@ def find_edge(
     lines = _lines(world, edge, moved, places)
     if lines is None:
         return None
+    inside = _in_picture(lines, views.left.shape[:2], right=at.right)
+    if not inside.all():  # it is looked for up to the rim
+        places, moved, lines = places[inside], moved[inside], lines.some(inside)
+    if len(places) < _LEAST_LINES:
+        return None
     belief, powers = expected.belief(outwards * places), _POWERS
     if edge is not Edge.CORNER:  # beyond which the other face is almost where this one would be
         ends = _ends_surface(views, world, Box(moved[::outwards]).edge(edge))[::outwards]
@@ -345,6 +351,12 @@ def of_one_height(tops: Sequence[Found]) -> tuple[float, float]:
         total += np.interp(mm, top.along_mm[at], top.peak.log_odds[at], left=0.0, right=0.0)
     best = int(total.argmax())
     return float(mm[best]), rivals(total - total[best], mm - mm[best], total)
+
+
+def _in_picture(lines: ParallelLines, shape: tuple[int, int], *, right: bool) -> Bools:
+    """Which lines have their middle in a picture. (lines,)."""
+    u, v = lines.ends_px.mean(axis=1).T - np.outer([float(right), 0.0], lines.shift_px.mean(axis=1))
+    return np.asarray((u > 1) & (v > 1) & (u < shape[1] - 2) & (v < shape[0] - 2))
 
 
 def _ends_surface(views: Views, world: World, ends_mm: Float64) -> Float64:

@@ -22,6 +22,7 @@ _FULL = 0.2  # a bin counts if it holds so much of what the fuller ones hold
 _LEAST_BINS = 5  # on either side of a corner
 _GAP_BINS = 8  # what lies beyond so many empty ones is something else, though it may lie on the same line
 _INNER = (0.06, 0.94)  # shares of its sides between which a surface is aligned: no edge is in it
+_STEP_PX = 3.0  # of disparity: two faces of a box meet
 _BETTER = 0.5  # two lines must leave less than this share of what one leaves
 
 
@@ -90,7 +91,7 @@ def find_face(floor: Floor, region: ObjectRegion, pair: AlignedPair) -> Face:
         keep = np.abs(w_px - (total / np.maximum(n, 1))[index]) < _SCATTER_PX
         n, total = np.bincount(index, keep), np.bincount(index, w_px * keep)
     full = _unbroken(np.flatnonzero(n > _FULL * np.sort(n)[int(0.8 * len(n))]), n)
-    pieces = _hinge(t.min() + (full + 0.5) * width, total[full] / n[full])
+    pieces = _hinge(t.min() + (full + 0.5) * width, total[full] / n[full], n[full])
     parts = []
     for (low, high), line in pieces:
         margin = min(3 * width, (high - low) / 6)
@@ -163,8 +164,11 @@ def _unbroken(full: Ints, n: Ints | Float64) -> Ints:
     return max(parts, key=lambda part: int(n[part].sum()))
 
 
-def _hinge(t: Float64, w: Float64) -> list[tuple[tuple[float, float], Float64]]:
-    """Split w(t) into one straight line or two that meet in a ridge: their ranges and (a, b), w in px."""
+def _hinge(t: Float64, w: Float64, n: Ints | Float64) -> list[tuple[tuple[float, float], Float64]]:
+    """Split w(t) into one straight line or two that meet in a ridge: their ranges and (a, b), w in px.
+
+    What lies behind a step is another thing, or what was matched beside an outline: the part with more pixels is taken.
+    """
     moments = np.stack([np.ones_like(t), t, w, t * t, t * w, w * w])
     sums = np.concatenate([np.zeros((6, 1)), moments.cumsum(axis=1)], axis=1)
 
@@ -183,7 +187,13 @@ def _hinge(t: Float64, w: Float64) -> list[tuple[tuple[float, float], Float64]]:
     al, bl, rl = fit(sums[:, knots])
     ar, br, rr = fit(sums[:, -1:] - sums[:, knots])
     k = int((rl + rr).argmin())
-    if not (rl[k] + rr[k] < _BETTER * rest and bl[k] > br[k]):
+    first, middle = int(knots[k]), float(t[knots[k] - 1 : knots[k] + 1].mean())
+    if not rl[k] + rr[k] < _BETTER * rest:
+        return one
+    if abs(al[k] + bl[k] * middle - ar[k] - br[k] * middle) > _STEP_PX:
+        part = slice(first) if n[:first].sum() > n[first:].sum() else slice(first, None)
+        return _hinge(t[part], w[part], n[part])
+    if not bl[k] > br[k]:
         return one
     crossing = float(np.clip((ar[k] - al[k]) / (bl[k] - br[k]), t[0], t[-1]))
     return [((t[0], crossing), np.array([al[k], bl[k]])), ((crossing, t[-1]), np.array([ar[k], br[k]]))]

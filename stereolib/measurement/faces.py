@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -164,36 +165,74 @@ def _unbroken(full: Ints, n: Ints | Float64) -> Ints:
     return max(parts, key=lambda part: int(n[part].sum()))
 
 
+class _Split(NamedTuple):
+    """Two straight lines ``w = a + b t``, the first one up to a bin; and whether they fit far better than one."""
+
+    bins: int
+    first: Float64
+    second: Float64
+    is_better: bool
+
+    def step_px(self, t: Float64) -> float:
+        """By how much the second one is higher than the first where they are parted."""
+        middle = float(t[self.bins - 1 : self.bins + 1].mean())
+        return float((self.second - self.first) @ [1.0, middle])
+
+
 def _hinge(t: Float64, w: Float64, n: Ints | Float64) -> list[tuple[tuple[float, float], Float64]]:
     """Split w(t) into one straight line or two that meet in a ridge: their ranges and (a, b), w in px.
 
-    What lies behind a step is another thing, or what was matched beside an outline: the part with more pixels is taken.
+    What lies behind a step is another thing, or what was matched beside an outline: of n pixels the part with more is
+    taken.
     """
-    moments = np.stack([np.ones_like(t), t, w, t * t, t * w, w * w])
-    sums = np.concatenate([np.zeros((6, 1)), moments.cumsum(axis=1)], axis=1)
+    t, w, n = _without_steps(t, w, n)
+    split = _split(t, w)
+    if split is not None and split.is_better:
+        sides = (slice(split.bins), slice(split.bins, None))
+        (left, right) = (_without_steps(t[side], w[side], n[side]) for side in sides)
+        (al, bl), (ar, br) = first, second = _line(*left[:2]), _line(*right[:2])
+        if bl > br:
+            low, high = float(left[0][0]), float(right[0][-1])
+            crossing = float(np.clip((ar - al) / (bl - br), low, high))
+            return [((low, crossing), first), ((crossing, high), second)]
+    return [((float(t[0]), float(t[-1])), _line(t, w))]
 
-    def fit(part: Float64) -> tuple[Float64, Float64, Float64]:
-        n, st, sw, stt, stw, sww = part
-        n = np.maximum(n, 1)
-        ctt, ctw, cww = stt - st * st / n, stw - st * sw / n, sww - sw * sw / n
-        b = ctw / np.maximum(ctt, 1e-12)
-        return (sw - b * st) / n, b, np.maximum(cww - b * ctw, 0)
 
-    a, b, rest = fit(sums[:, -1])
-    one = [((t[0], t[-1]), np.array([a, b]))]
+def _without_steps(t: Float64, w: Float64, n: Ints | Float64) -> tuple[Float64, Float64, Ints | Float64]:
+    """Without what lies behind steps."""
+    while (split := _split(t, w)) is not None and split.is_better and abs(split.step_px(t)) > _STEP_PX:
+        k = split.bins
+        part = slice(k) if n[:k].sum() > n[k:].sum() else slice(k, None)
+        t, w, n = t[part], w[part], n[part]
+    return t, w, n
+
+
+def _line(t: Float64, w: Float64) -> Float64:
+    """The straight line through w(t): (a, b)."""
+    return np.asarray(_lines(_moments(t, w).sum(axis=1))[0])
+
+
+def _split(t: Float64, w: Float64) -> _Split | None:
+    """The two lines that fit best; None where there are too few bins."""
     if len(t) < 3 * _LEAST_BINS:
-        return one
+        return None
+    sums = np.concatenate([np.zeros((6, 1)), _moments(t, w).cumsum(axis=1)], axis=1)
     knots = np.arange(_LEAST_BINS, len(t) - _LEAST_BINS)
-    al, bl, rl = fit(sums[:, knots])
-    ar, br, rr = fit(sums[:, -1:] - sums[:, knots])
-    k = int((rl + rr).argmin())
-    first, middle = int(knots[k]), float(t[knots[k] - 1 : knots[k] + 1].mean())
-    if not rl[k] + rr[k] < _BETTER * rest:
-        return one
-    if abs(al[k] + bl[k] * middle - ar[k] - br[k] * middle) > _STEP_PX:
-        part = slice(first) if n[:first].sum() > n[first:].sum() else slice(first, None)
-        return _hinge(t[part], w[part], n[part])
-    if not bl[k] > br[k]:
-        return one
-    crossing = float(np.clip((ar[k] - al[k]) / (bl[k] - br[k]), t[0], t[-1]))
-    return [((t[0], crossing), np.array([al[k], bl[k]])), ((crossing, t[-1]), np.array([ar[k], br[k]]))]
+    first, rest_first = _lines(sums[:, knots])
+    second, rest_second = _lines(sums[:, -1:] - sums[:, knots])
+    rest, one = rest_first + rest_second, _lines(sums[:, -1])[1]
+    k = int(rest.argmin())
+    return _Split(int(knots[k]), first[:, k], second[:, k], bool(rest[k] < _BETTER * one))
+
+
+def _moments(t: Float64, w: Float64) -> Float64:
+    return np.stack([np.ones_like(t), t, w, t * t, t * w, w * w])
+
+
+def _lines(moments: Float64) -> tuple[Float64, Float64]:
+    """Straight lines (a, b) through points, by their sums of moments (6, ...), and what they leave: squared, px2."""
+    n, st, sw, stt, stw, sww = moments
+    n = np.maximum(n, 1)
+    ctt, ctw, cww = stt - st * st / n, stw - st * sw / n, sww - sw * sw / n
+    b = ctw / np.maximum(ctt, 1e-12)
+    return np.array([(sw - b * st) / n, b]), np.maximum(cww - b * ctw, 0)

@@ -41,7 +41,7 @@ _FARTHER_PX = 1.0  # of disparity: what stands before a gap
 _AT_FLOOR, _AT_FLOOR_PX = 0.03, 2.0  # of disparity, share and px: the floor that lies so little behind a face may be it
 _DOWNWARDS = 0.5  # of the noise: the floor in the shadow of what hangs is nearly plain, and no face
 _REACHED = 8  # lines: so near to there, it goes down to the floor
-_PLAIN_PX = 15  # lines up to the picture's rim that show nothing: a face may end anywhere among more
+_PLAIN_PX = 6  # lines up to the picture's rim that show nothing: a face may end anywhere among more
 _BELOW_PX = 10  # a face is followed so far below the floor, to see that it ends there
 
 

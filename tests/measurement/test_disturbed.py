@@ -133,3 +133,17 @@ def test_a_face_does_not_reach_to_what_stands_beside_it(row: str, number: int) -
     """Cartons that once were told 29 % too long, 18 % too wide and 54 % too long: as far as the next one."""
     one = tell(*case(row, number, shoot))
     assert "length" in one.off and max(abs(pct) for pct, _ in one.off.values()) < 3
+
+
+@pytest.mark.parametrize(
+    ("row", "number"), [("white", 1053), ("white_cartons", 1047), ("white_cartons", 1078), ("neighbour_white", 1029)]
+)
+def test_a_box_in_plain_view_before_a_plain_wall_is_told_whole(row: str, number: int) -> None:
+    """Once told as cut by the picture's rim, 43 px and 15 px away, and as too plain: none is one of the bench's 160.
+
+    An upper edge and an end were looked for beyond the rim, and two faces were planes between a box and what was
+    matched beside it.
+    """
+    one = tell(*case(row, number, shoot))
+    pct, z = np.abs(list(one.off.values())).T
+    assert len(one.off) == 4 and pct.max() < 3 and z.max() < 4

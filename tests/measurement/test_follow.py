@@ -96,7 +96,7 @@ def test_ends_of_reaches():
     assert end.at == pytest.approx(41.5, abs=1) and end.inside_px == end.outside_px and end.std_px == 2.5
     plain = End.of(Reach(40, 80, Past.OPEN, 40), where)
     assert plain.outside_px > 36 and plain.std_px > 10 and plain.at == end.at
-    assert End.of(Reach(40, 50, Past.CUT, 40), where) == End(49.0, Past.CUT)
+    assert End.of(Reach(40, 46, Past.CUT, 40), where) == End(45.0, Past.CUT)
     unsure = End.of(Reach(20, 50, Past.CUT, 20), where)  # plain from there to the rim: it may end anywhere, or be cut
     assert unsure.past is Past.OPEN and unsure.may_be_cut and unsure.at + unsure.outside_px > 49
     second = End.of(Reach(40, 42, Past.OPEN, 40), where, second=True)

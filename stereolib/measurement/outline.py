@@ -341,14 +341,14 @@ def of_one_height(tops: Sequence[Found]) -> tuple[float, float]:
 
     Notes
     -----
-    The sum of their logarithms of odds is highest there; heights at which an edge was not looked for are as likely as
-    the likeliest one.
+    The sum of their logarithms of odds is highest there; a height at which an edge was not looked for is as likely for
+    it as the nearest at which it was: where one stands out, another cannot outvote it unseen.
     """
     mm = np.unique(np.concatenate([top.along_mm for top in tops]))
     total = np.zeros(len(mm))
     for top in tops:
         at = top.along_mm.argsort()
-        total += np.interp(mm, top.along_mm[at], top.peak.log_odds[at], left=0.0, right=0.0)
+        total += np.interp(mm, top.along_mm[at], top.peak.log_odds[at])
     best = int(total.argmax())
     return float(mm[best]), rivals(total - total[best], mm - mm[best], total)
 

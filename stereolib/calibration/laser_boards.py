@@ -86,8 +86,8 @@ def find_board_in_scan(
         fitting = [fitting[int(np.argmin(off))]]
     if len(fitting) != 1:
         why = f"{len(fitting)} things in the scan could be the board (straight, at most {diagonal_mm:.0f} mm long)"
-        remedy = "see that the laser's plane cuts it and nothing like it stands near"
-        raise ValueError(f"{why}: {remedy}, or give the expected pose")
+        remedy = "see that its squares are as told, that the laser's plane cuts it and nothing like it stands near"
+        raise ValueError(f"{why}: {remedy}")
     return LaserBoardView(T_left_board, fitting[0].points_mm, fitting[0].sigma_mm)
 
 

@@ -70,10 +70,11 @@ class LidarCamera:
         if abs(self.scale) < _MOST_SCALE + _SURE_STDS * self.std_scale:
             return ""
         how = f"the laser reads {100 * abs(self.scale):.1f} % {'longer' if self.scale > 0 else 'shorter'}"
-        why = (
-            "more than such a laser errs: is the edge of a board's square as it was told? Measure it over many squares"
+        why = "more than such a laser errs: measure the squares of its board over many of them"
+        then = "if they are as they were told, it is taken off, and all is well"
+        return (
+            f"{how} than the boards have it, {why}; {then}; else run calibrate-laser again, and till then use no scan"
         )
-        return f"{how} than the cameras have it, {why}, and calibrate again; sizes are as the cameras tell them"
 
     @property
     def std_rad(self) -> Float64:

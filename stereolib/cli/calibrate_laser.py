@@ -63,7 +63,7 @@ def _run(arguments: argparse.Namespace) -> int:
     print(f"its angle 0 points {turn_text(right, down)} where the left lens looks")
     too = "far" if pose.scale >= 0 else "near"
     off = f"{100 * abs(pose.scale):.1f} ± {100 * pose.std_scale:.1f} % too {too}"
-    print(f"it reads {off}, as the cameras tell lengths: taken off in what is measured")
+    print(f"it reads {off} if the squares are {arguments.square_mm} mm: taken off in what is measured")
     if before is not None:
         moved_mm, turned_deg = apart(before, pose.T_left_lidar)
         by = f"{moved_mm:.1f} mm and {turned_deg:.2f} degrees"

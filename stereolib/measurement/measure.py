@@ -202,9 +202,10 @@ def _said_of_the_rig(views: Views, judged: Judged, near_mm: float, instrument: I
         )
     if judged.chance(cameras=True) > _LIKELY:
         off, off_std = (float(a[Shared.OFFSET]) for a in (solution.shared, np.sqrt(np.diag(solution.covariance))))
-        why = f"all disparities are off by {off:.2f} ± {off_std:.2f} px"
+        how = f"all disparities are off by {off:.2f} ± {off_std:.2f} px; corrected here: calibrate again"
+        unless = "So it is if the laser reads as at its calibration, and its board's squares are as they were told"
         said.append(
-            f"the cameras have turned since their calibration: {why}; corrected here: calibrate again. So it is if the "
-            "laser reads as when it was calibrated; if it does not, the pair alone is right: measure without the scan"
+            f"the cameras have turned since their calibration: {how}. {unless}; else the pair alone is right: measure "
+            "without the scan"
         )
     return said

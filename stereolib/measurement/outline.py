@@ -342,15 +342,17 @@ def of_one_height(tops: Sequence[Found]) -> tuple[float, float]:
     Notes
     -----
     The sum of their logarithms of odds is highest there; a height at which an edge was not looked for is as likely for
-    it as the nearest at which it was: where one stands out, another cannot outvote it unseen.
+    it as the nearest at which it was: where one stands out, another cannot outvote it unseen. As a rival it is as
+    likely as the likeliest: nobody looked.
     """
     mm = np.unique(np.concatenate([top.along_mm for top in tops]))
-    total = np.zeros(len(mm))
+    likely, at_best = np.zeros(len(mm)), np.zeros(len(mm))
     for top in tops:
         at = top.along_mm.argsort()
-        total += np.interp(mm, top.along_mm[at], top.peak.log_odds[at])
-    best = int(total.argmax())
-    return float(mm[best]), rivals(total - total[best], mm - mm[best], total)
+        likely += np.interp(mm, top.along_mm[at], top.peak.log_odds[at])
+        at_best += np.interp(mm, top.along_mm[at], top.peak.log_odds[at], left=0.0, right=0.0)
+    best = int(likely.argmax())
+    return float(mm[best]), rivals(at_best - at_best[best], mm - mm[best], at_best)
 
 
 def _in_picture(lines: ParallelLines, shape: tuple[int, int], *, right: bool) -> Bools:

@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from stereolib.base import counted, plus_minus
+from stereolib.base import counted, listed, plus_minus
 from stereolib.cli.command import Command
 from stereolib.cli.errors import DONE, REFUSED
 from stereolib.cli.outputs import check_outputs, default_name
@@ -184,9 +184,18 @@ def map_text(recorded: RecordedMap) -> str:
     said = {
         f"{name}: its {size}" for name, item in zip(room.names, room.measured, strict=True) for size in item.reasons
     }
-    said_there = [text for station in room.stations for text in recorded.said_of(station.name)]
+    said_there = _said_at_stations(recorded)
     more = [text for text in room.warnings if not any(text.startswith(each) for each in said)]
     return wrapped([*lines, *(f"warning: {text}" for text in (*more, *recorded.warnings, *said_there))])
+
+
+def _said_at_stations(recorded: RecordedMap) -> list[str]:
+    """What is to be said of stations' measurements; what is said of several, once."""
+    at = dict[str, list[str]]()
+    for station in recorded.room.stations:
+        for text in recorded.said_of(station.name):
+            at.setdefault(text.partition(": ")[2], []).append(station.name)
+    return [f"station{'s' * (len(names) > 1)} {listed(names)}: {text}" for text, names in at.items()]
 
 
 def _pose_text(station: Station) -> str:

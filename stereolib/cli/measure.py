@@ -175,7 +175,7 @@ def _pixel(text: str) -> tuple[float, float]:
     try:
         column, row = (inside(part) for part in text.split(","))
     except (ValueError, argparse.ArgumentTypeError):
-        raise argparse.ArgumentTypeError(f"{text!r} is not X,Y: a column and a row, as 320,240") from None
+        raise argparse.ArgumentTypeError(f"{text!r} is not X,Y: a column and a row from 0 on, as 320,240") from None
     return column, row
 
 

@@ -359,6 +359,11 @@ def _scan_of_table(path: Path) -> LaserScan:
     if len(rows) < _LEAST_BEAMS:
         raise ValueError(f"{path}: {len(rows)} beams are too few for a scan; a turn of an XV-11 has 360")
     angles, ranges = np.array(rows).T
+    if (ranges < 0).any():
+        why = (
+            f"range_mm is {ranges[ranges < 0][0]:g} at {angles[ranges < 0][0]:g} degrees, a distance is never negative"
+        )
+        raise ValueError(f"{path}: {why}; leave it empty where nothing was measured")
     start, step = _even_angles(path, np.radians(angles))
     return LaserScan(ranges, np.full(len(ranges), np.nan), angle_min_rad=start, angle_increment_rad=step)
 

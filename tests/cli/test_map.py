@@ -123,7 +123,7 @@ def test_what_is_said_of_several_stations_is_said_once():
     texts = {"1": ["station 1: a: b", "station 1: c"], "2": ["station 2: a: b"]}
     stations = [SimpleNamespace(name=name) for name in texts]
     recorded = SimpleNamespace(room=SimpleNamespace(stations=stations), said_of=texts.__getitem__)
-    assert map_command._said_at_stations(recorded) == ["stations 1 and 2: a: b", "station 1: c"]
+    assert map_command._said_at_stations(recorded) == ["stations 1, 2: a: b", "station 1: c"]
 
 
 def test_nothing_mapped_is_exit_code_1(made, tmp_path, capsys):

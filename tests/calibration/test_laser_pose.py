@@ -115,7 +115,7 @@ def test_what_no_laser_errs_is_told_with_what_to_measure():
         view.T_left_board.flags.writeable = True
         view.T_left_board[:3, 3] *= 0.9
     told = re.match(
-        r"the laser reads (\d+\.\d) % longer than the cameras have it", calibrate_lidar_to_camera(shrunk).warning
+        r"the laser reads (\d+\.\d) % longer than the boards have it", calibrate_lidar_to_camera(shrunk).warning
     )
     assert told and 8 < float(told[1]) < 11
 

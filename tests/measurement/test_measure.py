@@ -257,7 +257,7 @@ def test_a_laser_calibrated_as_reading_too_far_tells_the_same():
     np.testing.assert_allclose(the_cube(found).size_mm, the_cube(right).size_mm, atol=1e-3)
     np.testing.assert_allclose(found.scan_mm, right.scan_mm, atol=1e-3)
     assert [text.split(":")[0] for text in found.warnings] == [
-        "the laser reads 2.9 % longer than the cameras have it, more than such a laser errs",
+        "the laser reads 2.9 % longer than the boards have it, more than such a laser errs",
         *(text.split(":")[0] for text in right.warnings),
     ]
 

@@ -17,7 +17,7 @@ from stereolib.cli.command import Command
 from stereolib.cli.errors import DONE, REFUSED, Refused, named
 from stereolib.cli.outputs import check_ending, check_outputs, default_name
 from stereolib.cli.ranges import MM, number
-from stereolib.cli.told import object_details, object_facts, object_title, wrapped
+from stereolib.cli.told import SIZES, object_details, object_facts, object_sizes, object_title, wrapped
 
 if TYPE_CHECKING:
     from stereolib.base import UInt8
@@ -35,6 +35,7 @@ _BLACK, _RED = "#000000", "#b00000"
 _AS_GIVEN = "LEFT as the camera gave it: pixels for --between"
 _READINGS = "green: the laser's readings, as if they lay on the floor"
 _HIDDEN = "dashed: edges that the box itself hides"
+_BESIDE = ", beside the left picture"
 _RECTIFIED = "rectified: its pixels are for --between ... --rectified, they are not those of LEFT"
 
 _NOTES = """\
@@ -128,7 +129,7 @@ def _run(arguments: argparse.Namespace) -> int:
     measured = replace(measured, warnings=(*first, *measured.warnings))
     key = [_READINGS, _HIDDEN] if len(measured.scan_mm) else [_HIDDEN]
     about = [*_size_lines(measured), *_warning_lines(measured.warnings)]
-    lines = [*about, ("; ".join(key), _BLACK), (_RECTIFIED, _BLACK)]
+    lines = [*about, *((text, _BLACK) for text in (SIZES, "; ".join(key), _RECTIFIED))]
     write_atomic(picture, picture_with_pixels(draw_objects(measured), lines))
     facts = measured_facts(measured) | {"picture": str(picture)}
     print(json.dumps(facts, indent=1, allow_nan=False) if arguments.json else measured_text(measured))
@@ -239,18 +240,23 @@ def otherwise_seen(pair: tuple[UInt8, UInt8], floor: Floor) -> str:
 
 def measured_facts(measured: Measurement) -> dict[str, Any]:
     """What was measured, ready for JSON: None where a thing is not known."""
+    from stereolib.measurement import is_pictured
+
     return {
         "frame": "floor below the left camera; x forward, y left, mm, rad; one standard deviation",
-        "objects": [object_facts(item) for item in measured.objects],
+        "objects": [object_facts(item) | {"in_picture": is_pictured(measured, item)} for item in measured.objects],
         "warnings": list(measured.warnings),
     }
 
 
 def measured_text(measured: Measurement) -> str:
     """A block for each object: sizes with one standard deviation, place, and what is not known, and why."""
+    from stereolib.measurement import is_pictured
+
     lines, nameless = [], [item for item in measured.objects if _is_nameless(item)]
     for k, item in enumerate((item for item in measured.objects if item not in nameless), start=1):
-        details = object_details(item, f"at {_place(*item.position_mm)}")
+        beside = "" if measured.floor is None or is_pictured(measured, item) else _BESIDE
+        details = object_details(item, f"at {_place(*item.position_mm)}{beside}")
         lines += [object_title(str(k), item), *(f"   {line}" for line in details)]
     if nameless:
         lines.append("also seen, but not measurable:")
@@ -264,7 +270,7 @@ def _size_lines(measured: Measurement) -> list[tuple[str, str]]:
 
     colors = (f"#{r:02x}{g:02x}{b:02x}" for r, g, b in itertools.cycle(OBJECT_RGB))
     things = [(item, color) for item, color in zip(measured.objects, colors, strict=False) if not _is_nameless(item)]
-    return [(object_title(str(k), item), color) for k, (item, color) in enumerate(things, start=1)]
+    return [(object_sizes(str(k), item), color) for k, (item, color) in enumerate(things, start=1)]
 
 
 def _warning_lines(warnings: Sequence[str]) -> list[tuple[str, str]]:

@@ -38,10 +38,19 @@ def object_facts(item: MeasuredObject) -> dict[str, Any]:
     return facts | {"reasons": {what: str(why) for what, why in item.reasons.items()}}
 
 
-def object_title(name: str, item: MeasuredObject) -> str:
+#: What the numbers of `object_sizes` are.
+SIZES = "length x width x height, ± one standard deviation"
+
+
+def object_sizes(name: str, item: MeasuredObject) -> str:
     """Its name, shape and sizes."""
     sizes = " x ".join(plus_minus(size, std) for size, std in zip(item.size_mm, item.std_mm, strict=True))
-    return f"{name}  {item.shape}: {sizes} mm (length x width x height, ± one standard deviation)"
+    return f"{name}  {item.shape}: {sizes} mm"
+
+
+def object_title(name: str, item: MeasuredObject) -> str:
+    """The same, and what its numbers are."""
+    return f"{object_sizes(name, item)} ({SIZES})"
 
 
 def object_details(item: MeasuredObject, place: str) -> list[str]:

@@ -88,8 +88,9 @@ def refine_poses(
     -----
     Minimises ``sum rho((R_j n) . (T_i p - T_j q) / s)`` over the poses ``T``: p is a reading of station i, q the
     nearest bit of station j with its normal n, s its deviation by noise and a; rho is Cauchy's loss, at two
-    deviations. The covariance is ``H^-1 (N + sum_c g_c g_c' + g g') H^-1``: N is the noise's part, ``g_c`` what the
-    bias does through all pairs of one station with one bit of another, which err together, g what b does through all.
+    deviations. The covariance is ``H^-1 (N + sum_c g_c g_c' + G G') H^-1``: N is the noise's part, ``g_c`` what the
+    bias does through all pairs of one station with one bit of another, which err together, G (two columns) what b and
+    the laser's scale (`Station.scan_scale_std`), shared by all stations, do through all.
     """
     if len(stations) < 2:
         raise ValueError(f"matching needs two stations or more, got {len(stations)}: a single one has nothing to match")
@@ -157,8 +158,8 @@ class _Scan:
         Number of the bit.
     noise, bias : (N,) float64, mm
         Deviations by noise, and by what a bit's readings share.
-    common : (N, 2) float64, mm
-        The shift that all readings share.
+    shared : (2, N, 2) float64, mm
+        The shifts that all readings of all scans share: by the square of the range, and by the laser's scale.
     """
 
     points: Float64
@@ -167,7 +168,7 @@ class _Scan:
     bit: Ints
     noise: Float64
     bias: Float64
-    common: Float64
+    shared: Float64
 
     @classmethod
     def of(
@@ -193,7 +194,8 @@ class _Scan:
                 f"match with; scan where there are walls"
             )
         turn = np.abs(np.diff(np.unwrap(np.arctan2(normals[:, 1], normals[:, 0])), prepend=0)) > _TURN_RAD
-        common = bias_mm[1] * range_mm[:, None] * (p - station.laser_mm)
+        beams = p - station.laser_mm
+        shared = np.stack([bias_mm[1] * range_mm[:, None] * beams, station.scan_scale_std * beams])
         bias, bit = np.full(len(p), bias_mm[0]), np.cumsum(turn | ~straight)
         anchors, normals = p.copy(), np.where(straight[:, None], normals, np.nan)
         for members in (np.flatnonzero(straight & (bit == k)) for k in np.unique(bit[straight])):
@@ -205,7 +207,7 @@ class _Scan:
             if np.sqrt(np.mean(off**2)) < _ONE_LINE * np.median(noise[members]):  # one line for all of it
                 normals[members] = line * np.sign(line @ normals[members].sum(axis=0))
                 anchors[members] -= off[:, None] * line
-        return cls(p, anchors, normals, bit, noise, bias, common)
+        return cls(p, anchors, normals, bit, noise, bias, shared)
 
 
 def _match(scans: Sequence[_Scan], poses: Float64, reach: float) -> tuple[Ints, ...]:
@@ -294,12 +296,12 @@ def _covariance(scans: Sequence[_Scan], poses: Float64, pairs: tuple[Ints, ...])
     cluster = np.unique(np.stack([i, j, wall]), axis=1, return_inverse=True)[1].ravel()
     G = np.zeros((cluster.max() + 1, J.shape[1]))
     np.add.at(G, cluster, (weight * common / deviation)[:, None] * J)
-    turned = [scan.common @ turn_2d(-pose[2]) for scan, pose in zip(scans, poses, strict=True)]
+    turned = [scan.shared @ turn_2d(-pose[2]) for scan, pose in zip(scans, poses, strict=True)]
     normal = [_placed(scan, pose)[2] for scan, pose in zip(scans, poses, strict=True)]
-    shift = np.array([(turned[k][m] - turned[n][q]) @ normal[n][q] for k, m, n, q in zip(*pairs, strict=True)])
-    shared = J.T @ (weight * shift / deviation)
+    shift = np.array([(turned[k][:, m] - turned[n][:, q]) @ normal[n][q] for k, m, n, q in zip(*pairs, strict=True)])
+    shared = J.T @ (shift * (weight / deviation)[:, None])
     own = J * (weight * np.sqrt(1 - (common / deviation) ** 2))[:, None]
-    return np.asarray(inverse @ (G.T @ G + own.T @ own + np.outer(shared, shared)) @ inverse)
+    return np.asarray(inverse @ (G.T @ G + own.T @ own + shared @ shared.T) @ inverse)
 
 
 def _check_linked(pairs: tuple[Ints, ...], names: Sequence[str]) -> None:

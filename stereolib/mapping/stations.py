@@ -29,6 +29,8 @@ class Station:
         Of `pose`, mm and rad; zero if the pose is known.
     name : str
         What texts and drawings call it; its number among the others if empty.
+    scan_scale_std : float
+        Standard deviation of the share by which all its ranges may be too long, as those of all stations of one laser.
     """
 
     pose: Float64
@@ -37,6 +39,7 @@ class Station:
     laser_mm: Float64 = field(default_factory=lambda: np.zeros(2))
     covariance: Float64 = field(default_factory=lambda: np.zeros((3, 3)))
     name: str = ""
+    scan_scale_std: float = 0.0
 
     def __post_init__(self) -> None:
         scan = np.asarray(self.scan_mm, float)
@@ -80,7 +83,15 @@ class Station:
         -------
         Station
         """
-        return cls(np.asarray(pose, float), measured.objects, measured.scan_mm, measured.laser.t, name=name)
+        laser = measured.laser
+        return cls(
+            np.asarray(pose, float),
+            measured.objects,
+            measured.scan_mm,
+            laser.t,
+            name=name,
+            scan_scale_std=float(np.sqrt(laser.covariance[3, 3])),
+        )
 
 
 def station_names(stations: Sequence[Station]) -> list[str]:

@@ -9,7 +9,7 @@ from .laser_on_floor import LaserOnFloor
 from .measure import Measurement, disagreement, measure_objects, measure_standing
 from .measured_object import SIZE_NAMES, UNSURE_MM, MeasuredObject
 from .missing_floor import FLOOR_BY_HAND, NoFloor, find_floor, why_no_floor
-from .overlay import OBJECT_RGB, add_caption, draw_length, draw_objects
+from .overlay import OBJECT_RGB, add_caption, draw_length, draw_objects, is_pictured
 from .plane_alignment import AlignedPair, CannotMeasure
 from .reasons import Reason, ScanFit, Source, Why
 from .regions import ObjectRegion, find_objects
@@ -61,6 +61,7 @@ __all__ = [
     "fit_floor",
     "floor_from_pose",
     "floor_tolerance_px",
+    "is_pictured",
     "length_between",
     "match_views",
     "measure_between",

@@ -9,7 +9,7 @@ from functools import cached_property
 import cv2
 import numpy as np
 
-from stereolib.base import Bools, Float32, Float64, Floats, quantile
+from stereolib.base import Bools, Float32, Float64, Floats, median, quantile
 from stereolib.measurement.box import World
 from stereolib.measurement.views import Views
 
@@ -18,6 +18,7 @@ _MARGIN = _WINDOW // 2  # lines by which a surface seems to go on for it
 _LEAST_SEEN = 0.5  # share of a line that both pictures must show
 _NEARER_PX, _NEARER = 2.0, 0.03  # what hides a surface has so much more disparity, px and share; what is behind, less
 _FIRST, _SECOND = (0.8, 0.55), (0.55, 0.35)  # correlations from which on pictures agree, and up to which they do not
+_OF_OWN, _LEAST_OWN = 0.85, (0.65, 0.425)  # share of a surface's own that suffices; the least of it, at first and again
 _QUIET, _TYPICAL = 0.3, 0.75  # what has less than this share of a surface's typical contrast (a quantile) is plain
 _MUDDY = 0.7  # so much where the surface was matched: there, noise and JPEG disagree
 _NOISY, _NOISY_FARTHER = 2.0, 1.3  # of what noise has, as well; so much where something farther was matched
@@ -40,6 +41,14 @@ class Past(Enum):
     OPEN = "it ends there"
     CUT = "the picture ends there"
     HIDDEN = "something nearer hides it there"
+
+
+class Look(Enum):
+    """How a surface is looked at: what its lines have to show."""
+
+    FIRST = "its place is known"
+    SECOND = "its place is only predicted"
+    AGAIN = "its place is known, but both pictures may show it at slants of their own, and so less alike"
 
 
 @dataclass(frozen=True)
@@ -107,15 +116,15 @@ class Agreement:
         """
         return Agreement(*(getattr(self, each.name)[some] for each in fields(self)))
 
-    def reach(self, known: int, *, second: bool = False, aside: bool = False) -> Reach:
+    def reach(self, known: int, look: Look = Look.FIRST, *, aside: bool = False) -> Reach:
         """Follow the surface from the first line on, over what is too plain to tell, until the pictures disagree.
 
         Parameters
         ----------
         known : int
-            So many lines from the first on lie on the surface, mostly: they tell its contrast.
-        second : bool
-            A surface whose place is only predicted agrees less well.
+            So many lines from the first on lie on the surface, mostly: they tell its contrast, and how alike the
+            pictures show it.
+        look : Look
         aside : bool
             Along a row something nearer may hide it; above and below, what seems to is a wrong match.
 
@@ -125,11 +134,13 @@ class Agreement:
 
         Notes
         -----
-        Lines agree from a correlation on and disagree below another; in between, and where the contrast is less than
-        0.3 of what is typical (0.7 where the surface was matched: there, noise and JPEG disagree) or than twice the
-        noise, they tell nothing, unless they disagree and something farther was matched there, on more than 1.3 times
-        the noise: over a plain part, what is behind is matched too. Three lines in a row that disagree, or one that a
-        picture does not show, stop it.
+        Lines agree from a correlation of 0.8 on and disagree below 0.55. As JPEG, noise and slants lower all of them,
+        0.85 of the first ones' median suffices, but no less than 0.65; looked at again, 0.85 of their upper quartile
+        (0.425 at least), and lines disagree below that. Where the place is only predicted it is 0.55 and 0.35. In
+        between, and where the contrast is less than 0.3 of what is typical (0.7 where the surface was matched: there,
+        noise and JPEG disagree) or than twice the noise, they tell nothing, unless they disagree and something farther
+        was matched there, on more than 1.3 times the noise: over a plain part, what is behind is matched too. Three
+        lines in a row that disagree, or one that a picture does not show, stop it.
 
         Examples
         --------
@@ -137,8 +148,8 @@ class Agreement:
         >>> Agreement(alike, alike, flat, flat, 50 * flat, 50 * flat, 50 * flat, 0 * flat).reach(4)
         Reach(last=3, stop=5, past=<Past.OPEN: 'it ends there'>, sure=3)
         """
-        (_, most), values = (_SECOND, self.whole) if second else (_FIRST, self.fine)
-        good, bad = self._agrees(known, second=second), ~(values > most) & self._tells(known)
+        values, _, most = self._limits(known, look)
+        good, bad = self._agrees(known, look), ~(values > most) & self._tells(known)
         shown, run = np.isfinite(values), np.zeros(len(values), bool)
         run[: 1 - _DISAGREE] = np.convolve(bad, np.ones(_DISAGREE), "valid") == _DISAGREE
         rim = _first(~shown, len(values))
@@ -148,7 +159,7 @@ class Agreement:
         cut = stop < len(values) and not shown[stop : stop + (_WINDOW if aside else _MARGIN)].all()
         hidden = self._is_hidden_beyond(last, aside=aside)
         past = Past.HIDDEN if hidden else Past.CUT if cut else Past.OPEN
-        sure = int(np.flatnonzero(self.shows(known, second=second)[: last + 1]).max(initial=min(last, 0)))
+        sure = int(np.flatnonzero(self.shows(known, look)[: last + 1]).max(initial=min(last, 0)))
         last, sure = (max(at - _MARGIN, min(at, 0)) for at in (last, sure))
         return Reach(last, max(stop - 1, 0), past, sure)
 
@@ -165,13 +176,13 @@ class Agreement:
         nearest = self.matched_px[beside] > self.predicted_px[: last + 1].max(initial=0.0) + room
         return bool(nearer.sum() > len(nearer) / 2 or (aside and nearer.sum() >= _HIDES and nearest.all()))
 
-    def shows(self, known: int, *, second: bool = False) -> Bools:
+    def shows(self, known: int, look: Look = Look.FIRST) -> Bools:
         """Lines that speak for the surface, by texture of their own: beside an edge, its trace does so too.
 
         Parameters
         ----------
         known : int
-        second : bool
+        look : Look
             As for `reach`.
 
         Returns
@@ -179,11 +190,25 @@ class Agreement:
         (lines,) bool
         """
         own = self.relief > _QUIET * quantile(self.relief[: max(known, 1)], _TYPICAL)
-        return np.asarray(self._agrees(known, second=second) & own)
+        return np.asarray(self._agrees(known, look) & own)
 
-    def _agrees(self, known: int, *, second: bool) -> Bools:
-        (least, _), values = (_SECOND, self.whole) if second else (_FIRST, self.fine)
+    def _agrees(self, known: int, look: Look) -> Bools:
+        values, least, _ = self._limits(known, look)
         return np.asarray((values > least) & self._has(_QUIET, known))
+
+    def _limits(self, known: int, look: Look) -> tuple[Float64, float, float]:
+        """Correlations of lines, from which on they agree, and up to which they disagree."""
+        if look is Look.SECOND:
+            return self.whole, *_SECOND
+        own = self.fine[: max(known, 1)]
+        own = own[np.isfinite(own)]
+        if not len(own):
+            return self.fine, *_FIRST
+        (least, most), (first, again) = _FIRST, _LEAST_OWN
+        if look is Look.FIRST:
+            return self.fine, min(least, max(_OF_OWN * median(own), first)), most
+        typical = max(_OF_OWN * quantile(own, _TYPICAL), again)
+        return self.fine, min(least, typical), min(most, typical)
 
     def carried_on(self, reach: Reach) -> Reach:
         """A reach that may end as far out as the disparity map has its surface going on, which only that can tell.

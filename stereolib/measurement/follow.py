@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stereolib.base import Float64
-from stereolib.measurement.agreement import Agreement, Past, Reach, Samples, agreement
+from stereolib.measurement.agreement import Agreement, Look, Past, Reach, Samples, agreement
 from stereolib.measurement.box import Box, Own, Side, World
 from stereolib.measurement.faces import Face
 from stereolib.measurement.sideways import heights_aside, reach_aside, upright
@@ -287,7 +287,7 @@ def look_round(views: Views, world: World, stretch: Stretch, outwards: int) -> C
     seen = np.isfinite(ground[0, :, 0])
     t, ground = t[0, seen], ground[0, seen]
     points = upright(ground, stretch.heights_mm)
-    reach = reach_aside(views, world, points, agreement(views, world, points), _FIRST_PX, second=True)
+    reach = reach_aside(views, world, points, agreement(views, world, points), _FIRST_PX, Look.SECOND)
     if reach.last < _LEAST_SECOND_PX:
         return None
     end, corner = End.of(reach, t, second=True), float(best[0])
@@ -327,7 +327,7 @@ def follow_again(views: Views, world: World, own: Float64, side: Side) -> End | 
     if np.count_nonzero(seen) <= _LEAST_SECOND_PX:
         return None
     points = upright(ground[seen], heights_aside(0.0, float(own[Own.HEIGHT])))
-    reach = reach_aside(views, world, points, agreement(views, world, points), _FIRST_PX)
+    reach = reach_aside(views, world, points, agreement(views, world, points), _FIRST_PX, Look.AGAIN)
     return End.of(reach, t[seen]) if reach.last >= _LEAST_SECOND_PX else None
 
 
@@ -380,7 +380,7 @@ def follow_top(views: Views, world: World, own: Float64, front: Side, height_std
     depth, points = depth[np.isfinite(depth)], points[np.isfinite(depth)]
     if len(depth) <= _LEAST_SECOND_PX:
         return None
-    reach = agreement(views, world, points).reach(_FIRST_PX, second=True)
+    reach = agreement(views, world, points).reach(_FIRST_PX, Look.SECOND)
     return (height, End.of(reach, depth)) if reach.last >= _LEAST_SECOND_PX else None
 
 

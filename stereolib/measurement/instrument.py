@@ -165,8 +165,8 @@ def save_laser_pose(path: str | PathLike[str], lidar: LidarCamera) -> Path:
         If it cannot be written.
     """
     rig = dict(_read_rig(path)[1])
-    of_laser = {"T_left_lidar": lidar.T_left_lidar, "covariance": lidar.covariance}
-    rig["lidar"] = {"scale": lidar.scale, **{name: array.tolist() for name, array in of_laser.items()}}
+    pose, covariance = lidar.T_left_lidar.tolist(), lidar.covariance.tolist()
+    rig["lidar"] = {"T_left_lidar": pose, "scale": lidar.scale, "covariance": covariance}
     return write_atomic(path, json.dumps(rig, indent=1, allow_nan=False) + "\n")
 
 

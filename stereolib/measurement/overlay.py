@@ -15,8 +15,9 @@ from stereolib.measurement.measured_object import UNSURE_MM, MeasuredObject
 
 #: Left, upper, right and lower end of something in a picture, px.
 Frame: TypeAlias = tuple[float, float, float, float]
-#: Of objects, red-green-blue, in pictures, meshes and maps (Okabe and Ito 2008): they differ for the colour-blind too.
-OBJECT_RGB = ((0, 114, 178), (213, 94, 0), (0, 158, 115), (204, 121, 167), (230, 159, 0), (86, 180, 233))
+#: Of objects, red-green-blue, in pictures, meshes and maps (Okabe and Ito 2008; the third after Tol 2021, as green are
+#: the laser's readings): they differ for the colour-blind too.
+OBJECT_RGB = ((0, 114, 178), (213, 94, 0), (136, 34, 85), (204, 121, 167), (230, 159, 0), (86, 180, 233))
 _READING_COLOR, _LABEL_COLOR = (115, 158, 0), (30, 30, 30)  # BGR: the laser's readings; behind a text
 _NAMELESS = (140, 140, 140)
 _FAINT = 0.1375  # share of the picture that shines through the boxes' lines
@@ -94,11 +95,9 @@ def draw_objects(measured: Measurement, *, scan: bool = True, names: Sequence[st
                 cv2.circle(picture, (round(u), round(v)), 2, _READING_COLOR, -1, cv2.LINE_AA)
     shown = list[tuple[str, tuple[int, int, int], Float64]]()
     for k, entry in enumerate(measured.objects):
-        height = entry.size_mm[2]
-        rings = [_pixels(floor, entry.outline_mm, z) for z in (0.0, 0.0 if np.isnan(height) else height)]
-        inside = [((ring >= 0) & (ring < picture.shape[1::-1])).all(axis=1).any() for ring in rings]
-        if not np.isfinite(rings).all() or np.abs(rings).max() > _FAR_PX or not any(inside):
-            continue  # beside the picture
+        if not is_pictured(measured, entry):
+            continue
+        rings = _rings(floor, entry)
         name = names[k] if names else chr(ord("A") + k)
         color = OBJECT_RGB[(ord(name[0]) - ord("A")) % len(OBJECT_RGB)][::-1] if name else _NAMELESS
         layer = picture.copy()
@@ -111,6 +110,27 @@ def draw_objects(measured: Measurement, *, scan: bool = True, names: Sequence[st
         others = [(*other.min(axis=0), *other.max(axis=0)) for _, _, other in shown if other is not ring]
         _label(picture, text, ring, color, taken, others)
     return picture
+
+
+def is_pictured(measured: Measurement, item: MeasuredObject) -> bool:
+    """Tell whether the rectified left picture shows an object, or a corner of it; a scan sees beside it, too.
+
+    Parameters
+    ----------
+    measured : Measurement
+    item : MeasuredObject
+        Of its objects.
+
+    Returns
+    -------
+    bool
+        False where no floor was seen: then nothing tells.
+    """
+    if measured.floor is None:
+        return False
+    rings = _rings(measured.floor, item)
+    inside = ((rings >= 0) & (rings < measured.left.shape[1::-1])).all(axis=-1)
+    return bool(np.isfinite(rings).all() and np.abs(rings).max() <= _FAR_PX and inside.any())
 
 
 def draw_length(left: UInt8, pixels: Sequence[tuple[float, float]], text: str) -> UInt8:
@@ -203,6 +223,12 @@ def _draw_edges(layer: UInt8, entry: MeasuredObject, bottom: Float64, top: Float
             part = [start + (end - start) * share for share in ((k, k + 1) if seen else (k / count, (k + 0.5) / count))]
             one, other = (tuple(np.rint(point).astype(int).tolist()) for point in part)
             cv2.line(layer, one, other, color, 2 if seen else 1, cv2.LINE_AA)
+
+
+def _rings(floor: Floor, item: MeasuredObject) -> Float64:
+    """Where the picture has an outline on the floor, and at the object's height if that is known: (2, corners, 2)."""
+    height = item.size_mm[2]
+    return np.stack([_pixels(floor, item.outline_mm, z) for z in (0.0, 0.0 if np.isnan(height) else height)])
 
 
 def _area(ring: Float64) -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from stereolib.base import Float64
-from stereolib.measurement.agreement import Agreement, Past, Reach, agreement
+from stereolib.measurement.agreement import Agreement, Look, Past, Reach, agreement
 from stereolib.measurement.box import World
 from stereolib.measurement.views import Views
 
@@ -30,7 +30,7 @@ def upright(ground: Float64, heights: Float64) -> Float64:
 
 
 def reach_aside(
-    views: Views, world: World, points_mm: Float64, along: Agreement, known: int, *, second: bool = False
+    views: Views, world: World, points_mm: Float64, along: Agreement, known: int, look: Look = Look.FIRST
 ) -> Reach:
     """Follow a face sideways.
 
@@ -45,8 +45,7 @@ def reach_aside(
         Along these.
     known : int
         So many lines from the first on lie on the face, mostly.
-    second : bool
-        Its place is only predicted.
+    look : Look
 
     Returns
     -------
@@ -57,14 +56,14 @@ def reach_aside(
     Where all is plain beside a face, pictures and map say nothing of where it ends; but beside its foot the floor
     shows, which is seldom plain: it goes no more than 12 px beyond where its foot does.
     """
-    reach = along.reach(known, second=second, aside=True)
-    plain = ~along.shows(known, second=second)[: reach.stop]
+    reach = along.reach(known, look, aside=True)
+    plain = ~along.shows(known, look)[: reach.stop]
     if reach.past is Past.HIDDEN or np.count_nonzero(plain) <= _PLAIN_LINES:
         return reach
     top_mm = points_mm[0, -1, 2] / _SIDEWAYS[1]
     low = upright(points_mm[:, 0, :2], top_mm * np.linspace(*_FOOT, _FOOT_SAMPLES))
-    foot = agreement(views, world, low).reach(known, second=second)
+    foot = agreement(views, world, low).reach(known, look)
     limit = foot.stop + _FOOT_PX
     if foot.past is not Past.OPEN or limit >= reach.stop or plain[foot.stop : limit].mean() < _PLAIN_SHARE:
         return reach
-    return along.part(slice(limit)).reach(known, second=second, aside=True)
+    return along.part(slice(limit)).reach(known, look, aside=True)

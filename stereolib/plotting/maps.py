@@ -160,6 +160,7 @@ def plot_top_view(room: Map, ax: Axes, title: str = "", *, true_mm: list[Float64
         ax.add_patch(Polygon(outline, fill=False, ec="black", ls=":", lw=1.0, zorder=4))
     for station, name in zip(room.stations, station_names(room.stations), strict=True):
         plot_station(station, ax, name)
+    ax.plot([], [], "-", color="black", lw=1.5, label="from a station,\nwhere its camera looks")
     if room.objects:
         larger = f",\n{times:g} times enlarged" if times > 1 else ""
         label = f"ellipse: standard\ndeviation of a place{larger}"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import functools
 import io
+import textwrap
 import tomllib
 from collections.abc import Sequence
 from importlib import resources
@@ -22,6 +23,7 @@ from stereolib.plotting.style import COLORS, DPI, REFUSED, default_style
 
 _Table = TypeVar("_Table")
 _PLAIN_PX, _RIGHT_PX, _AXIS_PX, _LINE_PX = 640, 54, 42, 18  # of a photograph with axes, px; texts grow with it
+_TEXT_PX, _MOST_SURE = 13, 0.95  # of its texts; letters differ in width, so that so much of a line is filled
 _COLOURS, _COMMON = 256, 140  # of a figure, and those of them that are taken by how often they occur
 
 
@@ -112,7 +114,7 @@ def picture_with_pixels(image: UInt8, lines: Sequence[tuple[str, str]]) -> bytes
     image : (H, W) or (H, W, 3) uint8
         Grey or blue-green-red.
     lines : sequence of (text, colour)
-        In matplotlib's colours; long ones are written smaller.
+        In matplotlib's colours; long ones are broken.
 
     Returns
     -------
@@ -122,6 +124,7 @@ def picture_with_pixels(image: UInt8, lines: Sequence[tuple[str, str]]) -> bytes
     high, wide = image.shape[:2]
     times = max(1.0, wide / _PLAIN_PX)  # so that texts can be read in a smaller view
     right, axis, line = (round(times * px) for px in (_RIGHT_PX, _AXIS_PX, _LINE_PX))
+    lines = _broken(lines, 72 / DPI * times * _TEXT_PX, wide + right - 12 * times)
     full_wide, full_high = wide + right, high + axis + line * len(lines)
     figure = Figure(figsize=(full_wide / DPI, full_high / DPI), dpi=DPI)
     canvas = FigureCanvasAgg(figure)
@@ -142,15 +145,23 @@ def picture_with_pixels(image: UInt8, lines: Sequence[tuple[str, str]]) -> bytes
     ax.set_ylabel("row (px)", fontsize=11 * size, labelpad=size)
     for k, (words, color) in enumerate(lines):
         y = 1 - (high + axis + line * k) / full_high
-        text = figure.text(6 * times / full_wide, y, words, color=color, fontsize=13 * size, va="top")
-        points = 13 * size
-        while text.get_window_extent(canvas.get_renderer()).x1 > full_wide - 6 * times and points > size:
-            points *= 0.97  # not at once: letters shrink by whole pixels
-            text.set_fontsize(points)
+        figure.text(6 * times / full_wide, y, words, color=color, fontsize=_TEXT_PX * size, va="top")
     canvas.draw()
     drawn: UInt8 = cv2.cvtColor(np.asarray(canvas.buffer_rgba()), cv2.COLOR_RGBA2BGR)
     drawn[:high, :wide] = image if image.ndim == 3 else image[..., None]
     return bytes(cv2.imencode(".png", drawn)[1])
+
+
+def _broken(lines: Sequence[tuple[str, str]], points: float, most_px: float) -> list[tuple[str, str]]:
+    """Lines of text, each in as many as fit into a width; what follows a break is indented."""
+    figure = Figure(dpi=DPI)
+    renderer, found = FigureCanvasAgg(figure).get_renderer(), list[tuple[str, str]]()
+    for words, color in lines:
+        wide = figure.text(0, 0, words, fontsize=points).get_window_extent(renderer).width
+        letters = int(_MOST_SURE * len(words) * most_px / max(wide, most_px))
+        parts = textwrap.wrap(words, letters, subsequent_indent="    ") if wide > most_px else [words]
+        found += [(part, color) for part in parts]
+    return found
 
 
 @functools.cache

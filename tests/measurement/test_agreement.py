@@ -10,7 +10,7 @@ import pytest
 from support.boxes import FLOOR, RECT
 
 from stereolib.measurement import Views
-from stereolib.measurement.agreement import Agreement, Past, Samples, agreement
+from stereolib.measurement.agreement import Agreement, Look, Past, Samples, agreement
 from stereolib.measurement.box import Shared, World
 
 N = 60
@@ -189,7 +189,16 @@ def test_single_lines_that_disagree_end_nothing():
 
 def test_a_surface_that_is_only_predicted_may_agree_less():
     alike = until(30, 0.1) - 0.35
-    assert lines(alike).reach(16).last < 0 and lines(alike).reach(16, second=True).last == 27
+    assert lines(alike).reach(16).last < 0 and lines(alike).reach(16, Look.SECOND).last == 27
+
+
+def test_what_both_pictures_show_less_alike_is_held_against_itself():
+    """As JPEG, noise or slants have it, of which the threshold of clean pictures leaves next to nothing."""
+    rng = np.random.default_rng(0)
+    faint = lines(until(30, 0.0) - 0.2 + rng.uniform(-0.06, 0.06, N))
+    assert [faint.reach(16, look).last for look in (Look.FIRST, Look.AGAIN)] == [27, 27]
+    slanted = lines(until(30, 0.0) - 0.42 + rng.uniform(-0.06, 0.06, N))
+    assert slanted.reach(16).last < 5 and slanted.reach(16, Look.AGAIN).last == 27
 
 
 def test_parts_may_run_backwards():

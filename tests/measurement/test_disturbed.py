@@ -115,7 +115,7 @@ def test_a_face_is_told_as_far_as_the_disparity_map_goes_on_with_it_or_as_unsure
     Which of both depends on what SGBM matched. The scenes are none of the bench's 160.
     """
     one = tell(*case("cartons_jpeg_20", number, shoot))
-    assert one.off and all(abs(pct) < 2 for pct, _ in one.off.values())
+    assert one.off and all(abs(pct) < 2 or (abs(pct) < 5 and abs(z) < 2) for pct, z in one.off.values())
 
 
 @pytest.mark.parametrize("number", [1003, 1008])

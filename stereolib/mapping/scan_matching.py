@@ -89,8 +89,8 @@ def refine_poses(
     Minimises ``sum rho((R_j n) . (T_i p - T_j q) / s)`` over the poses ``T``: p is a reading of station i, q the
     nearest bit of station j with its normal n, s its deviation by noise and a; rho is Cauchy's loss, at two
     deviations. The covariance is ``H^-1 (N + sum_c g_c g_c' + G G') H^-1``: N is the noise's part, ``g_c`` what the
-    bias does through all pairs of one station with one bit of another, which err together, G (two columns) what b and
-    the laser's scale (`Station.scan_scale_std`), shared by all stations, do through all.
+    bias does through all pairs of one station with one bit of another, which err together, G what b and the laser do
+    through all: a column for each error of its pose and scale, of those that all stations share and of each station's.
     """
     if len(stations) < 2:
         raise ValueError(f"matching needs two stations or more, got {len(stations)}: a single one has nothing to match")
@@ -158,8 +158,8 @@ class _Scan:
         Number of the bit.
     noise, bias : (N,) float64, mm
         Deviations by noise, and by what a bit's readings share.
-    shared : (2, N, 2) float64, mm
-        The shifts that all readings of all scans share: by the square of the range, and by the laser's scale.
+    shared, own : (k, N, 2) float64, mm
+        Shifts that all readings share for one standard deviation of each error: with all scans, and with none.
     """
 
     points: Float64
@@ -169,6 +169,7 @@ class _Scan:
     noise: Float64
     bias: Float64
     shared: Float64
+    own: Float64
 
     @classmethod
     def of(
@@ -194,8 +195,8 @@ class _Scan:
                 f"match with; scan where there are walls"
             )
         turn = np.abs(np.diff(np.unwrap(np.arctan2(normals[:, 1], normals[:, 0])), prepend=0)) > _TURN_RAD
-        beams = p - station.laser_mm
-        shared = np.stack([bias_mm[1] * range_mm[:, None] * beams, station.scan_scale_std * beams])
+        by_laser, own = _of_laser(station)
+        by_range = bias_mm[1] * range_mm[:, None] * (p - station.laser_mm)
         bias, bit = np.full(len(p), bias_mm[0]), np.cumsum(turn | ~straight)
         anchors, normals = p.copy(), np.where(straight[:, None], normals, np.nan)
         for members in (np.flatnonzero(straight & (bit == k)) for k in np.unique(bit[straight])):
@@ -207,7 +208,7 @@ class _Scan:
             if np.sqrt(np.mean(off**2)) < _ONE_LINE * np.median(noise[members]):  # one line for all of it
                 normals[members] = line * np.sign(line @ normals[members].sum(axis=0))
                 anchors[members] -= off[:, None] * line
-        return cls(p, anchors, normals, bit, noise, bias, shared)
+        return cls(p, anchors, normals, bit, noise, bias, np.concatenate([by_range[None], by_laser]), own)
 
 
 def _match(scans: Sequence[_Scan], poses: Float64, reach: float) -> tuple[Ints, ...]:
@@ -296,12 +297,37 @@ def _covariance(scans: Sequence[_Scan], poses: Float64, pairs: tuple[Ints, ...])
     cluster = np.unique(np.stack([i, j, wall]), axis=1, return_inverse=True)[1].ravel()
     G = np.zeros((cluster.max() + 1, J.shape[1]))
     np.add.at(G, cluster, (weight * common / deviation)[:, None] * J)
-    turned = [scan.shared @ turn_2d(-pose[2]) for scan, pose in zip(scans, poses, strict=True)]
-    normal = [_placed(scan, pose)[2] for scan, pose in zip(scans, poses, strict=True)]
-    shift = np.array([(turned[k][:, m] - turned[n][:, q]) @ normal[n][q] for k, m, n, q in zip(*pairs, strict=True)])
-    shared = J.T @ (shift * (weight / deviation)[:, None])
+    starts = np.cumsum([0, *(len(scan.points) for scan in scans)])
+    first, second = starts[pairs[0]] + pairs[1], starts[j] + b
+    normals = np.concatenate([_placed(scan, pose)[2] for scan, pose in zip(scans, poses, strict=True)])
+    errors = _errors(scans, poses)
+    shift = ((errors[:, first] - errors[:, second]) * normals[second]).sum(axis=-1)
+    shared = J.T @ (shift * (weight / deviation)).T
     own = J * (weight * np.sqrt(1 - (common / deviation) ** 2))[:, None]
     return np.asarray(inverse @ (G.T @ G + own.T @ own + shared @ shared.T) @ inverse)
+
+
+def _errors(scans: Sequence[_Scan], poses: Float64) -> Float64:
+    """By how much each error of the laser shifts all readings in the map, for one standard deviation: (k, N, 2)."""
+    turned = [turn_2d(-pose[2]) for pose in poses]
+    shared = np.zeros((max(len(scan.shared) for scan in scans), sum(len(scan.points) for scan in scans), 2))
+    errors, end = [shared], 0
+    for scan, R in zip(scans, turned, strict=True):
+        here, own = slice(end, end := end + len(scan.points)), np.zeros((len(scan.own), *shared.shape[1:]))
+        shared[: len(scan.shared), here], own[:, here] = scan.shared @ R, scan.own @ R
+        errors.append(own)
+    return np.concatenate(errors)
+
+
+def _of_laser(station: Station) -> tuple[Float64, Float64]:
+    """How readings shift for one standard deviation of each error of the laser, shared and its own: (k, N, 2) each."""
+    beams, common = station.scan_mm - station.laser_mm, station.laser_common
+    J = np.zeros((len(beams), 2, 4))  # of place, turn and scale
+    J[:, 0, 0] = J[:, 1, 1] = 1.0
+    J[:, 0, 2], J[:, 1, 2], J[:, :, 3] = -beams[:, 1], beams[:, 0], -beams
+    values, vectors = np.linalg.eigh(station.laser_covariance - common @ common.T)
+    shared, own = (np.moveaxis(J @ each, 2, 0) for each in (common, vectors * np.sqrt(np.maximum(values, 0.0))))
+    return shared, own
 
 
 def _check_linked(pairs: tuple[Ints, ...], names: Sequence[str]) -> None:

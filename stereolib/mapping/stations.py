@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -29,8 +29,12 @@ class Station:
         Of `pose`, mm and rad; zero if the pose is known.
     name : str
         What texts and drawings call it; its number among the others if empty.
-    scan_scale_std : float
-        Standard deviation of the share by which all its ranges may be too long, as those of all stations of one laser.
+    laser_covariance : (4, 4) float64
+        Of the laser's place and turn in its floor frame and of its scale, by which all its readings err: mm, rad, and
+        the share by which they are too far.
+    laser_common : (4, k) float64
+        What these are off for one standard deviation of each error that the stations share: ``common @ common.T`` is a
+        part of the covariance.
     """
 
     pose: Float64
@@ -39,7 +43,8 @@ class Station:
     laser_mm: Float64 = field(default_factory=lambda: np.zeros(2))
     covariance: Float64 = field(default_factory=lambda: np.zeros((3, 3)))
     name: str = ""
-    scan_scale_std: float = 0.0
+    laser_covariance: Float64 = field(default_factory=lambda: np.zeros((4, 4)))
+    laser_common: Float64 = field(default_factory=lambda: np.zeros((4, 0)))
 
     def __post_init__(self) -> None:
         scan = np.asarray(self.scan_mm, float)
@@ -50,6 +55,7 @@ class Station:
         set_frozen(self, pose=finite_array(self.pose, (3,), "pose"), scan_mm=scan[read])
         set_frozen(self, laser_mm=finite_array(laser, (2,) if laser.ndim < 2 else (int(read.sum()), 2), "laser_mm"))
         set_frozen(self, covariance=finite_array(self.covariance, (3, 3), "covariance"))
+        set_frozen(self, laser_covariance=finite_array(self.laser_covariance, (4, 4), "laser_covariance"))
 
     def to_map(self, points_mm: Floats) -> Float64:
         """Bring points of its floor frame into the map.
@@ -84,14 +90,8 @@ class Station:
         Station
         """
         laser = measured.laser
-        return cls(
-            np.asarray(pose, float),
-            measured.objects,
-            measured.scan_mm,
-            laser.t,
-            name=name,
-            scan_scale_std=float(np.sqrt(laser.covariance[3, 3])),
-        )
+        station = cls(np.asarray(pose, float), measured.objects, measured.scan_mm, laser.t, name=name)
+        return replace(station, laser_covariance=laser.covariance, laser_common=laser.common)
 
 
 def station_names(stations: Sequence[Station]) -> list[str]:

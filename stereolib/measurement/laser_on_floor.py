@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -77,6 +77,9 @@ class LaserOnFloor:
         How its plane leans over the floor, where that is known.
     scale : float
         Share by which it reads farther than its calibration has it.
+    common : (4, k) float64
+        What (x, y, yaw, scale) are off for one standard deviation of each error that other pairs of its calibration
+        share: ``common @ common.T`` is a part of the covariance.
     """
 
     R: Float64
@@ -85,6 +88,7 @@ class LaserOnFloor:
     bias_mm: float = 1.0
     lean: Lean | None = None
     scale: float = 0.0
+    common: Float64 = field(default_factory=lambda: np.zeros((4, 0)))
 
     @classmethod
     def of(cls, lidar: LidarCamera, floor: Floor) -> LaserOnFloor:

@@ -139,7 +139,7 @@ def measure_standing(standing: Standing, scan: LaserScan | None) -> Measurement:
     if not objects:
         reach = f"{OBJECTS_WITHIN_MM / 1000:g} m of the cameras or {SCAN_REACH_M} m of the laser"
         warnings.append(f"nothing stands on the floor within {reach}")
-    laser = priors.laser.moved(*judged.solution.laser)
+    laser = judged.solution.on_floor(priors.laser)
     readings = NOWHERE if scan is None else laser.points_mm(points_mm(scan))
     warnings += [*unlike, *apart, *elsewhere, *_said_of_the_rig(views, judged, nearest_mm(judged, things), instrument)]
     pictures = views.left, views.right, views.disparity_px

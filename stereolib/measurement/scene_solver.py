@@ -155,6 +155,11 @@ class Solution:
         """Standard deviations of `laser`. (4,)."""
         return np.sqrt(np.diag(self.covariance))[_LASER]
 
+    def on_floor(self, laser: LaserOnFloor) -> LaserOnFloor:
+        """A laser as it was calibrated, where this has it and as well known."""
+        known, moved = self.covariance[_LASER, _LASER], laser.moved(*self.laser)
+        return replace(moved, covariance=known, common=self.common[_LASER])
+
     def at(self, own: Float64) -> Solution:
         """The same, with other parameters of its first box, (8,)."""
         return replace(self, boxes=(own, *self.boxes[1:]))

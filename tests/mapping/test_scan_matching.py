@@ -9,6 +9,7 @@ import pytest
 from support import walks
 
 from stereolib import laser
+from stereolib.base import turn_2d
 from stereolib.mapping import Station, disturb_poses, refine_poses
 from stereolib.virtual import Scene, VirtualLidar, box_on_floor, recordings, room, walk
 
@@ -74,12 +75,16 @@ def test_exact_scans_give_exact_poses_and_deviations_cover_noisy_ones():
     assert np.mean(scores) > 0.2  # and are not several times too wide
 
 
-def test_a_laser_that_reads_too_far_is_in_the_deviations():
-    """All of its readings 0.6 % too long, 14 mm at 2.3 m: a scale known to 0.4 % explains that, one known does not."""
-    scans, far = [walks.scan_mm(k) for k in walks.SEEN], 1.006
+@pytest.mark.parametrize("what, far, turned_rad, std", [("scale", 1.006, 0.0, 0.004), ("turn", 1.0, 0.006, 0.004)])
+def test_a_laser_that_errs_alike_everywhere_is_in_the_deviations(what, far, turned_rad, std):
+    """All readings 0.6 % too long, or turned by 0.3 degrees: what is known so well explains it, a known one does not."""
+    scans, error = [walks.scan_mm(k) for k in walks.SEEN], np.eye(4)[:, [2 if what == "turn" else 3]]
     scores = []
-    for std in (0.0, 0.004):
-        there = [replace(s, scan_mm=far * s.scan_mm, scan_scale_std=std) for s in stations(TRUE, scans)]
+    for known in (0.0, std):
+        laser_errs = {"laser_covariance": known**2 * error @ error.T, "laser_common": known * error}
+        there = [
+            replace(s, scan_mm=far * s.scan_mm @ turn_2d(-turned_rad), **laser_errs) for s in stations(TRUE, scans)
+        ]
         match = refine_poses(there)
         off = (poses_of(match) - TRUE)[1:].ravel()
         scores.append(float(off @ np.linalg.solve(match.covariance, off)))

@@ -312,13 +312,14 @@ def follow_again(views: Views, world: World, own: Float64, side: Side) -> End | 
     views : Views
     world : World
     own : (8,) float64
-        The box, in the order of `Own`; how wide the face is is not used.
+        The box, in the order of `Own`.
     side : Side
 
     Returns
     -------
     End or None
-        At a tangent of a bearing; None where it cannot be followed.
+        At a tangent of a bearing; None where it cannot be followed, or where it would end before the box has it and
+        the pictures, all in all, show it alike in between.
     """
     outwards, corner = -1 if side is Side.RIGHT else 1, np.array([own[Own.Y] / own[Own.X]])
     beyond = np.arange(1.0, _WIDEST_PX) / float(world.focal)
@@ -327,8 +328,13 @@ def follow_again(views: Views, world: World, own: Float64, side: Side) -> End | 
     if np.count_nonzero(seen) <= _LEAST_SECOND_PX:
         return None
     points = upright(ground[seen], heights_aside(0.0, float(own[Own.HEIGHT])))
-    reach = reach_aside(views, world, points, agreement(views, world, points), _FIRST_PX, Look.AGAIN)
-    return End.of(reach, t[seen]) if reach.last >= _LEAST_SECOND_PX else None
+    along = agreement(views, world, points)
+    reach = reach_aside(views, world, points, along, _FIRST_PX, Look.AGAIN)
+    x, y = Box(own).edge(side.end)[0, :2]
+    known = int(np.count_nonzero(outwards * t[seen] < outwards * y / x))
+    if reach.last < _LEAST_SECOND_PX or along.evidence()[reach.stop : known].sum() > 0:
+        return None
+    return End.of(reach, t[seen])
 
 
 def width_mm(own: Float64, side: Side, end: float) -> float:

@@ -77,7 +77,7 @@ def test_exact_scans_give_exact_poses_and_deviations_cover_noisy_ones():
 
 @pytest.mark.parametrize("what, far, turned_rad, std", [("scale", 1.006, 0.0, 0.004), ("turn", 1.0, 0.006, 0.004)])
 def test_a_laser_that_errs_alike_everywhere_is_in_the_deviations(what, far, turned_rad, std):
-    """All readings 0.6 % too long, or turned by 0.3 degrees: what is known so well explains it, a known one does not."""
+    """All readings 0.6 % too long, or turned by 0.3 degrees: known so well they are explained, exactly not."""
     scans, error = [walks.scan_mm(k) for k in walks.SEEN], np.eye(4)[:, [2 if what == "turn" else 3]]
     scores = []
     for known in (0.0, std):

@@ -27,6 +27,7 @@ _SCANS = (".bin", ".csv")
 _SCAN_WORDS = {"scan", "laser", "lidar", "lrf"}
 _POSE_COLUMNS, _SCAN_COLUMNS = ("station", "x_mm", "y_mm", "yaw_deg"), ("angle_deg", "range_mm")
 _MOST = 1e7  # mm, degrees: ten kilometres
+_METRES = 60.0  # ranges in millimetres that are all less were told in metres: no laser of this kind sees so near
 _LEAST_BEAMS = 30  # of a scan
 _LEAST_TURNS = 3  # that may stand for a whole one, if each of them lost a packet
 _UNEVEN = 0.01  # share of a step by which beams of a file may stand off their even places
@@ -364,6 +365,8 @@ def _scan_of_table(path: Path) -> LaserScan:
             f"range_mm is {ranges[ranges < 0][0]:g} at {angles[ranges < 0][0]:g} degrees, a distance is never negative"
         )
         raise ValueError(f"{path}: {why}; leave it empty where nothing was measured")
+    if 0 < (most := float(np.nanmax(ranges, initial=0.0))) < _METRES:
+        raise ValueError(f"{path}: range_mm is {most:g} at most, as if in metres: millimetres are asked for")
     start, step = _even_angles(path, np.radians(angles))
     return LaserScan(ranges, np.full(len(ranges), np.nan), angle_min_rad=start, angle_increment_rad=step)
 

@@ -129,6 +129,10 @@ def test_poses_that_make_no_sense_are_refused(folder, rows, message):
         ([f"{4 * k},500" for k in range(100)], "within one turn"),
         ([f"{k},far" for k in range(100)], "line 2: 'far' is no number"),
         ([f"{k},{500 - 600 * (k == 7)}" for k in range(100)], "range_mm is -100 at 7 degrees, a distance is never"),
+        (
+            [f"{k},{1.5 + k / 100}" for k in range(360)],
+            "range_mm is 5.09 at most, as if in metres",
+        ),
     ],
 )
 def test_tables_that_are_no_scan_are_refused(folder, rows, message):

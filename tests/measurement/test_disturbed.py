@@ -108,6 +108,19 @@ def test_an_upper_edge_that_stands_out_is_not_outvoted_by_a_line_on_a_sliver() -
     assert len(one.off) >= 2 and max(abs(z) for _, z in one.off.values()) < 4
 
 
+@pytest.mark.parametrize(
+    ("row", "number"), [("own", 1113), ("own", 1225), ("cartons_jpeg_20", 1150), ("blur_3", 1060), ("noise_10", 1006)]
+)
+def test_a_face_that_is_shown_less_alike_is_followed_to_its_end(row: str, number: int) -> None:
+    """Seen at a slant, or through JPEG: one ended after a third of it, one was 8 % too narrow, unsaid, two were unsure.
+
+    The last two are as they were: of what is blurred or noisy less was told for a while. None is of the bench's 160.
+    """
+    one = tell(*case(row, number, shoot))
+    pct, z = np.abs(list(one.off.values())).T
+    assert len(one.off) == 4 and pct.max() < 2 and z.max() < 3
+
+
 @pytest.mark.parametrize("number", [1127, 1162, 1387])
 def test_a_face_is_told_as_far_as_the_disparity_map_goes_on_with_it_or_as_unsure(number: int) -> None:
     """One's height was two thirds of the true one, the others' widths were half, with 2 % of deviation.

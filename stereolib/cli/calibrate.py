@@ -111,6 +111,8 @@ def _run(arguments: argparse.Namespace) -> int:
             found_mm = result.rig.baseline_mm
             print(f"distance of the lenses {found_mm:.1f} mm; {beside_ruler(found_mm, arguments.ruler_mm)}")
         print(f"written: {' '.join(map(str, written))}")
+        if result.verdict != "bad":
+            print(f"next: open {written[1]}; then stereolib measure LEFT RIGHT --calibration {written[0]}")
     return REFUSED if result.verdict == "bad" else DONE
 
 

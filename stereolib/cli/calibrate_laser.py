@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from stereolib.base import check_target, counted, listed
 from stereolib.cli.boards import parse_board
 from stereolib.cli.command import Command
-from stereolib.cli.errors import DONE
+from stereolib.cli.errors import DONE, Refused
 from stereolib.cli.ranges import MM, number
 
 if TYPE_CHECKING:
@@ -37,6 +37,7 @@ def _configure(parser: argparse.ArgumentParser) -> None:
         metavar="MM",
         help="board beyond its squares (default: 0)",
     )
+    parser.add_argument("--force", action="store_true", help="replace a pose that is there by a doubtful one")
 
 
 def _run(arguments: argparse.Namespace) -> int:
@@ -54,6 +55,9 @@ def _run(arguments: argparse.Namespace) -> int:
     pictures, scans = _paired(arguments.pictures, arguments.scans)
     views = find_laser_boards_in_files(pictures, scans, board, rig.left, read_scan, margin_mm=arguments.margin_mm)
     pose = calibrate_lidar_to_camera(views)
+    if pose.warning and before is not None and not arguments.force:
+        kept = f"the pose that stands in {arguments.calibration} is kept; to replace it all the same, add --force"
+        raise Refused(f"{pose.warning}; {kept}")
     save_laser_pose(arguments.calibration, pose)
     turn, shift = float(np.degrees(pose.std_rad).max()), float(pose.std_mm.max())
     x, y, z = pose.T_left_lidar[:3, 3]
@@ -69,6 +73,7 @@ def _run(arguments: argparse.Namespace) -> int:
         by = f"{moved_mm:.1f} mm and {turned_deg:.2f} degrees"
         print(f"the pose that stood in the file is replaced: this one lies {by} off it")
     print(f"written into {arguments.calibration}")
+    print(f"next: stereolib measure LEFT RIGHT --scan FILE --calibration {arguments.calibration}")
     if pose.warning:
         print(f"warning: {pose.warning}")
     return DONE

@@ -44,6 +44,8 @@ class _Parser(argparse.ArgumentParser):
     """A parser that refuses words in one line, as all other input is refused."""
 
     def error(self, message: str) -> NoReturn:
+        if message.endswith("expected 2 arguments"):
+            message += ", with a blank between them, neither of which begins with a minus"
         self.exit(WRONG_INPUT, f"stereolib: error: {message}; see {self.prog} --help\n")
 
 

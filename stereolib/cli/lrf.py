@@ -34,6 +34,7 @@ def _configure_info(parser: argparse.ArgumentParser) -> None:
 def _info(arguments: argparse.Namespace) -> int:
     from stereolib import laser
 
+    _check_no_table(arguments.file)
     facts = laser.recording_info(arguments.file)
     if arguments.json:
         print(json.dumps(facts, indent=1))
@@ -42,6 +43,12 @@ def _info(arguments: argparse.Namespace) -> int:
         for name, value in facts.items():
             print(f"{name:{width}}  {value:.4g}" if isinstance(value, float) else f"{name:{width}}  {value}")
     return DONE
+
+
+def _check_no_table(path: Path) -> None:
+    """Refuse a table of ranges, in whose text a recording's packets would be looked for."""
+    if path.suffix.lower() == ".csv":
+        raise ValueError(f"{path}: a table of ranges is for measure, map and calibrate-laser; this takes recordings")
 
 
 def _configure_show(parser: argparse.ArgumentParser) -> None:
@@ -57,6 +64,7 @@ def _show(arguments: argparse.Namespace) -> int:
     from stereolib import laser, plotting
     from stereolib.base import write_atomic
 
+    _check_no_table(Path(arguments.source))
     output = arguments.output or default_name(Path(f"{Path(arguments.source).stem}.png"), force=arguments.force)
     check_ending(output, ".png", "the picture")
     check_outputs([output], force=arguments.force, option="--output")
@@ -113,6 +121,7 @@ def _replay(arguments: argparse.Namespace) -> int:
     from stereolib import laser
     from stereolib.virtual import emulator
 
+    _check_no_table(arguments.file)
     data = read_bytes(arguments.file)
     laser.decode_recording(data, str(arguments.file))  # says what is wrong with a file that is no recording
     return _serve(emulator.replay(data), arguments.link)

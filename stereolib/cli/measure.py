@@ -28,6 +28,7 @@ _FLOOR_STD = (1.0, 0.2)  # mm, degrees: what a ruler and a phone's level tell
 _STEEPEST = 90.0  # degrees
 _LAST_PX = 2**15  # no picture is larger
 _LEAST_MM = 1.0  # a lower camera was meant in metres
+_TALL_MM = 1000.0  # from there on tenths are not told
 _MOST_TIMES = 3.0  # as high or low as the pictures show it, a floor is no slip of a ruler
 _OTHER_FLOOR = 16.3  # squared deviations of three numbers, which chance passes once in 1,000
 #: Below a picture: whose pixels are its own.
@@ -164,7 +165,8 @@ def between(
     facts |= {"warnings": list(found.warnings)}
     depths = " and ".join(f"{depth:.0f} mm" for depth in found.depth_mm)
     told = f"{found.length_mm:.1f} ± {found.std_mm:.1f} mm (one standard deviation), at depths of {depths}"
-    told += "\nan edge that was left out is missing in it; without --between, things are told from edge to edge"
+    told += "\nfrom pixel to pixel: what lies between a pixel and the thing's edge is not in it"
+    told += "; without --between, things are told from edge to edge"
     told += f"\nthe pixels were taken for those of this picture: {frame}"
     drawn = f"{found.length_mm:.1f} mm (std {found.std_mm:.1f})"  # OpenCV 4 cannot write a ±
     return draw_length(left, pixels, drawn), facts, told
@@ -225,10 +227,11 @@ def otherwise_seen(pair: tuple[UInt8, UInt8], floor: Floor) -> str:
     off = seen.plane - floor.plane
     if off @ np.linalg.solve(seen.covariance + floor.covariance, off) < _OTHER_FLOOR:
         return ""
+    heights = (f.camera_height_mm for f in (seen, floor))
     there, given = (
-        f"{f.camera_height_mm:.4g} mm below the camera, which looks {abs(np.degrees(f.pitch_rad)):.1f} degrees "
-        f"{'up' if f.pitch_rad >= 0 else 'down'}"
-        for f in (seen, floor)
+        f"{high:.{0 if high >= _TALL_MM else 1}f} mm below the camera, which looks "
+        f"{abs(np.degrees(f.pitch_rad)):.1f} degrees {'up' if f.pitch_rad >= 0 else 'down'}"
+        for high, f in zip(heights, (seen, floor), strict=True)
     )
     text = (
         f"--floor contradicts the pictures: they show a floor {there}; given is {given}. Leave it away, or correct it"

@@ -13,6 +13,7 @@ from stereolib.cli.command import Command
 from stereolib.cli.errors import DONE, named
 from stereolib.cli.outputs import check_ending, check_outputs, default_name
 from stereolib.cli.ranges import whole
+from stereolib.cli.told import wrapped
 
 if TYPE_CHECKING:
     from stereolib.base import Floats
@@ -111,7 +112,8 @@ def _run(arguments: argparse.Namespace) -> int:
     low, high = np.nanpercentile(match.estimate.disparity_px, (1, 99))
     print(f"{out}: of the pixels {shares}; disparities {low:.1f} to {high:.1f} px")
     print(_told(depth) if depth else "no --calibration, so that nothing is told in millimetres")
-    print(f"written: {' '.join(map(str, paths.values()))}")
+    wide, what = max(len(str(path)) for path in paths.values()), {end: text for end, _, text in _FILES}
+    print(wrapped(["written:", *(f"  {path!s:{wide}}  {what[end]}" for end, path in paths.items())]))
     return DONE
 
 

@@ -227,18 +227,19 @@ def otherwise_seen(pair: tuple[UInt8, UInt8], floor: Floor) -> str:
     off = seen.plane - floor.plane
     if off @ np.linalg.solve(seen.covariance + floor.covariance, off) < _OTHER_FLOOR:
         return ""
-    heights = (f.camera_height_mm for f in (seen, floor))
-    there, given = (
-        f"{high:.{0 if high >= _TALL_MM else 1}f} mm below the camera, which looks "
-        f"{abs(np.degrees(f.pitch_rad)):.1f} degrees {'up' if f.pitch_rad >= 0 else 'down'}"
-        for high, f in zip(heights, (seen, floor), strict=True)
-    )
-    text = (
-        f"--floor contradicts the pictures: they show a floor {there}; given is {given}. Leave it away, or correct it"
-    )
+    text = f"--floor contradicts the pictures: they show a floor {_told(seen)}; given is {_told(floor)}. Leave it away, or correct it"
     if abs(math.log(seen.camera_height_mm / floor.camera_height_mm)) > math.log(_MOST_TIMES):
         raise ValueError(f"{text}: millimetres are asked for")
     return text
+
+
+def _told(floor: Floor) -> str:
+    """Where a floor lies, in words."""
+    import numpy as np
+
+    high, way = floor.camera_height_mm, "up" if floor.pitch_rad >= 0 else "down"
+    below = f"{high:.{0 if high >= _TALL_MM else 1}f} mm below the camera"
+    return f"{below}, which looks {abs(np.degrees(floor.pitch_rad)):.1f} degrees {way}"
 
 
 def measured_facts(measured: Measurement) -> dict[str, Any]:

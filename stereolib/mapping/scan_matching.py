@@ -239,13 +239,19 @@ def _placed(scan: _Scan, pose: Float64) -> tuple[Float64, Float64, Float64]:
     return scan.points @ R + pose[:2], scan.anchors @ R + pose[:2], scan.normals @ R
 
 
+def _numbers(scans: Sequence[_Scan], pairs: tuple[Ints, ...]) -> tuple[Ints, Ints]:
+    """Of the readings and of the bits they were matched with, among those of all scans."""
+    i, a, j, b = pairs
+    starts = np.cumsum([0, *(len(scan.points) for scan in scans)])
+    return starts[i] + a, starts[j] + b
+
+
 def _residuals(scans: Sequence[_Scan], poses: Float64, pairs: tuple[Ints, ...]) -> tuple[Float64, Float64]:
     """Distances of readings from their lines, mm, and the Jacobian with all poses, (N, 3 n)."""
     placed = [_placed(scan, pose) for scan, pose in zip(scans, poses, strict=True)]
-    i, a, j, b = pairs
-    starts = np.cumsum([0, *(len(scan.points) for scan in scans)])
+    (i, _, j, _), (first, second) = pairs, _numbers(scans, pairs)
     points, anchors, normals = (np.concatenate(parts) for parts in zip(*placed, strict=True))
-    p, q, n = points[starts[i] + a], anchors[starts[j] + b], normals[starts[j] + b]
+    p, q, n = points[first], anchors[second], normals[second]
     residual = ((p - q) * n).sum(axis=1)
     J = np.zeros((len(i), 3 * len(scans)))
     row = np.arange(len(i))
@@ -260,9 +266,7 @@ def _residuals(scans: Sequence[_Scan], poses: Float64, pairs: tuple[Ints, ...]) 
 
 def _deviations(scans: Sequence[_Scan], pairs: tuple[Ints, ...]) -> tuple[Float64, Float64]:
     """Of the distances of pairs: by noise and bias, and the bias's part, each (N,) mm."""
-    i, a, j, b = pairs
-    starts = np.cumsum([0, *(len(scan.points) for scan in scans)])
-    first, second = starts[i] + a, starts[j] + b
+    first, second = _numbers(scans, pairs)
     noise, bias = (np.concatenate([getattr(scan, name) for scan in scans]) for name in ("noise", "bias"))
     common = np.hypot(bias[first], bias[second])
     return np.hypot(np.hypot(noise[first], noise[second]), common), common
@@ -297,8 +301,7 @@ def _covariance(scans: Sequence[_Scan], poses: Float64, pairs: tuple[Ints, ...])
     cluster = np.unique(np.stack([i, j, wall]), axis=1, return_inverse=True)[1].ravel()
     G = np.zeros((cluster.max() + 1, J.shape[1]))
     np.add.at(G, cluster, (weight * common / deviation)[:, None] * J)
-    starts = np.cumsum([0, *(len(scan.points) for scan in scans)])
-    first, second = starts[pairs[0]] + pairs[1], starts[j] + b
+    first, second = _numbers(scans, pairs)
     normals = np.concatenate([_placed(scan, pose)[2] for scan, pose in zip(scans, poses, strict=True)])
     errors = _errors(scans, poses)
     shift = ((errors[:, first] - errors[:, second]) * normals[second]).sum(axis=-1)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -90,8 +90,15 @@ class Station:
         Station
         """
         laser = measured.laser
-        station = cls(np.asarray(pose, float), measured.objects, measured.scan_mm, laser.t, name=name)
-        return replace(station, laser_covariance=laser.covariance, laser_common=laser.common)
+        return cls(
+            np.asarray(pose, float),
+            measured.objects,
+            measured.scan_mm,
+            laser.t,
+            name=name,
+            laser_covariance=laser.covariance,
+            laser_common=laser.common,
+        )
 
 
 def station_names(stations: Sequence[Station]) -> list[str]:

@@ -159,7 +159,7 @@ def _broken(lines: Sequence[tuple[str, str]], points: float, most_px: float) -> 
     for words, color in lines:
         wide = figure.text(0, 0, words, fontsize=points).get_window_extent(renderer).width
         letters = int(_MOST_SURE * len(words) * most_px / max(wide, most_px))
-        parts = textwrap.wrap(words, letters, subsequent_indent="    ") if wide > most_px else [words]
+        parts = textwrap.wrap(words, letters, subsequent_indent="  ") if wide > most_px else [words]
         found += [(part, color) for part in parts]
     return found
 

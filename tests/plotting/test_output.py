@@ -92,4 +92,4 @@ def test_a_photograph_with_axes_keeps_its_pixels_and_the_whole_text(size):
     np.testing.assert_array_equal(drawn[: size[1], : size[0]], np.repeat(image[..., None], 3, axis=2))
     below = drawn[size[1] + (drawn.shape[0] - size[1]) // 2 :]
     columns = (below < 200).any(axis=(0, 2)).nonzero()[0]
-    assert 0 < columns[0] < 0.2 * size[0] and 0.7 * size[0] < columns[-1] < drawn.shape[1] - 1
+    assert 0 < columns[0] < 0.1 * size[0] and 0.7 * size[0] < columns[-1] < drawn.shape[1] - 1

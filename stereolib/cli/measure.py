@@ -227,7 +227,8 @@ def otherwise_seen(pair: tuple[UInt8, UInt8], floor: Floor) -> str:
     off = seen.plane - floor.plane
     if off @ np.linalg.solve(seen.covariance + floor.covariance, off) < _OTHER_FLOOR:
         return ""
-    text = f"--floor contradicts the pictures: they show a floor {_told(seen)}; given is {_told(floor)}. Leave it away, or correct it"
+    text = f"--floor contradicts the pictures: they show a floor {_told(seen)}; given is {_told(floor)}"
+    text += ". Leave it away, or correct it"
     if abs(math.log(seen.camera_height_mm / floor.camera_height_mm)) > math.log(_MOST_TIMES):
         raise ValueError(f"{text}: millimetres are asked for")
     return text

@@ -45,7 +45,8 @@ def calibrate(pairs: list[Pair]) -> dict[str, Any]:
 
     The weights of a kind's signs and of their products are those of least squares on the logarithm of the error; the
     pixels are then sorted by the score into parts of equal size, each with a standard deviation by `std_px`; the last
-    one is halved again and again, `FINER` times, since blunders stand at its end.
+    one is halved again and again, `FINER` times, since blunders stand at its end. Neighbouring parts are drawn together
+    a little, so that a small change of a sign is one of the deviation, too.
     """
     gathered: dict[deviation.Kind, list[tuple[Array, Array]]] = {kind: [] for kind in deviation.Kind}
     for pair in tqdm(pairs, "calibrating", unit="pair"):
@@ -72,14 +73,22 @@ def calibrate(pairs: list[Pair]) -> dict[str, Any]:
             "weights": weights.tolist(),
             "products": products.tolist(),
             "score": [round(float(np.median(score[g])), 3) for g in groups],
-            "std_px": [std_px(off[g]) for g in groups],
+            "std_px": smoothed([std_px(off[g]) for g in groups]),
         }
     return laws
 
 
+def smoothed(std: list[float]) -> list[float]:
+    """Deviations with a share of their neighbours', by the logarithm."""
+    log = np.pad(np.log(std), 1, mode="edge")
+    mean = BESIDE * log[:-2] + (1 - 2 * BESIDE) * log[1:-1] + BESIDE * log[2:]
+    return [round(float(one), 3) for one in np.exp(mean)]
+
+
+BESIDE = 0.1  # share of each neighbouring part
 EVERY = 5  # pixels of a pair, one is taken: neighbours err alike
 PRODUCTS = np.triu_indices(7)  # of two signs
-LEVELS, FINER = (16, 12, 12, 12), (4, 0, 0, 0)  # parts of each kind; halvings of the last one
+LEVELS, FINER = (16, 12, 12, 12), (3, 0, 0, 0)  # parts of each kind; halvings of the last one
 ERROR_FLOOR_PX = 0.2  # added to an error before its logarithm is taken: what is right to a fifth is right
 TWO_FOR_ONE = 2 * np.exp(-1.5)
 ALIKE = 0.005  # tries that are worth so much less still count: no jump from one to the other

@@ -13,16 +13,18 @@ The procedure was settled on these scenes alone, before its result met any photo
 
 The file was measured when the cost was seen in full size alone. The knob ``blur_from_grey``, a blur of noisy pictures,
 came out at 1.0 then, since it rescues the darkest scenes; but it reads fine texture as noise, and a map jumped where
-the estimate passed the limit. The cost of the half size does what it did, without a limit; the knob stays here as one
+the estimate passed the limit. The costs of smaller sizes do what it did, without a limit; the knob stays here as one
 that was tried, and is no part of the library.
 
-How much of the cost the half size has, and what a match outside the right picture costs, came later, and with them the
-block, the edges and the colour's cap are chosen anew, in the same way: all else held, by both measures that the
+How often the size is halved, how much of the smaller size's cost is taken, at which contrast it is half of that, and
+what a match outside the right picture costs, came later, and with them the penalty, the edges, the block and the colour
+are chosen anew, in the same way: all else held, `coarse_share` and `contrast` as one, by both measures that the
 pipeline is judged by (bad-1 of what both cameras see and bad-2 of all), on the scenes of `CHOSEN_ON` and the training
-scenes of ``layered_pairs.py``; the simplest value of each comes first. Their lines are in
-``results/choose_coarse.csv``. A share between 0.2 and 0.5, by how distinct the whole size's match is, was tried as
-well: 5.71 % instead of 5.67 %, and matches on smooth surfaces were a quarter less exact. The sums now have 8 bits:
-windows and penalties of the grid that need more are refused, if the first file is ever begun anew.
+scenes of ``layered_pairs.py``; the simplest value of each comes first. An infinite contrast is a share that is the same
+everywhere. Their lines are in ``results/choose_coarse.csv``. Tried on the same scenes, and no better: noise told part
+by part, or by a single picture's finest detail; colour in the smaller sizes; distances to ranges between pixels; other
+census windows. The sums now have 8 bits: windows and penalties of the grid that need more are refused, if the first
+file is ever begun anew.
 
 Last came `surfaces.choose_surface`, from ``SURFACE``: infinitely sure leaves it out. Its lines are in
 ``results/choose_surface.csv``.
@@ -73,13 +75,20 @@ GRID: dict[str, tuple[Any, ...]] = {
 }
 KNOBS = [("p2", "edge") if name == "p2" else (name,) for name in GRID if name != "edge"]
 COARSE: dict[str, tuple[Any, ...]] = {
-    "coarse_share": (0.0, 0.2, 0.5),
-    "outside_cost": (16, 20, 24),
+    "halvings": (0, 1, 2, 3),
+    "coarse_share": (0.5, 0.75),
+    "contrast": (math.inf, 5.0, 3.5),
+    "outside_cost": (16, 20),
     "block_size": (1, 3),
-    "edge": (16.0, 8.0, 5.0),
-    "color_cap": (20.0, 30.0),
+    "p2": (90, 120),
+    "edge": (8.0, 5.0),
+    "color_weight": (1.0, 0.8),
+    "color_cap": (20.0, 15.0),
 }
-COARSE_KNOBS = [(name,) for name in COARSE]
+COARSE_KNOBS = [
+    ("halvings",), ("coarse_share", "contrast"), ("outside_cost",), ("block_size",), ("p2", "edge"), ("color_weight",),
+    ("color_cap",),
+]  # fmt: skip
 SURFACE: dict[str, tuple[Any, ...]] = {"sure": (math.inf, 2.0, 1.5, 1.0), "unlike": (8.0, 4.0, 12.0)}
 SURFACE_KNOBS = [(name,) for name in SURFACE]
 RIVAL: dict[str, tuple[Any, ...]] = {
@@ -91,7 +100,7 @@ RIVAL: dict[str, tuple[Any, ...]] = {
 }
 RIVAL_KNOBS = [(name,) for name in RIVAL]
 PLATEAU = 1.01  # times the least
-MIDDLE, HALF_ROWS = (120, 360), 90  # the rows that are matched: half the time; of layered pairs, to each side
+MIDDLE = (120, 360)  # the rows that were matched for the first file: half the time
 FILE, COARSE_FILE = RESULTS / "choose_best.csv", RESULTS / "choose_coarse.csv"
 SURFACE_FILE, RIVAL_FILE = RESULTS / "choose_surface.csv", RESULTS / "choose_rival.csv"
 Setting = dict[str, Any]
@@ -112,17 +121,15 @@ def measure(pair: Pair, setting: Setting) -> float:
 
 
 def measure_coarse(pair: Pair, setting: Setting) -> float:
-    """Geometric mean of bad-1 of what both cameras see and bad-2 of all, %; from the middle rows of a pair."""
+    """Geometric mean of bad-1 of what both cameras see and bad-2 of all, %; from whole pairs."""
     cv2.setNumThreads(1)
-    middle = len(pair.truth_px) // 4 * 2
-    rows = slice(max(middle - HALF_ROWS, 0), middle + HALF_ROWS)
-    visible, cut = seen_by_both(pair.truth_px)[rows], pair.rows(rows.start, rows.stop)
-    matched = pipelines.match_best(cut.left, cut.right, pair.num_disparities, CensusSGM(**setting))
-    return both_measures(pipelines.fill_matched(matched, cut.left).disparity_px, cut.truth_px, visible)
+    matched = pipelines.match_best(pair.left, pair.right, pair.num_disparities, CensusSGM(**setting))
+    found = pipelines.fill_matched(matched, pair.left).disparity_px
+    return both_measures(found, pair.truth_px, seen_by_both(pair.truth_px))
 
 
 def measure_surface(pair: Pair, setting: Setting) -> float:
-    """The same, from whole pairs."""
+    """The same of another step."""
     cv2.setNumThreads(1)
     matched = pipelines.match_best(pair.left, pair.right, pair.num_disparities)
     found = pipelines.fill_matched(matched, pair.left, surface=partial(choose_surface, **setting))
@@ -130,7 +137,7 @@ def measure_surface(pair: Pair, setting: Setting) -> float:
 
 
 def measure_rival(pair: Pair, setting: Setting) -> float:
-    """The same of the rival, from whole pairs."""
+    """The same of the rival."""
     cv2.setNumThreads(1)
     disparity = both_sides(pair.left, pair.right, pair.num_disparities, setting)
     return both_measures(disparity, pair.truth_px, seen_by_both(pair.truth_px))

@@ -72,10 +72,12 @@ TEST_SHARP = replace(TEST, size=(540, 240), far_px=(10, 24), near_px=(28, 64), o
                      rod_px=(1.2, 5.0), slant=0.25, noise=(0.4, 0.8), gain=(1.0, 0.98), rows_px=(0.0, 0.08),
                      shade=0.025, blur_px=(0.4, 0.45), textures="fine photographs", relief_px=1.0,
                      gloss=0.08)  # fmt: skip
+#: Materials again, slanted more, in any noise: large parts of one colour beside edges, among which are those of depth.
+TRAINING_MATERIALS = replace(TRAINING, slant=0.2, textures="materials")
 #: Glossy things under a lamp: on them the deviations are found, too.
 TRAINING_SHINING = replace(TRAINING, noise=(0.5, 1.0, 2.0), shining=0.6)
 SETS = {"training": ((TRAINING, range(100, 116)), (TRAINING_CROWDED, range(120, 128)),
-                     (TRAINING_SHARP, range(140, 150))),
+                     (TRAINING_SHARP, range(140, 150)), (TRAINING_MATERIALS, range(170, 182))),
         "shining": ((TRAINING_SHINING, range(160, 172)),),
         "test": ((TEST, range(200, 212)), (TEST_CROWDED, range(220, 228)),
                  (TEST_SHARP, range(240, 248)))}  # fmt: skip

@@ -1,9 +1,10 @@
 """Semi-global matching written out in numpy: the same idea as `cv2.StereoSGBM`, with a cost and a penalty of our own.
 
 Four things differ, and each was measured on virtual scenes: the cost is census plus colour difference instead of
-Birchfield-Tomasi on gradients; half of it is seen in half size, where there is less noise, so that fine things count
-and noisy pictures need no blur; the penalty for a step falls where the image has an edge; and the whole cost volume is
-at hand afterwards, so that the right view's disparity and a confidence cost no new match.
+Birchfield-Tomasi on gradients; the fainter the picture is against its noise, the more of it is seen in half and in
+quarter size, where there is less noise, so that fine things count and noisy pictures need no blur; the penalty for a
+step falls where the image has an edge; and the whole cost volume is at hand afterwards, so that the right view's
+disparity and a confidence cost no new match.
 """
 
 from __future__ import annotations
@@ -17,13 +18,14 @@ import numpy as np
 import numpy.typing as npt
 
 from stereolib.base import Float32, UInt8
-from stereolib.matching.levels import halved
+from stereolib.matching.levels import shrunk
 from stereolib.matching.paths import aggregate, read_off
 from stereolib.rig import check_pair, to_grey
 
-_COARSE_CENSUS_PX = (7, 7)  # of the half size
+_COARSE_CENSUS_PX = (7, 7)  # of the smaller sizes
 _COARSE_BITS = 48
-_SHARES, _FLOOR = 64, -0.49  # the two costs are mixed in whole steps, and rounded down
+_SHARES = 64  # whole steps in which two costs are mixed, a power of two; rounded down
+_CONTRAST_PX = 11  # window in which contrast is measured
 _CELL_BYTES = 5  # a pixel and disparity: the cost, the sum of 16 bits, and both of a band that is turned
 _STRIP_BYTES = 2**30  # more than so much is matched in strips
 _BESIDE_ROWS = 64  # of a strip, that tell its own rows what lies above and below
@@ -39,6 +41,8 @@ class CensusSGM:
     ----------
     num_disparities : int, px
         Disparities 0 to ``num_disparities - 1`` are looked at.
+    noise_grey : float, grey levels
+        Of the pictures, as `levels.noise_grey` tells it; contrast is held against it.
     census_px : (rows, columns)
         Odd edges of the census window; at most 64 pixels.
     color_weight, color_cap : float
@@ -50,7 +54,11 @@ class CensusSGM:
     edge : float
         Step of the image (its 3 x 3 median), in grey levels, at which ``p2`` has fallen to a half.
     coarse_share : float
-        Of the half size's cost.
+        Of the cost of the next smaller size, where there is no contrast.
+    contrast : float
+        In units of the noise, at which that share has fallen to a half.
+    halvings : int
+        Smaller sizes that are looked at, up to 3.
     outside_cost : int
         Of a match outside the right picture, which has no other: more than a true one's, less than a false one's.
 
@@ -68,14 +76,17 @@ class CensusSGM:
     """
 
     num_disparities: int = 128
+    noise_grey: float = 1.0
     census_px: tuple[int, int] = (5, 5)
     color_weight: float = 1.0
     color_cap: float = 20.0
     block_size: int = 1
     p1: int = 20
-    p2: int = 120
-    edge: float = 8.0
-    coarse_share: float = 0.5
+    p2: int = 90
+    edge: float = 5.0
+    coarse_share: float = 0.75
+    contrast: float = 5.0
+    halvings: int = 3
     outside_cost: int = 16
 
     def __post_init__(self) -> None:
@@ -84,11 +95,14 @@ class CensusSGM:
             raise ValueError(f"windows need odd edges, the census at most 64 pixels; got {self.census_px}, {odd[2]}")
         ranges = {
             "num_disparities >= 2": self.num_disparities >= 2,
+            "noise_grey > 0": self.noise_grey > 0,
             "color_weight >= 0": self.color_weight >= 0,
             "color_cap >= 0": self.color_cap >= 0,
             "0 < p1 < p2": 0 < self.p1 < self.p2,
             "edge > 0": self.edge > 0,
             "0 <= coarse_share <= 1": 0 <= self.coarse_share <= 1,
+            "contrast > 0": self.contrast > 0,
+            "0 <= halvings <= 3": 0 <= self.halvings <= 3,
             "outside_cost >= 1": self.outside_cost >= 1,
         }
         if broken := [text for text, holds in ranges.items() if not holds]:
@@ -136,9 +150,12 @@ def match_census_sgm(left: UInt8, right: UInt8, params: CensusSGM | None = None)
     -----
     Each pixel takes the disparity of the least sum along eight paths (`paths.aggregate`), refined by two straight lines
     of equal slope through it and its neighbours; the right view's comes from the same sums. The cost is
-    ``C = (1 - w) C_1 + w C_2``, w the `coarse_share`: that of the pictures, census plus colour, and the census distance
-    in half size, whose right picture is moved by d before it is made smaller. Memory: 5 bytes a pixel and disparity;
-    from 1 GiB on, the pictures are matched in strips of rows that reach into each other.
+    ``C_0 = (1 - w_0) c_0 + w_0 C_1``, ``C_1 = (1 - w_1) c_1 + w_1 C_2`` and so on: c_0 is that of the pictures, census
+    plus colour; c_1 and c_2 are census distances in half and quarter size, whose right picture is moved by d before it
+    is made smaller. The share ``w_k(p) = share / (1 + s^2 / (contrast n_k)^2)`` falls where the left picture's
+    deviation s in a window of 11 px of that size, its noise ``n_k = noise / 2^k`` taken off in squares, exceeds the
+    noise. Memory: 5 bytes a pixel and disparity; from 1 GiB on, the pictures are matched in strips of rows that reach
+    into each other.
 
     References
     ----------
@@ -159,7 +176,7 @@ def match_census_sgm(left: UInt8, right: UInt8, params: CensusSGM | None = None)
         raise ValueError(f"{asked} and the image is {left.shape[1]} px wide: reduce num_disparities")
     height, width = left.shape[:2]
     row_bytes = width * params.num_disparities * _CELL_BYTES
-    own = max(_STRIP_BYTES // row_bytes // 2 * 2 - 2 * _BESIDE_ROWS, _BESIDE_ROWS)  # even: the half size pairs rows
+    own = max(_STRIP_BYTES // row_bytes // 8 * 8 - 2 * _BESIDE_ROWS, _BESIDE_ROWS)  # the smallest size joins 8 rows
     _check_memory(min(own + 2 * _BESIDE_ROWS, height) * row_bytes, params.num_disparities)
     found = []
     for top in range(0, height, own):
@@ -219,31 +236,53 @@ def _free_bytes() -> float:
 
 
 def _cost(left: UInt8, right: UInt8, params: CensusSGM) -> UInt8:
-    """Cost volume (H, D, W) uint8: those of the pictures and of the half size, mixed."""
-    cost, coarse = _fine_cost(left, right, params), _coarse_cost(left, right, params.num_disparities)
-    share = round(params.coarse_share * _SHARES) / _SHARES
-    for y, row in enumerate(cost):
-        if y % 2 == 0:
-            whole = cv2.resize(coarse[y // 2], None, fx=2, fy=1, interpolation=cv2.INTER_NEAREST)[:, : row.shape[1]]
-        cv2.addWeighted(row, 1 - share, whole, share, _FLOOR, dst=row)
+    """Cost volume (H, D, W) uint8: that of the pictures and those of smaller sizes, mixed."""
+    cost = _fine_cost(left, right, params)
+    if params.halvings:
+        _mix(cost, _coarse_cost(left, right, params, 1), _coarse_share(to_grey(left).astype(np.float32), params, 0))
     for d in range(params.num_disparities):
         cost[:, d, :d] = params.outside_cost
     return cost
 
 
-def _coarse_cost(left: UInt8, right: UInt8, num_disparities: int) -> UInt8:
-    """Census distance in half size, (H / 2, D, W / 2) uint8: d is that of the whole pictures."""
-    bits, *moved = (
-        census_transform(image.mean(axis=2), _COARSE_CENSUS_PX)
-        for image in (halved(left), halved(right), halved(right, 1))
-    )
+def _coarse_cost(left: UInt8, right: UInt8, params: CensusSGM, halvings: int) -> UInt8:
+    """Census distance in a smaller size, mixed with those of still smaller ones; d is that of the whole pictures."""
+    times = 2**halvings
+    grey, *moved = (shrunk(left, times).mean(axis=2), *(shrunk(right, times, k).mean(axis=2) for k in range(times)))
+    bits, *others = (census_transform(image, _COARSE_CENSUS_PX) for image in (grey, *moved))
     height, width = bits.shape
-    cost = np.empty((height, num_disparities, width), np.uint8)
-    for d in range(num_disparities):
-        by, k = (d + 1) // 2, d % 2
-        np.bitwise_count(bits[:, by:] ^ moved[k][:, : width - by], out=cost[:, d, by:])
-        cost[:, d, :by] = cost[:, d, by : by + 1]  # an odd disparity sees half of such a column
+    cost = np.empty((height, params.num_disparities, width), np.uint8)
+    for d in range(params.num_disparities):
+        by = min(-(-d // times), width - 1)
+        other = others[max(by * times - d, 0)]
+        np.bitwise_count(bits[:, by:] ^ other[:, : width - by], out=cost[:, d, by:])
+        cost[:, d, :by] = cost[:, d, by : by + 1]  # some disparities see a part of such a column
+    if halvings < params.halvings:
+        coarser = _coarse_cost(left, right, params, halvings + 1)
+        _mix(cost, coarser, _coarse_share(grey, params, halvings))
     return cost
+
+
+def _coarse_share(grey: Float32, params: CensusSGM, halvings: int) -> Float32:
+    """Share (H, W) of the next smaller size's cost: the less, the more contrast there is beyond the noise."""
+    window, noise = (_CONTRAST_PX, _CONTRAST_PX), (params.noise_grey / 2**halvings) ** 2
+    variance = cv2.sqrBoxFilter(grey, cv2.CV_32F, window) - cv2.blur(grey, window) ** 2
+    ratio = np.maximum(variance - noise, 0) / (params.contrast**2 * noise)
+    return np.asarray(params.coarse_share / (1 + ratio), np.float32)
+
+
+def _mix(cost: UInt8, coarser: UInt8, share: Float32) -> None:
+    """Put the coarser size's share into a cost (H, D, W), row by row."""
+    others = np.round(_SHARES * share).astype(np.uint16)
+    mixed, other = np.empty((2, *cost.shape[1:]), np.uint16)
+    for y, row in enumerate(cost):
+        if y % 2 == 0:
+            whole = cv2.resize(coarser[y // 2], None, fx=2, fy=1, interpolation=cv2.INTER_NEAREST)[:, : row.shape[1]]
+        np.multiply(row, _SHARES - others[y], out=mixed)
+        np.multiply(whole, others[y], out=other)
+        mixed += other
+        mixed //= _SHARES
+        row[:] = mixed
 
 
 def _fine_cost(left: UInt8, right: UInt8, params: CensusSGM) -> UInt8:

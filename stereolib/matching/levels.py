@@ -1,4 +1,4 @@
-"""Pictures made ready to be matched: of one exposure, of one mean and deviation everywhere, in half size."""
+"""Pictures made ready to be matched: of one exposure, of one mean and deviation everywhere, smaller; their noise."""
 
 from __future__ import annotations
 
@@ -13,6 +13,9 @@ _WINDOW_PX = 15  # over which mean and deviation are made alike
 _LEAST_DEVIATION, _DEVIATION = 3.0, 40.0  # grey levels: less is noise, and stays small; what is given
 _SHADE_PX, _SHADE_PRIOR = 31, 0.3  # px of the half size; share of a window that counts as matched and alike beforehand
 _MOST_SHADE = 20.0  # grey levels: what differs by more is a wrong match
+_BLOCK_PX, _LEAST_BLOCKS, _QUIETEST_PCT = 8, 10, 10  # of the half size, that tell the noise
+_NORMAL_MEAN = 0.798  # of a normal law's absolute values, in its deviations
+_NOISE, _LEAST_NOISE = 1.0, 0.5  # grey levels: where nothing tells it; about what rounding leaves
 
 
 def levelled(image: UInt8 | Float32) -> Float32:
@@ -75,14 +78,9 @@ def shaded(left: UInt8, right: UInt8, rough_px: Float32) -> UInt8:
     >>> int(shaded(left, left + np.uint8(13), np.full((100, 100), 5, np.float32))[100, 100])
     110
     """
-    size = rough_px.shape[::-1]
-    first, second = (np.asarray(cv2.resize(side, size, interpolation=cv2.INTER_AREA)) for side in (left, right))
-    columns, rows = np.meshgrid(*(np.arange(n, dtype=np.float32) for n in size))
-    at = columns - rough_px
-    known = at > 0  # not where it is NaN
-    seen = cv2.remap(second, np.where(known, at, -1), rows, cv2.INTER_LINEAR)
-    off = np.atleast_3d(cv2.subtract(first, seen, dtype=cv2.CV_32F)).clip(-_MOST_SHADE, _MOST_SHADE)
-    off *= known[..., None]
+    off = _differences(left, right, rough_px)
+    known = np.isfinite(off[..., 0])
+    off = np.where(known[..., None], off, 0).clip(-_MOST_SHADE, _MOST_SHADE)
     window = (_SHADE_PX, _SHADE_PX)
     share = cv2.blur(known.astype(np.float32), window) + np.float32(_SHADE_PRIOR)
     shade = np.atleast_3d(cv2.blur(off, window)) / share[..., None]
@@ -90,23 +88,76 @@ def shaded(left: UInt8, right: UInt8, rough_px: Float32) -> UInt8:
     return np.asarray(cv2.subtract(left, whole, dtype=cv2.CV_8U))
 
 
-def halved(image: UInt8, moved_px: int = 0) -> Float32:
-    """Make a picture half as large without rounding, after moving it to the left.
+def noise_grey(left: UInt8, right: UInt8, rough_px: Float32) -> float:
+    """Tell the noise of a pair from how its matched pixels differ: a single picture's fine texture looks like noise.
+
+    Parameters
+    ----------
+    left, right, rough_px
+        As those of `shaded`.
+
+    Returns
+    -------
+    float, grey levels
+        Standard deviation of one pixel's noise, mean of the channels, where the pictures agree best; at least 0.5. One
+        grey level where too little was matched.
+
+    Notes
+    -----
+    In half size, the mean of ``|e(y) - e(y + 1)| / 0.798`` with ``e = L(u) - R(u - d)`` over blocks of 8 x 8 px, of
+    which it takes the tenth percentile. e has the noise of two pictures, the difference that of two rows, and the mean
+    of four pixels half of theirs: together one pixel's.
+
+    Examples
+    --------
+    >>> rng = np.random.default_rng(0)
+    >>> texture = rng.uniform(50, 200, (200, 210))
+    >>> seen = [(texture[:, k : k + 200] + rng.normal(0, 4, (200, 200))).astype(np.uint8) for k in (0, 10)]
+    >>> 2.5 < noise_grey(*seen, np.full((100, 100), 5, np.float32)) < 4.5
+    True
+    """
+    off = _differences(left, right, rough_px).mean(axis=2)
+    rows, columns = (off.shape[0] - 1) // _BLOCK_PX, off.shape[1] // _BLOCK_PX
+    between = np.abs(np.diff(off, axis=0))[: rows * _BLOCK_PX, : columns * _BLOCK_PX]
+    blocks = between.reshape(rows, _BLOCK_PX, columns, _BLOCK_PX).transpose(0, 2, 1, 3).reshape(-1, _BLOCK_PX**2)
+    blocks = blocks[np.isfinite(blocks).all(axis=1)]
+    if len(blocks) < _LEAST_BLOCKS:
+        return _NOISE
+    return max(float(np.percentile(blocks.mean(axis=1), _QUIETEST_PCT)) / _NORMAL_MEAN, _LEAST_NOISE)
+
+
+def _differences(left: UInt8, right: UInt8, rough_px: Float32) -> Float32:
+    """Left less right picture in half size, (H / 2, W / 2, C) grey levels; NaN where nothing was matched."""
+    size = rough_px.shape[::-1]
+    halves = (cv2.resize(side.astype(np.float32), size, interpolation=cv2.INTER_AREA) for side in (left, right))
+    first, second = (np.atleast_3d(np.asarray(half)) for half in halves)
+    columns, rows = np.meshgrid(*(np.arange(n, dtype=np.float32) for n in size))
+    at = columns - rough_px
+    known = at > 0  # not where it is NaN
+    seen = cv2.remap(second, np.where(known, at, -1), rows, cv2.INTER_LINEAR)
+    off = first - np.atleast_3d(seen)
+    off[~known] = np.nan
+    return np.asarray(off)
+
+
+def shrunk(image: UInt8, times: int, moved_px: int = 0) -> Float32:
+    """Make a picture smaller without rounding, after moving it to the left.
 
     Parameters
     ----------
     image : (H, W) or (H, W, C) uint8
-    moved_px : {0, 1}
-        Columns.
+    times : int
+        How many.
+    moved_px : int
+        Columns, less than `times`.
 
     Returns
     -------
-    (ceil(H / 2), ceil(W / 2), C) float32, grey levels
-        Means of four pixels; its border is repeated where an edge is odd, or where nothing is left after moving.
+    (ceil(H / times), ceil(W / times), C) float32, grey levels
+        Means over squares of pixels; the border is repeated where they reach over it.
     """
     height, width = image.shape[:2]
-    spare = height % 2, width % 2 + moved_px
+    size = -(-width // times), -(-height // times)
+    spare = size[1] * times - height, size[0] * times - width + moved_px
     roomy: Any = cv2.copyMakeBorder(image, 0, spare[0], 0, spare[1], cv2.BORDER_REPLICATE)[:, moved_px:]
-    size = (width + 1) // 2, (height + 1) // 2
-    small = cv2.resize(cast(Any, roomy[:, : 2 * size[0]]).astype(np.float32), size, interpolation=cv2.INTER_AREA)
-    return np.atleast_3d(small)
+    return np.atleast_3d(cv2.resize(cast(Any, roomy).astype(np.float32), size, interpolation=cv2.INTER_AREA))

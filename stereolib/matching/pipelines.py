@@ -20,7 +20,7 @@ from stereolib.matching.census_sgm import CensusSGM, SGMResult, match_census_sgm
 from stereolib.matching.disparity import compute_disparity, left_right_check
 from stereolib.matching.filling import fill_background, remove_speckles
 from stereolib.matching.filters import dilate
-from stereolib.matching.levels import evened, shaded
+from stereolib.matching.levels import evened, noise_grey, shaded
 from stereolib.matching.plane_fill import continue_background, fill_by_color
 from stereolib.matching.rows import find_rows
 from stereolib.matching.sgbm import SGBMParams, check_window
@@ -196,7 +196,7 @@ def match_best(left: UInt8, right: UInt8, num_disparities: int, params: CensusSG
     ----------
     left, right : (H, W) or (H, W, 3) uint8
     num_disparities : int, px
-        In place of that of `params`.
+        In place of that of `params`, as is the pictures' noise.
     params : CensusSGM, optional
 
     Returns
@@ -209,8 +209,9 @@ def match_best(left: UInt8, right: UInt8, num_disparities: int, params: CensusSG
         As `match_census_sgm`.
     """
     rows, rough_px = find_rows(left, right)
-    settings = replace(params or CensusSGM(), num_disparities=num_disparities)
     right = evened(left, rows.correct(right))
+    noise = noise_grey(left, right, rough_px)
+    settings = replace(params or CensusSGM(), num_disparities=num_disparities, noise_grey=noise)
     return match_census_sgm(shaded(left, right, rough_px), right, settings)
 
 

@@ -148,8 +148,8 @@ class Agreement:
         >>> Agreement(alike, alike, flat, flat, 50 * flat, 50 * flat, 50 * flat, 0 * flat).reach(4)
         Reach(last=3, stop=5, past=<Past.OPEN: 'it ends there'>, sure=3)
         """
-        values, _, most = self._limits(known, look)
-        good, bad = self._agrees(known, look), ~(values > most) & self._tells(known)
+        values, least, most = self._limits(known, look)
+        good, bad = self._agrees(values, least, known), ~(values > most) & self._tells(known)
         shown, run = np.isfinite(values), np.zeros(len(values), bool)
         run[: 1 - _DISAGREE] = np.convolve(bad, np.ones(_DISAGREE), "valid") == _DISAGREE
         rim = _first(~shown, len(values))
@@ -159,7 +159,7 @@ class Agreement:
         cut = stop < len(values) and not shown[stop : stop + (_WINDOW if aside else _MARGIN)].all()
         hidden = self._is_hidden_beyond(last, aside=aside)
         past = Past.HIDDEN if hidden else Past.CUT if cut else Past.OPEN
-        sure = int(np.flatnonzero(self.shows(known, look)[: last + 1]).max(initial=min(last, 0)))
+        sure = int(np.flatnonzero((good & self._has_own(known))[: last + 1]).max(initial=min(last, 0)))
         last, sure = (max(at - _MARGIN, min(at, 0)) for at in (last, sure))
         return Reach(last, max(stop - 1, 0), past, sure)
 
@@ -189,12 +189,15 @@ class Agreement:
         -------
         (lines,) bool
         """
-        own = self.relief > _QUIET * quantile(self.relief[: max(known, 1)], _TYPICAL)
-        return np.asarray(self._agrees(known, look) & own)
-
-    def _agrees(self, known: int, look: Look) -> Bools:
         values, least, _ = self._limits(known, look)
+        return np.asarray(self._agrees(values, least, known) & self._has_own(known))
+
+    def _agrees(self, values: Float64, least: float, known: int) -> Bools:
         return np.asarray((values > least) & self._has(_QUIET, known))
+
+    def _has_own(self, known: int) -> Bools:
+        """Lines with texture of their own."""
+        return np.asarray(self.relief > _QUIET * quantile(self.relief[: max(known, 1)], _TYPICAL))
 
     def _limits(self, known: int, look: Look) -> tuple[Float64, float, float]:
         """Correlations of lines, from which on they agree, and up to which they disagree."""

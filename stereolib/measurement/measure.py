@@ -26,9 +26,9 @@ from stereolib.measurement.things import NOWHERE, SCAN_REACH_M, Scene, nearest_m
 from stereolib.measurement.views import Views
 
 _LIKELY = 0.5  # probability from which something is said to have moved
-_PAIR_ALONE = (
-    "its sizes come from the pair alone. Were both taken at one moment, with nothing touching it? If this is said of "
-    "many objects, the laser has moved: run calibrate-laser again"
+_LEFT_OUT = (
+    "its readings are left out, its sizes come from the pictures. Were both taken at one moment, with nothing touching "
+    "it? If this is said of many objects, the laser has moved: run calibrate-laser again"
 )
 
 
@@ -134,7 +134,7 @@ def measure_standing(standing: Standing, scan: LaserScan | None) -> Measurement:
     judged, things = scene.without_phantoms(judged, things, fit)
     elsewhere = [f"{fit.value} What it alone shows is left out"] if len(things) < everything else []
     found = scene.measured(judged, things)
-    apart = [f"{disagreement(item)}: {_PAIR_ALONE}" for item, t in zip(found, things, strict=True) if t.disagrees]
+    apart = [f"{disagreement(item)}: {_LEFT_OUT}" for item, t in zip(found, things, strict=True) if t.disagrees]
     objects = sorted(found, key=lambda thing: float(np.hypot(*thing.position_mm)))
     if not objects:
         reach = f"{OBJECTS_WITHIN_MM / 1000:g} m of the cameras or {SCAN_REACH_M} m of the laser"

@@ -67,7 +67,8 @@ def why_text(measured: MeasuredObject) -> str:
 def draw_objects(measured: Measurement, *, scan: bool = True, names: Sequence[str] = (), sizes: bool = True) -> UInt8:
     """Draw a wire box and the sizes (length x width x height) of each object into the rectified left picture.
 
-    Edges that the object itself hides are thin and dashed.
+    Edges that the object itself hides are thin and dashed. Near objects are drawn over far ones. Where more than one
+    has sizes, each begins with a number, 1 being the nearest of these.
 
     Parameters
     ----------
@@ -94,7 +95,8 @@ def draw_objects(measured: Measurement, *, scan: bool = True, names: Sequence[st
             if -_FAR_PX < u < _FAR_PX and -_FAR_PX < v < _FAR_PX:
                 cv2.circle(picture, (round(u), round(v)), 2, _READING_COLOR, -1, cv2.LINE_AA)
     shown = list[tuple[str, tuple[int, int, int], Float64]]()
-    for k, entry in enumerate(measured.objects):
+    sized = [k for k, entry in enumerate(measured.objects) if np.isfinite(entry.size_mm).any()]
+    for k, entry in reversed(list(enumerate(measured.objects))):
         if not is_pictured(measured, entry):
             continue
         rings = _rings(floor, entry)
@@ -103,10 +105,11 @@ def draw_objects(measured: Measurement, *, scan: bool = True, names: Sequence[st
         layer = picture.copy()
         _draw_edges(layer, entry, rings[0], rings[1], color)
         picture = cv2.addWeighted(layer, 1 - _FAINT, picture, _FAINT, 0)
-        text = size_text(entry) if np.isfinite(entry.size_mm).any() else why_text(entry)
-        shown.append((f"{name} {text}" if names and name else text, color, np.concatenate(rings)))
+        text = size_text(entry) if k in sized else why_text(entry)
+        title = name if names else f"{sized.index(k) + 1}:" if k in sized and len(sized) > 1 else ""
+        shown.append((f"{title} {text}".strip(), color, np.concatenate(rings)))
     taken = list[Frame]()
-    for text, color, ring in shown if sizes else []:
+    for text, color, ring in reversed(shown) if sizes else []:
         others = [(*other.min(axis=0), *other.max(axis=0)) for _, _, other in shown if other is not ring]
         _label(picture, text, ring, color, taken, others)
     return picture

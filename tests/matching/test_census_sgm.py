@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import cv2
 import numpy as np
 import pytest
@@ -60,15 +62,56 @@ def test_both_views_of_a_shifted_picture():
     assert found.margin[:, 12:].min() > 0
 
 
-@pytest.mark.parametrize("shift", [5, 6])
-def test_the_half_size_costs_what_the_moved_picture_does(shift):
-    """Odd disparities as well as even ones: a picture that is moved by d costs nothing at d."""
+@pytest.mark.parametrize(("halvings", "shift"), [(1, 5), (1, 6), (2, 5), (2, 6), (2, 7), (2, 8), (3, 9), (3, 16)])
+def test_a_smaller_size_costs_what_the_moved_picture_does(halvings, shift):
+    """Disparities that its pixels do not divide as well as others: a picture that is moved by d costs nothing at d."""
     rng = np.random.default_rng(4)
-    wide = rng.integers(0, 256, (31, 181, 3), dtype=np.uint8)
-    cost = census_sgm._coarse_cost(wide[:, :161], wide[:, shift : shift + 161], 16)
-    assert cost.shape == (16, 16, 81)
-    assert (cost[:, shift, 8:-6] == 0).all()
-    assert (np.delete(cost, shift, axis=1)[:, :, 8:-6] > 0).mean() > 0.99
+    wide, params = rng.integers(0, 256, (61, 261, 3), dtype=np.uint8), census_sgm.CensusSGM(17, halvings=halvings)
+    cost = census_sgm._coarse_cost(wide[:, :241], wide[:, shift : shift + 241], params, halvings)
+    times = 2**halvings
+    assert cost.shape == (-(-61 // times), 17, -(-241 // times))
+    inside = slice(shift // times + 4, -6)
+    assert (cost[:, shift, inside] == 0).all()
+    others = np.abs(np.arange(17) - shift) >= times / 4  # a pixel is little of the smallest size's
+    assert (cost[:, others, inside] > 0).mean() > (0.98 if halvings == 3 else 0.99)
+
+
+def test_narrow_pictures_have_smaller_sizes_too():
+    """Where the last disparities reach over the rim of the smallest size."""
+    rng = np.random.default_rng(5)
+    for width in range(9, 19):
+        wide = rng.integers(0, 256, (9, width + 3), dtype=np.uint8)
+        found = census_sgm.match_census_sgm(wide[:, :-3], wide[:, 3:], census_sgm.CensusSGM(width - 1, halvings=3))
+        assert (np.abs(found.left_px[:, 4:-1] - 3) < 1).mean() > 0.5
+
+
+def test_the_share_of_the_smaller_size_falls_with_contrast_beyond_noise():
+    """By the formula: all of it where there is only noise, half of it where contrast is as many times as asked."""
+    rng = np.random.default_rng(7)
+    params = census_sgm.CensusSGM(noise_grey=2.0, coarse_share=0.8, contrast=4.0)
+    noise = rng.normal(100, 2, (200, 200)).astype(np.float32)
+    stripes = np.tile(np.float32([92.0, 108.0]), (200, 100))  # deviation 8, less in windows of 7 columns
+    assert census_sgm._coarse_share(noise, params, 0).mean() == pytest.approx(0.8, rel=0.02)
+    assert census_sgm._coarse_share(stripes + noise - 100, params, 0)[9:-9, 9:-9].mean() == pytest.approx(0.4, rel=0.05)
+    assert census_sgm._coarse_share(stripes / 2, params, 1)[9:-9, 9:-9].mean() == pytest.approx(0.4, rel=0.05)
+    constant = census_sgm.CensusSGM(coarse_share=0.5, contrast=np.inf)
+    np.testing.assert_array_equal(census_sgm._coarse_share(stripes, constant, 0), 0.5)
+
+
+@pytest.mark.parametrize("noise", [0.0, 2.0, 5.0])
+def test_a_little_more_noise_moves_the_map_a_little(noise):
+    """No cliff: what hangs on the estimated noise does so smoothly."""
+    rng = np.random.default_rng(8)
+    wide = cv2.GaussianBlur(rng.integers(0, 256, (90, 170, 3), dtype=np.uint8), (0, 0), 1.2) + rng.normal(
+        0, noise, (90, 170, 3)
+    )
+    sides = [wide[:, k : k + 150].clip(0, 255).astype(np.uint8) for k in (0, 9)]
+    maps = [
+        census_sgm.match_census_sgm(*sides, census_sgm.CensusSGM(16, noise_grey=grey)).left_px
+        for grey in np.arange(0.5, 6.1, 0.5)
+    ]
+    for one, other in itertools.pairwise(maps):
+        assert (np.abs(one - other) > 1).mean() < 0.01
 
 
 def test_strips_tell_the_same_as_one_piece(monkeypatch):
@@ -85,7 +128,7 @@ def test_strips_tell_the_same_as_one_piece(monkeypatch):
 
 @pytest.mark.parametrize(("census_px", "p2"), [((7, 9), 153), ((9, 7), 153), ((5, 5), 187)])
 def test_costs_that_8_bits_do_not_hold_are_refused(census_px, p2):
-    """The census' bits or, if they are more, the half size's, the colours' 20, and both penalties: up to 255."""
+    """The census' bits or, if they are more, a smaller size's, the colours' 20, and both penalties: up to 255."""
     census_sgm.CensusSGM(census_px=census_px, p2=p2)
     with pytest.raises(ValueError, match="the costs add up to 256, more than 8 bits hold"):
         census_sgm.CensusSGM(census_px=census_px, p2=p2 + 1)

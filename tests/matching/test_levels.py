@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from stereolib.matching import find_rows, score
-from stereolib.matching.levels import shaded
+from stereolib.matching.levels import noise_grey, shaded, shrunk
 from stereolib.matching.pipelines import stereo_pipeline
 from stereolib.virtual import recordings
 
@@ -82,3 +82,43 @@ def test_a_soft_light_on_one_picture_costs_best_little(monkeypatch):
     monkeypatch.setattr("stereolib.matching.pipelines.shaded", lambda left, right, rough_px: left)
     bare = score(stereo_pipeline("best", 176)(left, glossy).disparity_px, truth).bad2_pct
     assert bad[1] - bad[0] < 0.5 * (bare - bad[0])
+
+
+@pytest.mark.parametrize("noise", [1.0, 3.0, 8.0])
+@pytest.mark.parametrize("channels", [1, 3])
+def test_noise_is_told_apart_from_fine_texture(noise, channels):
+    """Texture down to the pixel is in both pictures, noise is not; shading and matches that are missing are neither."""
+    rng = np.random.default_rng(3)
+    texture = np.repeat(rng.uniform(60, 190, (240, 330, 1)), channels, axis=2)
+    shading = np.linspace(0, 10, 320)[:, None]
+    sides = [
+        (texture[:, k : k + 320] + k * shading / 10 + rng.normal(0, noise, (240, 320, channels))).round()
+        for k in (0, 10)
+    ]
+    rough_px = np.full((120, 160), 5, np.float32)
+    rough_px[30:40] = np.nan
+    found = noise_grey(*(side.clip(0, 255).astype(np.uint8).squeeze() for side in sides), rough_px)
+    truth = np.sqrt((noise**2 + 1 / 12) / channels)  # mean of the channels; rounded
+    assert 0.75 * max(truth, 0.5) < found < 1.1 * max(truth, 0.5)  # the quietest tenth: a little below
+
+
+def test_noise_where_nothing_tells_it():
+    flat = np.full((200, 200, 3), 100, np.uint8)
+    assert noise_grey(flat, flat, np.full((100, 100), np.nan, np.float32)) == 1.0
+    assert noise_grey(flat, flat, np.full((100, 100), 5, np.float32)) == 0.5  # what rounding leaves
+    tiny = flat[:12, :12]
+    assert noise_grey(tiny, tiny, np.zeros((6, 6), np.float32)) == 1.0
+
+
+@pytest.mark.parametrize("times", [2, 4, 8])
+def test_a_smaller_picture_is_means_of_squares(times):
+    rng = np.random.default_rng(0)
+    image = rng.integers(0, 256, (16, 32, 3), dtype=np.uint8)
+    expected = image.reshape(16 // times, times, 32 // times, times, 3).mean(axis=(1, 3))
+    np.testing.assert_allclose(shrunk(image, times), expected, atol=1e-3)
+    moved = shrunk(image, times, times - 1)
+    assert moved.shape == expected.shape
+    np.testing.assert_allclose(moved[:, 0, 0], shrunk(image[:, times - 1 :], times)[:, 0, 0], atol=1e-3)
+    odd = shrunk(image[:15, :31], times)
+    assert odd.shape == expected.shape
+    np.testing.assert_allclose(odd[:-1, :-1], expected[:-1, :-1], atol=1e-3)

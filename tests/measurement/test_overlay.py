@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from support.measured import measured, the_cube
 
-from stereolib.measurement import OBJECT_RGB, add_caption, draw_length, draw_objects
+from stereolib.measurement import OBJECT_RGB, add_caption, draw_length, draw_objects, overlay
 from stereolib.measurement.overlay import _draw_edges, _label, size_text
 from stereolib.virtual import recordings
 
@@ -36,6 +36,20 @@ def test_a_name_gives_the_colour_and_what_has_none_is_grey():
         drawn = draw_objects(found, scan=False, names=[name] * len(found.objects))
         changed = drawn[(drawn != found.left).any(axis=2)].astype(int)
         assert (np.abs(changed - rgb[::-1]).max(axis=1) < 20).sum() > 500, name
+
+
+def test_near_objects_are_drawn_over_far_ones_and_numbered(monkeypatch):
+    """The same box twice, as the nearest and as the farthest: the nearest one's colour is on top."""
+    found, cube, texts = measured(), the_cube(measured()), []
+    monkeypatch.setattr(overlay, "_label", lambda _, text, *rest: texts.append(text))
+    unknown = replace(cube, size_mm=np.full(3, np.nan))
+    drawn = draw_objects(replace(found, objects=(cube, unknown, cube)), scan=False)
+    changed = drawn[(drawn != found.left).any(axis=2)].astype(int)
+    of_each = [(np.abs(changed - rgb[::-1]).max(axis=1) < 30).sum() for rgb in OBJECT_RGB[:3]]
+    assert of_each[0] > 500 and max(of_each[1:]) < 0.2 * of_each[0]
+    assert texts == [f"1: {size_text(cube)}", overlay.why_text(unknown), f"2: {size_text(cube)}"]
+    draw_objects(replace(found, objects=(cube, unknown)), scan=False)
+    assert texts[3] == size_text(cube)  # there is but one with sizes
 
 
 @pytest.mark.parametrize("width", [160, 640])

@@ -1,7 +1,7 @@
 """The pipelines on virtual scenes that took no part in their making, beside a rival; their honesty; one photograph.
 
 The settings of "best" come from ``choose_best.py``; its standard deviations are found here, on the scenes those were
-chosen on and on shining ones: the training scenes of ``layered_pairs.py`` and `CHOSEN_ON` of the rig,
+chosen on, on shining ones and on more of the rig: the training scenes of ``layered_pairs.py`` and `DEVIATIONS_ON` of
 ``virtual_pairs.py``. Everything else is measured on the test scenes of both.
 Some ten minutes; with ``--only time`` two.
 """
@@ -16,7 +16,7 @@ from common import PAPER_RIG, asked, ratio, save
 from layered_pairs import layered_set
 from rivals import both_sides, filled_bm
 from tqdm import tqdm
-from virtual_pairs import CHECKED_ON, CHOSEN_ON, Pair, bad_pct, rig_set
+from virtual_pairs import CHECKED_ON, DEVIATIONS_ON, Pair, bad_pct, rig_set
 
 from stereolib import paper
 from stereolib.matching import (
@@ -45,8 +45,7 @@ def calibrate(pairs: list[Pair]) -> dict[str, Any]:
 
     The weights of a kind's signs and of their products are those of least squares on the logarithm of the error; the
     pixels are then sorted by the score into parts of equal size, each with a standard deviation by `std_px`; the last
-    one is halved again and again, `FINER` times, since blunders stand at its end. Neighbouring parts are drawn together
-    a little, so that a small change of a sign is one of the deviation, too.
+    one is halved again and again, `FINER` times, since blunders stand at its end.
     """
     gathered: dict[deviation.Kind, list[tuple[Array, Array]]] = {kind: [] for kind in deviation.Kind}
     for pair in tqdm(pairs, "calibrating", unit="pair"):
@@ -73,19 +72,11 @@ def calibrate(pairs: list[Pair]) -> dict[str, Any]:
             "weights": weights.tolist(),
             "products": products.tolist(),
             "score": [round(float(np.median(score[g])), 3) for g in groups],
-            "std_px": smoothed([std_px(off[g]) for g in groups]),
+            "std_px": [std_px(off[g]) for g in groups],
         }
     return laws
 
 
-def smoothed(std: list[float]) -> list[float]:
-    """Deviations with a share of their neighbours', by the logarithm."""
-    log = np.pad(np.log(std), 1, mode="edge")
-    mean = BESIDE * log[:-2] + (1 - 2 * BESIDE) * log[1:-1] + BESIDE * log[2:]
-    return [round(float(one), 3) for one in np.exp(mean)]
-
-
-BESIDE = 0.1  # share of each neighbouring part
 EVERY = 5  # pixels of a pair, one is taken: neighbours err alike
 PRODUCTS = np.triu_indices(7)  # of two signs
 LEVELS, FINER = (16, 12, 12, 12), (3, 0, 0, 0)  # parts of each kind; halvings of the last one
@@ -230,7 +221,7 @@ def main() -> None:
         found = {**on_photographs(motorcycle_view()), **fast_against_sgbm(cubes), **tried}
         save(
             "pipeline",
-            found | {"std_laws": calibrate(layered_set("training") + layered_set("shining") + rig_set(CHOSEN_ON))},
+            found | {"std_laws": calibrate(layered_set("training") + layered_set("shining") + rig_set(DEVIATIONS_ON))},
             ROOMS,
         )
 

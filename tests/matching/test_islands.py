@@ -40,7 +40,7 @@ def test_occluded_wall_of_the_walk_loses_its_ghosts() -> None:
     before = stereo_pipeline("best", None)(*pair)
     after = match_checked(*pair).estimate
     off = np.abs(before.disparity_px - truth.disparity_px)
-    ghost, good = before.matched & (off > 10) & (off > 3 * before.std_px), before.matched & (off < 1)
+    ghost, good = before.matched & (off > 10), before.matched & (off < 1)
     assert ghost.sum() > 1900
     assert (ghost & after.matched).sum() < 0.45 * ghost.sum()
     assert (good & after.matched).sum() > 0.99 * good.sum()

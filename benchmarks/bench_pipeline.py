@@ -1,4 +1,4 @@
-"""The pipelines on virtual scenes that took no part in their making, beside a rival; their honesty; one photograph.
+"""The pipelines on virtual scenes on which no setting was chosen, beside a rival; their honesty; one photograph.
 
 The settings of "best" come from ``choose_best.py``; its standard deviations are found here, on the scenes those were
 chosen on, on shining ones and on more of the rig: the training scenes of ``layered_pairs.py`` and `DEVIATIONS_ON` of

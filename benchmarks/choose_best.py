@@ -120,20 +120,17 @@ def measure(pair: Pair, setting: Setting) -> float:
     return bad_pct(pipelines.fill_matched(matched, pair.left, **own).disparity_px, pair.truth_px, 2)
 
 
-def measure_coarse(pair: Pair, setting: Setting) -> float:
+def measure_coarse(pair: Pair, setting: Setting, surface: Setting | None = None) -> float:
     """Geometric mean of bad-1 of what both cameras see and bad-2 of all, %; from whole pairs."""
     cv2.setNumThreads(1)
     matched = pipelines.match_best(pair.left, pair.right, pair.num_disparities, CensusSGM(**setting))
-    found = pipelines.fill_matched(matched, pair.left).disparity_px
-    return both_measures(found, pair.truth_px, seen_by_both(pair.truth_px))
+    found = pipelines.fill_matched(matched, pair.left, surface=partial(choose_surface, **(surface or {})))
+    return both_measures(found.disparity_px, pair.truth_px, seen_by_both(pair.truth_px))
 
 
 def measure_surface(pair: Pair, setting: Setting) -> float:
     """The same of another step."""
-    cv2.setNumThreads(1)
-    matched = pipelines.match_best(pair.left, pair.right, pair.num_disparities)
-    found = pipelines.fill_matched(matched, pair.left, surface=partial(choose_surface, **setting))
-    return both_measures(found.disparity_px, pair.truth_px, seen_by_both(pair.truth_px))
+    return measure_coarse(pair, {}, setting)
 
 
 def measure_rival(pair: Pair, setting: Setting) -> float:

@@ -73,6 +73,7 @@ TEST_SHARP = replace(TEST, size=(540, 240), far_px=(10, 24), near_px=(28, 64), o
                      shade=0.025, blur_px=(0.4, 0.45), textures="fine photographs", relief_px=1.0,
                      gloss=0.08)  # fmt: skip
 #: Materials again, slanted more, in any noise: large parts of one colour beside edges, among which are those of depth.
+#: Added after the test pairs had shown that a choice without it does not carry over to such parts.
 TRAINING_MATERIALS = replace(TRAINING, slant=0.2, textures="materials")
 #: Glossy things under a lamp: on them the deviations are found, too.
 TRAINING_SHINING = replace(TRAINING, noise=(0.5, 1.0, 2.0), shining=0.6)

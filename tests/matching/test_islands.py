@@ -42,7 +42,8 @@ def test_occluded_wall_of_the_walk_loses_its_ghosts() -> None:
     off = np.abs(before.disparity_px - truth.disparity_px)
     ghost, good = before.matched & (off > 10), before.matched & (off < 1)
     assert ghost.sum() > 1900
-    assert (ghost & after.matched).sum() < 0.45 * ghost.sum()
+    for some in (ghost, ghost & (off > 3 * before.std_px)):
+        assert (some & after.matched).sum() < 0.45 * some.sum()
     assert (good & after.matched).sum() > 0.99 * good.sum()
     np.testing.assert_array_equal(after.disparity_px[after.matched], before.disparity_px[after.matched])
     refused = before.matched & ~after.matched

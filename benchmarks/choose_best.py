@@ -26,8 +26,9 @@ by part, or by a single picture's finest detail; colour in the smaller sizes; di
 census windows. The sums now have 8 bits: windows and penalties of the grid that need more are refused, if the first
 file is ever begun anew.
 
-Last came `surfaces.choose_surface`, from ``SURFACE``: infinitely sure leaves it out. Its lines are in
-``results/choose_surface.csv``.
+Then came `surfaces.choose_surface`, from ``SURFACE``: infinitely sure leaves it out; and last the planes of
+`plane_smoothing`, from ``PLANES``: windows of one pixel leave all as it is. Their lines are in
+``results/choose_surface.csv`` and ``results/choose_planes.csv``. What was chosen before was chosen without them.
 
 The rival's settings are chosen by the same measures on the same scenes, whole, from ``RIVAL``; its lines are in
 ``results/choose_rival.csv``, `rivals.CHOSEN` is what came out.
@@ -57,7 +58,7 @@ from rivals import both_sides
 from tqdm import tqdm
 from virtual_pairs import CHOSEN_ON, Pair, bad_pct, cluttered, recorded
 
-from stereolib.matching import CensusSGM, pipelines, seen_by_both
+from stereolib.matching import CensusSGM, pipelines, seen_by_both, smooth_by_planes
 from stereolib.matching.surfaces import choose_surface
 from stereolib.rig import to_grey
 
@@ -91,6 +92,12 @@ COARSE_KNOBS = [
 ]  # fmt: skip
 SURFACE: dict[str, tuple[Any, ...]] = {"sure": (math.inf, 2.0, 1.5, 1.0), "unlike": (8.0, 4.0, 12.0)}
 SURFACE_KNOBS = [(name,) for name in SURFACE]
+PLANES: dict[str, tuple[Any, ...]] = {
+    "size_px": (1, 11, 17, 25),
+    "rough_px": (0.2, 0.1, 0.4),
+    "most_px": (1.0, 0.5, 2.0),
+}
+PLANES_KNOBS = [(name,) for name in PLANES]
 RIVAL: dict[str, tuple[Any, ...]] = {
     "block_size": (1, 3, 5, 7, 9),
     "p1_times": (8, 4, 16),
@@ -102,8 +109,10 @@ RIVAL_KNOBS = [(name,) for name in RIVAL]
 PLATEAU = 1.01  # times the least
 MIDDLE = (120, 360)  # the rows that were matched for the first file: half the time
 FILE, COARSE_FILE = RESULTS / "choose_best.csv", RESULTS / "choose_coarse.csv"
-SURFACE_FILE, RIVAL_FILE = RESULTS / "choose_surface.csv", RESULTS / "choose_rival.csv"
+SURFACE_FILE, PLANES_FILE = RESULTS / "choose_surface.csv", RESULTS / "choose_planes.csv"
+RIVAL_FILE = RESULTS / "choose_rival.csv"
 Setting = dict[str, Any]
+AS_IT_IS: Setting = {"size_px": 1}  # of the planes
 Measure = Callable[[Pair, Setting], float]
 
 
@@ -117,20 +126,27 @@ def measure(pair: Pair, setting: Setting) -> float:
     if noise >= blur:
         sides = tuple(cv2.GaussianBlur(side, (0, 0), noise) for side in sides)
     matched = pipelines.match_best(*sides, pair.num_disparities, params)
-    return bad_pct(pipelines.fill_matched(matched, pair.left, **own).disparity_px, pair.truth_px, 2)
+    found = pipelines.fill_matched(matched, pair.left, **own, planes=partial(smooth_by_planes, **AS_IT_IS))
+    return bad_pct(found.disparity_px, pair.truth_px, 2)
 
 
-def measure_coarse(pair: Pair, setting: Setting, surface: Setting | None = None) -> float:
+def measure_coarse(pair: Pair, setting: Setting, surface: Setting | None = None, planes: Setting = AS_IT_IS) -> float:
     """Geometric mean of bad-1 of what both cameras see and bad-2 of all, %; from whole pairs."""
     cv2.setNumThreads(1)
     matched = pipelines.match_best(pair.left, pair.right, pair.num_disparities, CensusSGM(**setting))
-    found = pipelines.fill_matched(matched, pair.left, surface=partial(choose_surface, **(surface or {})))
+    steps = {"surface": partial(choose_surface, **(surface or {})), "planes": partial(smooth_by_planes, **planes)}
+    found = pipelines.fill_matched(matched, pair.left, **steps)
     return both_measures(found.disparity_px, pair.truth_px, seen_by_both(pair.truth_px))
 
 
 def measure_surface(pair: Pair, setting: Setting) -> float:
     """The same of another step."""
     return measure_coarse(pair, {}, setting)
+
+
+def measure_planes(pair: Pair, setting: Setting) -> float:
+    """The same of the last step."""
+    return measure_coarse(pair, {}, planes=setting)
 
 
 def measure_rival(pair: Pair, setting: Setting) -> float:
@@ -220,4 +236,5 @@ if __name__ == "__main__":
     every = scenes + layered_set("training")
     print(choose(Tried(COARSE_FILE, every, COARSE, measure_coarse).mean, COARSE, COARSE_KNOBS))
     print(choose(Tried(SURFACE_FILE, every, SURFACE, measure_surface).mean, SURFACE, SURFACE_KNOBS))
+    print(choose(Tried(PLANES_FILE, every, PLANES, measure_planes).mean, PLANES, PLANES_KNOBS))
     print(choose(Tried(RIVAL_FILE, every, RIVAL, measure_rival).mean, RIVAL, RIVAL_KNOBS))

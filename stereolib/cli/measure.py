@@ -215,7 +215,7 @@ def floor_by_hand(rectified: RectifiedRig, numbers: tuple[float, ...]) -> Floor:
 
 
 def otherwise_seen(pair: tuple[UInt8, UInt8], floor: Floor) -> str:
-    """What is to be said where the pictures show another floor than the one that was given; "" where they do not."""
+    """What is to be said where the pictures show another floor than the one given, or none; "" where they show it."""
     import numpy as np
 
     from stereolib.measurement import CannotMeasure, Views, find_floor
@@ -223,7 +223,7 @@ def otherwise_seen(pair: tuple[UInt8, UInt8], floor: Floor) -> str:
     try:
         seen = find_floor(Views.of(*pair, floor.rectified), floor.rectified)
     except CannotMeasure:
-        return ""
+        return "the pictures do not show whether --floor is right: heights are as true as it is"
     off = seen.plane - floor.plane
     if off @ np.linalg.solve(seen.covariance + floor.covariance, off) < _OTHER_FLOOR:
         return ""

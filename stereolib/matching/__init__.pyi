@@ -16,6 +16,7 @@ from .pipelines import (
 )
 from .pixel_cost import PixelCost, pixel_cost
 from .plane_fill import continue_background, fill_by_color
+from .plane_smoothing import smooth_by_planes
 from .rows import RowOffset, find_rows
 from .scenes import correlation_length_px, near_edge_mask, smallest_window
 from .scoring import RepairScore, Score, fattening_px, overreach_px, score, score_repair
@@ -78,6 +79,7 @@ __all__ = [
     "settings_grid",
     "smallest_window",
     "smooth",
+    "smooth_by_planes",
     "stereo_pipeline",
     "sweep",
 ]

@@ -154,7 +154,8 @@ def check_sides(left: UInt8, right: UInt8, exchanged: tuple[UInt8, UInt8] | None
     matched = [np.isfinite(match_pair(a, b, params)).mean() for a, b in ways]
     if matched[1] > max(0.3, 2 * matched[0]):  # chance matches in noise prove nothing
         why = "matches run the other way (x_left - x_right is negative); swap the images"
-        raise ValueError(f"left and right are exchanged: {why}")
+        unless = "unless both cameras hang upside down (turn the pictures by 180 degrees) or mirror (switch it off)"
+        raise ValueError(f"left and right are exchanged: {why}, {unless}")
 
 
 def _only_greys(image: UInt8) -> str:

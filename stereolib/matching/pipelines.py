@@ -22,6 +22,7 @@ from stereolib.matching.filling import fill_background, remove_speckles
 from stereolib.matching.filters import dilate
 from stereolib.matching.levels import evened, noise_grey, shaded
 from stereolib.matching.plane_fill import continue_background, fill_by_color
+from stereolib.matching.plane_smoothing import smooth_by_planes
 from stereolib.matching.rows import find_rows
 from stereolib.matching.sgbm import SGBMParams, check_window
 from stereolib.matching.surfaces import Surfaces, choose_surface
@@ -86,7 +87,7 @@ def stereo_pipeline(name: str = "best", num_disparities: int | None = 128) -> Pi
         - ``"best"``: rows corrected, then exposure, as a whole and part by part (`shaded`); `match_census_sgm`, checked
           from right to left, specks removed, holes filled by the planes behind them or by what around them has their
           colour (`fill_by_color`), pixels beside steps given to the surface that has their colour (`choose_surface`),
-          5 x 5 median; a standard deviation for each pixel. Dense; some seconds.
+          5 x 5 median, planes (`smooth_by_planes`); a standard deviation for each pixel. Dense; some seconds.
     num_disparities : int or None, px
         Disparities from 0 to this are looked for; a multiple of 16, of 32 for ``"fast"``. None takes what
         `search_range` tells of the pair.
@@ -157,6 +158,7 @@ def fill_matched(
     speckle_px: int = _SPECKLE_PX,
     median_px: int = _MEDIAN_PX,
     surface: Callable[[Float32, Bools, UInt8], Surfaces] = choose_surface,
+    planes: Callable[[Float32], Float32] = smooth_by_planes,
 ) -> FilledMap:
     """Make the dense map of ``"best"``: checked, specks removed, holes filled, steps moved to the colour's, smoothed.
 
@@ -168,9 +170,9 @@ def fill_matched(
     speckle_px : int
         Patches of fewer than ``speckle_px ** 2`` pixels are removed.
     median_px : {3, 5}
-        Edge of the median at the end.
-    surface : callable
-        `choose_surface`, with other settings of it or without.
+        Edge of the median.
+    surface, planes : callable
+        `choose_surface` and `smooth_by_planes`, with other settings or without.
 
     Returns
     -------
@@ -184,7 +186,7 @@ def fill_matched(
         dense = matched.left_px
     dense, moved = surface(dense, np.isfinite(checked), left)
     checked[moved] = np.nan  # another surface's: no match any more
-    disparity = cv2.medianBlur(dense, median_px)
+    disparity = planes(cv2.medianBlur(dense, median_px))
     signs = deviation.signs(disparity, matched, checked)
     return FilledMap(disparity, deviation.kinds(disparity, checked), signs)
 

@@ -127,7 +127,8 @@ def measure_standing(standing: Standing, scan: LaserScan | None) -> Measurement:
         warnings += _said_of_lean(priors.laser.lean)
     footprints, walls_mm, no_object = ([], NOWHERE, "") if scan is None else scanned_parts(scan, priors.laser.bias_mm)
     warnings += [no_object] if no_object else []
-    scene = Scene(standing, bool(footprints), priors.laser.points_mm(walls_mm))
+    on_floor = NOWHERE if scan is None else priors.laser.points_mm(points_mm(scan))
+    scene = Scene(standing, bool(footprints), priors.laser.points_mm(walls_mm), on_floor)
     things, unlike = scene.things(footprints)
     judged, things = scene.solved(things)
     fit, everything = scan_fit(things), len(things)

@@ -80,7 +80,8 @@ class Pairs:
 
     Attributes
     ----------
-    both : tuple of (picture, scan)
+    both, pieces : tuple of (picture, scan)
+        One object, and what is a piece of such an outline.
     pictured, scanned : tuple of int
         What only one of them shows.
     warnings : tuple of str
@@ -90,9 +91,16 @@ class Pairs:
     pictured: tuple[int, ...]
     scanned: tuple[int, ...]
     warnings: tuple[str, ...]
+    pieces: tuple[tuple[int, int], ...] = ()
 
 
-def pair_up(pictured: Sequence[Place], footprints: Sequence[Footprint], laser: LaserOnFloor) -> Pairs:
+def pair_up(
+    pictured: Sequence[Place],
+    footprints: Sequence[Footprint],
+    laser: LaserOnFloor,
+    *,
+    boxes: Sequence[bool] | None = None,
+) -> Pairs:
     """Pair objects by bearing and distance, the most alike first.
 
     Parameters
@@ -101,6 +109,8 @@ def pair_up(pictured: Sequence[Place], footprints: Sequence[Footprint], laser: L
     footprints : sequence of Footprint
     laser : LaserOnFloor
         Where it was calibrated; it may have moved by 60 mm and 6 degrees.
+    boxes : sequence of bool, optional
+        Which objects the pictures alone show as boxes; by default all.
 
     Returns
     -------
@@ -111,7 +121,8 @@ def pair_up(pictured: Sequence[Place], footprints: Sequence[Footprint], laser: L
     Two are one object if their distances differ by less than a quarter and their bearings overlap, give or take what
     the laser may have moved. Of all such pairs that which differs least, ``distance / 25 % + bearing / slack``, is
     taken first. Where nothing stands alone nothing is said, nor of an outline that is an object of the pictures: what
-    these show behind or above it the scan cannot see.
+    these show behind or above it the scan cannot see. A piece of such an outline is no object of its own; a box is a
+    piece only of what the pictures show as a box, too.
     """
     scanned = [Place.of(laser.points_mm(footprint.segment.points_mm)) for footprint in footprints]
     all_pairs = [(i, j) for i in range(len(pictured)) for j in range(len(scanned))]
@@ -120,12 +131,14 @@ def pair_up(pictured: Sequence[Place], footprints: Sequence[Footprint], laser: L
     for i, j in sorted(all_pairs, key=lambda pair: unlike[pair]):
         if np.isfinite(unlike[i, j]) and i not in {a for a, _ in both} and j not in {b for _, b in both}:
             both.append((i, j))
-    paired = [scanned[j] for _, j in both]
+    is_box = [True] * len(pictured) if boxes is None else boxes
     alone = [i for i in range(len(pictured)) if i not in {a for a, _ in both}]
     rest = [j for j in range(len(scanned)) if j not in {b for _, b in both}]
     warnings = [_said_of(pictured[i], scanned[j]) for i, j in all_pairs if j in rest] if alone else []
-    alone = [i for i in alone if not any(_is_piece(pictured[i], whole) for whole in paired)]
-    return Pairs(tuple(both), tuple(alone), tuple(rest), tuple(text for text in warnings if text))
+    may_be = [(i, j) for i in alone for whole, j in both if is_box[whole] or not is_box[i]]
+    pieces = [(i, j) for i, j in may_be if _is_piece(pictured[i], scanned[j])]
+    alone = [i for i in alone if i not in {piece for piece, _ in pieces}]
+    return Pairs(tuple(both), tuple(alone), tuple(rest), tuple(text for text in warnings if text), tuple(pieces))
 
 
 def _slack_rad(scanned: Place) -> float:
@@ -153,7 +166,7 @@ def _said_of(seen: Place, scanned: Place) -> str:
     if seen.overlap(scanned) <= _OVERLAP or _difference(seen, scanned) <= _SAME_DISTANCE:
         return ""
     why = f"the scan shows something at {scanned.near_mm:.0f} mm and the pair at {seen.near_mm:.0f} mm"
-    return f"in one direction {why}: were they taken at the same time? They are not combined"
+    return f"in one direction {why}: were they taken at the same time, by this rig? They are not combined"
 
 
 def _is_piece(seen: Place, whole: Place) -> bool:

@@ -24,6 +24,10 @@ class Reason(Enum):
     NO_TEXTURE = "no texture: the pair matched too little there; light or texture it"
     NO_FLOOR = "no floor was seen"
     NOT_IN_SCAN = "it is not in the scan (lower than its plane, or dark): its sizes come from the pair alone"
+    OTHERWISE_IN_SCAN = (
+        "the scan shows something nearer or farther where it stands (moved since, or a scan of another place, or a "
+        "turned laser): its sizes come from the pair alone"
+    )
     SCAN_IRREGULAR = "the scan shows no box there, or is too noisy to show one: its sizes come from the pair alone"
     NOT_IN_PICTURE = "outside the picture: turn the rig towards it"
     ONE_CAMERA = "only one camera sees it whole: turn the rig towards it"
@@ -39,7 +43,7 @@ class Reason(Enum):
     @property
     def leaves_the_pair(self) -> bool:
         """The scan tells nothing of the object, and the pair all."""
-        return self in (Reason.NOT_IN_SCAN, Reason.SCAN_IRREGULAR)
+        return self in (Reason.NOT_IN_SCAN, Reason.OTHERWISE_IN_SCAN, Reason.SCAN_IRREGULAR)
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,7 @@ _WALL_PX, _WALL = 4.0, 0.8  # of disparity, two of the half size: so near it lie
 _STRAIGHT_PX = 0.5  # what lies in front of a wall by more, of disparity, is no wall
 _AROUND = 2.0  # a wall is looked for in so many times the directions of what may be a part of it
 _LEAST_READINGS = 3  # of a straight line that is more than two points
+_HIGHER, _OFF, _INNER = 1.25, 0.15, 0.5  # times the laser's plane; of the distance; share of the directions
 _HIDDEN_MM = _HEIGHT_MM = 100.0  # what an extent is taken as that nobody sees
 
 
@@ -101,6 +102,42 @@ def scanned_box(footprint: Footprint, laser: LaserOnFloor) -> Seen | None:
     own[[Own.RIGHT, Own.LEFT]] = extents[0], extents[1] if len(faces) > 1 else _HIDDEN_MM
     readings = scan_observations(footprint, laser, float(own[Own.TURN]))
     return Seen(own, (*weak_priors(own, laser.bias_mm), *readings))
+
+
+def reads_otherwise(ends_mm: Float64, height_mm: float, laser: LaserOnFloor, readings_mm: Float64) -> bool:
+    """Whether the laser reads something nearer or farther where a box stands that is higher than its plane.
+
+    Parameters
+    ----------
+    ends_mm : (N, 2) float64
+        Where the box's faces end, on the floor.
+    height_mm : float
+        Of the box.
+    laser : LaserOnFloor
+    readings_mm : (M, 2) float64
+        All of the scan, on the floor.
+
+    Returns
+    -------
+    bool
+        In the inner half of the directions in which the box stands there are three readings or more, and each is off
+        by more than 15 %. The box has to be higher than the laser's plane by a quarter; False where nobody knows how
+        high that is.
+    """
+    if laser.lean is None:
+        return False
+    ends, seen = ends_mm - laser.t, readings_mm - laser.t
+    middle_mm = ends.mean(axis=0)
+    if height_mm < _HIGHER * (laser.lean.height_mm + float(laser.lean.slope @ laser.R.T @ middle_mm)):
+        return False
+    bearings, off = (
+        wrap_rad(np.arctan2(points[:, 1], points[:, 0]) - np.arctan2(*middle_mm[::-1])) for points in (ends, seen)
+    )
+    there = np.abs(off - (bearings.max() + bearings.min()) / 2) < _INNER * np.ptp(bearings) / 2
+    order = np.argsort(bearings)
+    expected = np.interp(off[there], bearings[order], 1 / np.linalg.norm(ends, axis=1)[order])
+    apart = np.abs(np.linalg.norm(seen[there], axis=1) * expected - 1)
+    return bool(there.sum() >= _LEAST_READINGS and (apart > _OFF).all())
 
 
 def is_wall(region: ObjectRegion, floor: Floor, walls_mm: Float64, objects_mm: Float64) -> bool:

@@ -20,7 +20,7 @@ from stereolib.measurement.pictured import Pictured
 from stereolib.measurement.plane_alignment import CannotMeasure
 from stereolib.measurement.reasons import NOT_STANDING, Reason, ScanFit, Source, Why
 from stereolib.measurement.regions import OBJECTS_WITHIN_MM, ObjectRegion
-from stereolib.measurement.scanned import is_wall, scan_observations, scanned_box
+from stereolib.measurement.scanned import is_wall, reads_otherwise, scan_observations, scanned_box
 from stereolib.measurement.scene_solver import COMMON_ERRORS, Priors, Seen, Solution
 from stereolib.measurement.standing import Standing
 
@@ -66,7 +66,8 @@ def scanned_parts(scan: LaserScan, bias_mm: float) -> tuple[list[Footprint], Flo
 class Thing:
     """One object before the least squares: what pictures and scan show of it, and why the pictures show no box.
 
-    Where both disagree, the scan is left out.
+    Where both disagree, the scan is left out; it may show something else where the box stands. Pieces are what the
+    pictures show within its outline in the scan.
     """
 
     pictured: Pictured | None = None
@@ -76,6 +77,13 @@ class Thing:
     seen: Seen | None = None
     scanned: bool = False
     disagrees: bool = False
+    otherwise: bool = False
+    pieces: tuple[Thing, ...] = ()
+
+    @property
+    def is_box(self) -> bool:
+        """The pictures alone show a box."""
+        return self.pictured is not None and self.seen is not None
 
     @property
     def is_round(self) -> bool:
@@ -93,6 +101,7 @@ class Scene:
     standing: Standing
     scan_has_objects: bool
     walls_mm: Float64
+    readings_mm: Float64
 
     @property
     def priors(self) -> Priors:
@@ -103,10 +112,20 @@ class Scene:
         every = [_pictured(*seen) for seen in zip(self.standing.regions, self.standing.boxes, strict=True)]
         objects_mm = [self.priors.laser.points_mm(each.segment.points_mm) for each in footprints]
         alone = [thing for thing in every if not self._of_a_wall(thing, np.concatenate([NOWHERE, *objects_mm]))]
-        pairs = pair_up([_place(thing, self.priors.floor) for thing in alone], footprints, self.priors.laser)
-        both = [self._with_scan(alone[i], footprints[j]) for i, j in pairs.both]
+        places, boxes = [_place(thing, self.priors.floor) for thing in alone], [thing.is_box for thing in alone]
+        pairs = pair_up(places, footprints, self.priors.laser, boxes=boxes)
+        pieces = {j: tuple(alone[i] for i, whole in pairs.pieces if whole == j) for _, j in pairs.both}
+        both = [self._with_scan(replace(alone[i], pieces=pieces[j]), footprints[j]) for i, j in pairs.both]
         rest = [self._scanned(Thing(footprint=footprints[j])) for j in pairs.scanned]
-        return [*both, *(alone[i] for i in pairs.pictured), *rest], pairs.warnings
+        return [*both, *(self._without_scan(alone[i]) for i in pairs.pictured), *rest], pairs.warnings
+
+    def _without_scan(self, thing: Thing) -> Thing:
+        """One that the pictures alone show, and whether the scan shows something else there."""
+        if not thing.is_box or thing.pictured is None:
+            return thing
+        height_mm = float(thing.pictured.own[Own.HEIGHT])
+        otherwise = reads_otherwise(_ends_mm(thing.pictured), height_mm, self.priors.laser, self.readings_mm)
+        return replace(thing, otherwise=otherwise)
 
     def _of_a_wall(self, thing: Thing, objects_mm: Float64) -> bool:
         """Whether the scan has a wall where the pictures show nothing that surely stands."""
@@ -132,7 +151,7 @@ class Scene:
         return replace(thing, seen=seen, why=why, scanned=seen is not None, pictured=None)
 
     def solved(self, things: list[Thing]) -> tuple[Judged, list[Thing]]:
-        """The least squares, without the scan of what contradicts the pair."""
+        """The least squares, without the scan of what contradicts the pair; what were its pieces stand alone then."""
         judged, kept = self._judged(things), list[Thing]()
         numbers = _numbers(things)
         for thing in things:
@@ -147,16 +166,20 @@ class Scene:
             kept.append(replace(thing, pictured=pictured, seen=seen, scanned=scanned, disagrees=not scanned))
         count = [len(t.seen.observations) if t.seen else 0 for t in things]
         changed = count != [len(t.seen.observations) if t.seen else 0 for t in kept]
+        alone = [self._without_scan(piece) for t in kept if not (t.scanned or t.is_round) for piece in t.pieces]
+        if alone:
+            return self._judged([*kept, *alone]), [*kept, *alone]
         return (self._judged(kept) if changed else judged), kept if changed else things
 
     def without_phantoms(self, judged: Judged, things: list[Thing], fit: ScanFit) -> tuple[Judged, list[Thing]]:
         """Leave out what the scan alone shows where it opposes the pictures: it is of another place.
 
-        It must disagree about several things, or show one that both cameras should see and do not: one thing may have
-        been moved.
+        It must disagree about several things, show something else where one stands, or one that both cameras should see
+        and do not: one thing may have been moved.
         """
         kept = [thing for thing in things if thing.region is not None]
-        moved_one = sum(thing.disagrees for thing in things) == 1 and not any(map(_should_be_seen, things))
+        elsewhere = any(thing.otherwise or _should_be_seen(thing) for thing in things)
+        moved_one = sum(thing.disagrees for thing in things) == 1 and not elsewhere
         if fit is not ScanFit.OPPOSES or moved_one or len(kept) == len(things):
             return judged, things
         return self._judged(kept), kept
@@ -192,7 +215,7 @@ class Scene:
         if thing.why is not None:
             reasons["object" if thing.why.reason in NOT_STANDING else "height"] = thing.why
         elif thing.footprint is None and self.scan_has_objects:
-            reasons["object"] = Why(Reason.NOT_IN_SCAN)
+            reasons["object"] = Why(Reason.OTHERWISE_IN_SCAN if thing.otherwise else Reason.NOT_IN_SCAN)
         elif thing.footprint is not None and thing.footprint.shape == "irregular" and number is not None:
             reasons["object"] = Why(Reason.SCAN_IRREGULAR)
         if number is None:
@@ -216,6 +239,8 @@ def _pictured(region: ObjectRegion, box: Pictured | CannotMeasure) -> Thing:
 def scan_fit(things: list[Thing]) -> ScanFit:
     """Whether a scan is of what the pictures show; what stands beside them, or behind plain faces, tells nothing.
 
+    A lone thing where it shows something else may have been moved.
+
     Parameters
     ----------
     things : list of Thing
@@ -227,8 +252,9 @@ def scan_fit(things: list[Thing]) -> ScanFit:
     """
     if any(thing.scanned and thing.pictured for thing in things):
         return ScanFit.AGREES
-    shown = any(thing.pictured and thing.seen for thing in things)
-    opposed = shown and any(thing.disagrees or _should_be_seen(thing) for thing in things)
+    boxes = [thing for thing in things if thing.is_box]
+    opposed = bool(boxes) and any(thing.disagrees or _should_be_seen(thing) for thing in things)
+    opposed |= len(boxes) > 1 and any(thing.otherwise for thing in boxes)
     return ScanFit.OPPOSES if opposed else ScanFit.UNTOLD
 
 
@@ -266,13 +292,17 @@ def _scan_share(both: Solution, number: int, pictured: Solution) -> float:
 def _place(thing: Thing, floor: Floor) -> Place:
     """Where an object of the pictures stands."""
     if thing.pictured is not None:
-        corners = Box(thing.pictured.own).points(np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]))[:, :2]
-        seen = [True, Edge.RIGHT_END in thing.pictured.past, Edge.LEFT_END in thing.pictured.past]
-        return Place.of(corners[seen])
+        return Place.of(_ends_mm(thing.pictured))
     assert thing.region is not None
     region, rectified = thing.region, floor.rectified
     bearings = np.arctan((rectified.P1[0, 2] - np.array([region.bounds[2], region.bounds[0]])) / rectified.f_px)
     return Place.of(float(np.hypot(*region.position_mm)) * direction(bearings))
+
+
+def _ends_mm(pictured: Pictured) -> Float64:
+    """Where the faces of a box end that the pictures show, (N, 2), on the floor."""
+    corners = Box(pictured.own).points(np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]))[:, :2]
+    return corners[[True, Edge.RIGHT_END in pictured.past, Edge.LEFT_END in pictured.past]]
 
 
 def _why_unseen(footprint: Footprint, standing: Standing) -> Why:

@@ -16,7 +16,7 @@ from stereolib.base import data_path
 from stereolib.cli import commands
 from stereolib.cli.calibrate_laser import _paired, apart, place_text, turn_text
 from stereolib.mapping import read_scan
-from stereolib.measurement import Instrument, draw_objects, floor_from_pose, measure_objects, save_laser_pose
+from stereolib.measurement import Instrument, ScanFit, draw_objects, floor_from_pose, measure_objects, save_laser_pose
 from stereolib.measurement.overlay import why_text
 from stereolib.paper import paper_rig
 from stereolib.rig import StereoRig
@@ -299,6 +299,20 @@ def measure_room(rig, out, pair, scan, *more):
     return commands.main([str(word) for word in words])
 
 
+@pytest.mark.parametrize("pair", range(1, 6))
+def test_a_scan_is_told_to_be_of_another_place(room, pair):
+    known, shown = Instrument.load(room), recordings.load_pair(f"room/{pair}")
+    alone = len(_boxes(measure_objects(*shown, None, known)))
+    for scan in range(1, 6):
+        found = measure_objects(*shown, recordings.scan(f"room/{scan}"), known)
+        assert found.scan_fit is (ScanFit.AGREES if scan == pair else ScanFit.OPPOSES), scan
+        assert alone - 1 <= len(_boxes(found)) <= alone or scan == pair  # an end may be doubted
+
+
+def _boxes(measured):
+    return [thing.size_mm.tolist() for thing in measured.objects if np.isfinite(thing.size_mm).all()]
+
+
 @pytest.mark.parametrize("other", [1, 2, 4, 5])
 def test_a_scan_of_another_place_adds_no_sizes(room, tmp_path, capsys, other):
     """Nothing but the two boxes in the pictures, which the pair alone measures."""
@@ -307,6 +321,18 @@ def test_a_scan_of_another_place_adds_no_sizes(room, tmp_path, capsys, other):
     sized = [thing for thing in facts["objects"] if thing["width_mm"]]
     assert sorted(round(thing["length_mm"], -1) for thing in sized) == [300, 400]
     assert any("is it of this place and moment? What it alone shows is left out" in text for text in facts["warnings"])
+
+
+@pytest.mark.parametrize("turn_deg", [30, 90, 180, 210, 300])
+def test_a_turned_scan_takes_no_box_away(room, turn_deg):
+    """A laser fixed the wrong way round: the boxes are the pair's, and it is said that nothing agrees."""
+    pair, scan, known = recordings.load_pair("room/3"), recordings.scan("room/3"), Instrument.load(room)
+    alone = measure_objects(*pair, None, known)
+    turned = replace(scan, ranges_mm=np.roll(scan.ranges_mm, turn_deg))
+    found = measure_objects(*pair, turned, known)
+    assert len(_boxes(found)) == 2
+    np.testing.assert_allclose(sorted(_boxes(found)), sorted(_boxes(alone)), atol=0.5)
+    assert found.scan_fit is ScanFit.OPPOSES and any("What it alone shows is left out" in t for t in found.warnings)
 
 
 def test_what_has_no_size_says_why_in_text_and_picture(room, tmp_path, capsys):

@@ -22,6 +22,7 @@ from stereolib.matching import (
     motorcycle_view,
     pipelines,
     score,
+    smooth_by_planes,
 )
 from stereolib.virtual import recordings
 
@@ -213,6 +214,8 @@ def test_the_settings_are_those_that_the_script_chose(monkeypatch):
     assert census_sgm.CensusSGM(**chosen) == census_sgm.CensusSGM()
     surface, _ = chosen_from(script.SURFACE_FILE, script.SURFACE, script.SURFACE_KNOBS)
     assert surface == choose_surface.__kwdefaults__
+    planes, _ = chosen_from(script.PLANES_FILE, script.PLANES, script.PLANES_KNOBS)
+    assert planes == smooth_by_planes.__kwdefaults__
     rival, _ = chosen_from(script.RIVAL_FILE, script.RIVAL, script.RIVAL_KNOBS)
     assert rival == importlib.import_module("rivals").CHOSEN
     scenes = [name for name in rows[0] if "@" in name or "/" in name]

@@ -21,9 +21,9 @@ def outline(distance, bearing_deg, width=200.0):
     return distance * np.array([np.cos(a), np.sin(a)]) + along * [-np.sin(a), np.cos(a)]
 
 
-def paired(pictured, scanned, laser=HERE):
+def paired(pictured, scanned, laser=HERE, boxes=None):
     footprints = [SimpleNamespace(segment=SimpleNamespace(points_mm=points)) for points in scanned]
-    return pair_up([Place.of(points) for points in pictured], footprints, laser)
+    return pair_up([Place.of(points) for points in pictured], footprints, laser, boxes=boxes)
 
 
 def test_place_of_points():
@@ -68,7 +68,16 @@ def test_two_distances_in_one_direction_are_not_combined():
 def test_a_piece_of_an_outline_is_no_second_object():
     whole = outline(700, 0, width=400)
     found = paired([outline(700, -6, width=230), outline(705, 12, width=80)], [whole])
-    assert found.both == ((0, 0),) and found.pictured == ()
+    assert found.both == ((0, 0),) and found.pictured == () and found.pieces == ((1, 0),)
+
+
+@pytest.mark.parametrize(
+    ("boxes", "pieces"), [((False, True), ()), ((False, False), ((1, 0),)), ((True, True), ((1, 0),))]
+)
+def test_a_box_is_a_piece_of_nothing_but_a_box(boxes, pieces):
+    seen = [outline(700, -6, width=230), outline(705, 12, width=80)]
+    found = paired(seen, [outline(700, 0, width=400)], boxes=boxes)
+    assert found.both == ((0, 0),) and found.pieces == pieces and found.pictured == (() if pieces else (1,))
 
 
 def test_nothing_pairs_with_nothing():

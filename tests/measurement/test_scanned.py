@@ -10,9 +10,10 @@ from stereolib.base import turn_2d
 from stereolib.laser import LaserScan, find_segments, fit_footprint
 from stereolib.measurement import LaserOnFloor
 from stereolib.measurement.box import Box, Own, Shared, Side
+from stereolib.measurement.laser_on_floor import Lean
 from stereolib.measurement.observations import EndBetweenBeams, RangesSeen
 from stereolib.measurement.regions import ObjectRegion
-from stereolib.measurement.scanned import is_wall, scan_observations, scanned_box, sides_of
+from stereolib.measurement.scanned import is_wall, reads_otherwise, scan_observations, scanned_box, sides_of
 from stereolib.measurement.scene_solver import Priors, solve
 
 NEAR = np.diag([0.5**2, 0.5**2, 1e-6, 1e-8])
@@ -98,3 +99,30 @@ def test_a_wall_before_which_the_scan_shows_something_is_no_wall(before_mm):
     elsewhere = WALL_MM[at] - [before_mm, 700.0]
     assert is_wall(part_of_wall(), FLOOR, WALL_MM, elsewhere)
     assert is_wall(part_of_wall(), FLOOR, WALL_MM, WALL_MM[at] * 0.5)  # what stands far before it is no part of it
+
+
+BOX_MM = np.array([[1000.0, 0.0], [1150.0, -150.0], [1150.0, 150.0]])  # its nearest corner and the ends of two faces
+LEVEL = LaserOnFloor(np.eye(2), np.zeros(2), NEAR, lean=Lean(np.zeros(2), 80.0, 1e-6 * np.eye(2)))
+
+
+def readings(distance_mm, spread_deg=8.0):
+    bearings = np.radians(np.arange(-spread_deg, spread_deg + 1))
+    return distance_mm * np.column_stack([np.cos(bearings), np.sin(bearings)])
+
+
+@pytest.mark.parametrize(("distance_mm", "otherwise"), [(400, True), (2000, True), (1000, False), (1100, False)])
+def test_what_the_laser_reads_where_a_box_stands(distance_mm, otherwise):
+    assert reads_otherwise(BOX_MM, 300.0, LEVEL, readings(distance_mm)) is otherwise
+    moved = LEVEL.moved(-500.0, 0.0, 0.3)  # all is told from where the laser stands
+    assert reads_otherwise(BOX_MM - [500, 0], 300.0, moved, readings(distance_mm) - [500, 0]) is otherwise
+
+
+def test_when_it_tells_nothing():
+    behind = readings(2000)
+    assert not reads_otherwise(BOX_MM, 90.0, LEVEL, behind)  # hardly higher than the laser's plane
+    assert not reads_otherwise(BOX_MM, 300.0, LaserOnFloor(np.eye(2), np.zeros(2), NEAR), behind)  # which is where?
+    assert not reads_otherwise(BOX_MM, 300.0, LEVEL, behind[:2]) and not reads_otherwise(BOX_MM, 300.0, LEVEL, NOTHING)
+    one_on_it = np.concatenate([behind, [[1010.0, 0.0]]])
+    assert not reads_otherwise(BOX_MM, 300.0, LEVEL, one_on_it)
+    rising = LaserOnFloor(np.eye(2), np.zeros(2), NEAR, lean=Lean(np.array([0.2, 0.0]), 80.0, 1e-6 * np.eye(2)))
+    assert not reads_otherwise(BOX_MM, 300.0, rising, behind)  # over the box

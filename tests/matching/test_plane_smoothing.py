@@ -1,0 +1,97 @@
+"""Planes of windows: noise goes, slants and steps stay, and the sums are those of least squares."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from stereolib.matching import smooth_by_planes
+
+WALL = np.fromfunction(lambda y, x: 20 + 0.1 * x - 0.05 * y, (60, 80)).astype(np.float32)
+
+
+def noisy(disparity, std_px=0.4):
+    return disparity + np.random.default_rng(0).normal(0, std_px, disparity.shape).astype(np.float32)
+
+
+def by_least_squares(disparity, size, rough_px, most_px):
+    """The docstring's equation, window after window."""
+    planes, weights = np.zeros(disparity.shape), np.zeros(disparity.shape)
+    for top, left in np.ndindex(*(n - size + 1 for n in disparity.shape)):
+        window = np.s_[top : top + size, left : left + size]
+        y, x = np.mgrid[window]
+        design = np.column_stack([np.ones(size * size), x.ravel(), y.ravel()])
+        plane = design @ np.linalg.lstsq(design, disparity[window].ravel(), rcond=None)[0]
+        weight = (np.mean((disparity[window].ravel() - plane) ** 2) + rough_px**2) ** -3
+        planes[window] += weight * plane.reshape(size, size)
+        weights[window] += weight
+    off = planes / weights - disparity
+    return disparity + off / (1 + (off / most_px) ** 2)
+
+
+def test_the_sums_are_least_squares():
+    disparity = noisy(np.where(np.arange(20) < 11, 3, 7) + np.linspace(0, 2, 15)[:, None])
+    expected = by_least_squares(disparity, 5, 0.3, 1.5)
+    np.testing.assert_allclose(smooth_by_planes(disparity, size_px=5, rough_px=0.3, most_px=1.5), expected, atol=1e-3)
+
+
+@pytest.mark.parametrize("far_px", [0, 700])
+def test_a_plane_stays_up_to_the_rim(far_px):
+    np.testing.assert_allclose(smooth_by_planes(WALL + far_px), WALL + far_px, atol=2e-3)
+
+
+def test_noise_goes_beside_a_step_too():
+    truth = WALL.copy()
+    truth[:, 40:] += 8
+    found = smooth_by_planes(noisy(truth))
+    beside = np.s_[:, 37:43]
+    for where, share in ((np.s_[:], 0.25), (beside, 0.45)):
+        assert np.abs(found - truth)[where].mean() < share * np.abs(noisy(truth) - truth)[where].mean()
+    assert np.abs(found - truth).max() < 2  # no pixel changes its side
+
+
+@pytest.mark.parametrize("width", [1, 3])
+def test_a_rod_stays(width):
+    truth = WALL.copy()
+    truth[:, 40 : 40 + width] += 12
+    found = smooth_by_planes(truth)
+    assert np.abs(found - truth)[:, 40 : 40 + width].max() < 0.15  # of 12 px
+
+
+def test_nothing_moves_by_more_than_half_the_limit():
+    rough = np.random.default_rng(0).uniform(0, 60, (50, 70)).astype(np.float32)
+    assert np.abs(smooth_by_planes(rough, most_px=1.5) - rough).max() <= 0.75 + 1e-4
+
+
+def test_no_cliff():
+    """A disparity that moves a little moves what comes of it a little."""
+    truth = noisy(WALL)
+    truth[:, 40:] += 2
+    other = truth.copy()
+    other[30, 39:42] += 0.02
+    assert np.abs(smooth_by_planes(other) - smooth_by_planes(truth)).max() < 0.04
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1, 30), (30, 1), (2, 2), (5, 200)])
+def test_small_maps(shape):
+    disparity = np.full(shape, 7, np.float32)
+    np.testing.assert_allclose(smooth_by_planes(disparity), disparity, atol=1e-4)
+
+
+def test_windows_of_one_pixel_change_nothing():
+    np.testing.assert_allclose(smooth_by_planes(noisy(WALL), size_px=1), noisy(WALL), atol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("disparity", "setting", "said"),
+    [
+        (np.full((9, 9), np.nan), {}, "fill its holes"),
+        (np.zeros(9), {}, "shape"),
+        (WALL, {"size_px": 4}, "odd"),
+        (WALL, {"rough_px": 0.0}, "rough_px > 0"),
+        (WALL, {"most_px": np.nan}, "most_px > 0"),
+    ],
+)
+def test_what_is_refused(disparity, setting, said):
+    with pytest.raises(ValueError, match=said):
+        smooth_by_planes(disparity, **setting)

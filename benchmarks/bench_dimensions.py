@@ -15,7 +15,7 @@ from unittest import mock
 
 import cv2
 import numpy as np
-from common import PAPER_RIG, asked, save
+from common import PAPER_RIG, asked, loaded, save
 from support.box_scenes import NAMES, Shot, box_scene, errors, instrument, measure, shoot, the_box
 from tqdm.auto import tqdm
 
@@ -202,7 +202,8 @@ def main() -> None:
     cv2.setNumThreads(1)
     wanted, known = asked(__doc__), instrument()
     if "accuracy" in wanted:
-        save("dimensions", accuracy(known), ROOMS)
+        found = accuracy(known)
+        save("dimensions", found, loaded(ROOMS))
     if "time" in wanted:
         save("dimensions_time", speed(shoot_all([(k, {}) for k in range(TIMED)]), known), ROOMS)
 

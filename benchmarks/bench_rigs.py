@@ -15,7 +15,7 @@ from typing import Any
 
 import cv2
 import numpy as np
-from common import PAPER_RIG, RESULTS, chance_outside, save
+from common import PAPER_RIG, RESULTS, chance_outside, loaded, save
 from joblib import Parallel, delayed
 from support.box_scenes import NAMES
 from support.disturbances import ROWS, SCENES, Told, case, tell
@@ -28,10 +28,10 @@ ROOMS = ("base", "rig", "laser", "calibration", "matching", "measurement", *PAPE
 INTERVAL_STDS = 1.96  # of a 95 % interval
 
 
-def of_scene(rows: tuple[str, ...], number: int) -> dict[str, Told]:
-    """Measure one scene with each disturbance."""
+def of_scene(rows: tuple[str, ...], number: int) -> tuple[dict[str, Told], set[str]]:
+    """Measure one scene with each disturbance, and tell which modules that took."""
     cv2.setNumThreads(1)
-    return {row: tell(*case(row, number), of_pair=ROWS[row].of_pair) for row in rows}
+    return {row: tell(*case(row, number), of_pair=ROWS[row].of_pair) for row in rows}, loaded(ROOMS)
 
 
 def summary(told: list[Told], silent_pct: float) -> dict[str, Any]:
@@ -76,16 +76,17 @@ def _spread(pairs: np.ndarray) -> dict[str, float]:
     }
 
 
-def run(rows: list[str], scenes: int, jobs: int) -> dict[str, dict[str, Any]]:
-    """Measure rows, those of the same scenes together."""
+def run(rows: list[str], scenes: int, jobs: int) -> tuple[dict[str, dict[str, Any]], set[str]]:
+    """Measure rows, those of the same scenes together; and the modules that this took."""
     groups = [tuple(row for row in rows if ROWS[row].scenes == kind) for kind in SCENES]
     work = [(group, number) for group in groups if group for number in range(scenes)]
     running = Parallel(n_jobs=jobs, return_as="generator")(delayed(of_scene)(*one) for one in work)
-    told: dict[str, list[Told]] = {row: [] for row in rows}
-    for of_rows in tqdm(running, "scenes", len(work), unit="scene"):
+    told, modules = {row: list[Told]() for row in rows}, set[str]()
+    for of_rows, took in tqdm(running, "scenes", len(work), unit="scene"):
+        modules |= took
         for row, one in of_rows.items():
             told[row].append(one)
-    return {row: {"about": ROWS[row].about, **summary(told[row], ROWS[row].silent_pct)} for row in rows}
+    return {row: {"about": ROWS[row].about, **summary(told[row], ROWS[row].silent_pct)} for row in rows}, modules
 
 
 def table(found: dict[str, dict[str, Any]]) -> str:
@@ -123,12 +124,12 @@ def main() -> None:
     if asked.only == "time":
         return
     rows, scenes = asked.row or list(ROWS), QUICK if asked.quick else asked.scenes
-    found = run(rows, scenes, asked.jobs)
+    found, modules = run(rows, scenes, asked.jobs)
     print(table(found))
     if asked.out:
         write_atomic(asked.out, json.dumps(found, indent=1) + "\n")
     if rows == list(ROWS) and not asked.quick:
-        save("rigs", {"rows": found}, ROOMS)
+        save("rigs", {"rows": found}, modules)
     else:
         print(f"{RESULTS / 'rigs.json'} stays: it is written when all rows are measured")
 

@@ -21,12 +21,14 @@ from typing import Any
 
 from scipy.stats import binomtest
 
+import stereolib
 from stereolib.base import ROOT, figures_dir, write_atomic
 from stereolib.reproduction import code_sha256, update_readme_tables
 
 PAPER_RIG = ("paper/printed_rig.py", "paper/camera_place.py")  # what the virtual rig is made of
 COVERAGE = (0.90, 0.99)  # goal: how many of the 95 % intervals hold the truth
 RESULTS = Path(__file__).parent / "results"
+PACKAGE = Path(stereolib.__file__).resolve().parent
 sys.path.append(str(ROOT / "tests"))  # after this module, a benchmark imports `support` as the tests do
 
 
@@ -70,11 +72,22 @@ def asked(what: str | None) -> set[str]:
     return {only} if only else {"accuracy", "time"}
 
 
+def loaded(rooms: Iterable[str]) -> set[str]:
+    """Those modules of some rooms that this process has loaded, by name as `code_sha256` takes them.
+
+    What a measurement has loaded is what can have changed it.
+    """
+    files = (getattr(module, "__file__", None) for module in tuple(sys.modules.values()))
+    paths = [Path(file).resolve() for file in files if file]
+    names = {path.relative_to(PACKAGE).as_posix() for path in paths if path.is_relative_to(PACKAGE)}
+    return {name for name in names if name in rooms or name.partition("/")[0] in rooms}
+
+
 def save(name: str, result: dict[str, Any], rooms: Iterable[str]) -> None:
     """Write ``results/<name>.json``, print it, quote it in the README.
 
-    With it go the machine, the versions, and the hash of the rooms of the library that were measured: the README says
-    at a row when they have changed since.
+    With it go the machine, the versions, and the hash of the rooms of the library that were measured, or of single
+    modules: the README says at a row when they have changed since.
     """
     packages = ("stereolib", "numpy", "opencv-python-headless", "scipy")
     machine = {"system": platform.system(), "processor": _processor(), "cores": os.cpu_count()}

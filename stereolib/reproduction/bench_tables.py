@@ -185,6 +185,9 @@ def _fill_in(text: str, result: dict[str, Any]) -> str:
 
 
 def _is_of_today(result: dict[str, Any]) -> bool:
-    """Whether a result was measured with the code that its rooms have today."""
+    """Whether a result was measured with the code that its rooms, or modules, have today."""
     code = result.get("code")
-    return code is not None and code["sha256"] == code_sha256(code["rooms"])
+    try:
+        return code is not None and code["sha256"] == code_sha256(code["rooms"])
+    except ValueError:
+        return False  # a module of it is gone

@@ -24,7 +24,8 @@ def test_a_row_says_when_the_code_has_changed_since(tmp_path: Path) -> None:
     rooms = ["base", "rig"]
     today = {"rooms": rooms, "sha256": code_sha256(rooms)}
     assert the_row(tmp_path, today) == "| focal lengths calibrated from virtual boards | 0.02 % off | at most 0.1 |"
-    for older in (None, today | {"sha256": "0" * 64}, today | {"rooms": ["base"]}):
+    gone = {"rooms": [*rooms, "base/gone.py"]}
+    for older in (None, today | {"sha256": "0" * 64}, today | {"rooms": ["base"]}, today | gone):
         assert "| 0.02 % off, measured with older code |" in the_row(tmp_path, older)
 
 

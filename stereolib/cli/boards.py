@@ -111,8 +111,8 @@ def square_edges(text: str) -> list[float]:
     return edges
 
 
-def said_of(calibration: Path, square_mm: float | None = None) -> list[str]:
-    """What is to be said first to whoever uses a rig file: that it was judged bad, or that its squares were others."""
+def said_of(calibration: Path, square_mm: float | None = None, corners: tuple[int, int] | None = None) -> list[str]:
+    """What is to be said first to whoever uses a rig file: that it was judged bad, or that its board was another."""
     from stereolib.rig import calibration_notes
 
     notes, said = calibration_notes(calibration), []
@@ -131,4 +131,8 @@ def said_of(calibration: Path, square_mm: float | None = None) -> list[str]:
         said.append(
             f"{calibration} was made with squares of {square:g} mm, now they are {square_mm:g} mm: which is right?"
         )
+    made = (board.get("columns"), board.get("rows")) if isinstance(board, Mapping) else None
+    if corners is not None and made is not None and all(made) and sorted(made) != sorted(corners):
+        before, now = ("x".join(map(str, each)) for each in (made, corners))
+        said.append(f"{calibration} was made with a board of {before} inner corners, now it is {now}: which is right?")
     return said

@@ -15,6 +15,14 @@ from stereolib.cli.ranges import MM, number
 if TYPE_CHECKING:
     from stereolib.base import Float64
 
+_MANY = 6  # poses: enough, if they are held as they should be
+_OR_MIXED = ". If they were held so: does each scan belong to its picture? A missing one shifts all that follow"
+_CLOCKWISE = (
+    "this laser hangs upside down, or its angles run clockwise. If it stands upright, mirror its scans (what stands at "
+    "1, 2, 3 ... degrees belongs to 359, 358, 357 ...) and calibrate again: where its light starts was taken on the "
+    "wrong side"
+)
+
 
 def _configure(parser: argparse.ArgumentParser) -> None:
     about = "the board, seen by the left camera: a folder or a pattern; right pictures in it are left out"
@@ -35,7 +43,7 @@ def _configure(parser: argparse.ArgumentParser) -> None:
         type=number(0, MM),
         default=0.0,
         metavar="MM",
-        help="board beyond its squares (default: 0)",
+        help="board beyond its squares (default: 0); readings on it count as the board's",
     )
     parser.add_argument("--force", action="store_true", help="replace a pose that is there by a doubtful one")
 
@@ -54,7 +62,10 @@ def _run(arguments: argparse.Namespace) -> int:
     board = parse_board(arguments.board, arguments.square_mm)
     pictures, scans = _paired(arguments.pictures, arguments.scans)
     views = find_laser_boards_in_files(pictures, scans, board, rig.left, read_scan, margin_mm=arguments.margin_mm)
-    pose = calibrate_lidar_to_camera(views)
+    try:
+        pose = calibrate_lidar_to_camera(views)
+    except ValueError as error:
+        raise ValueError(f"{error}{_OR_MIXED if len(views) >= _MANY else ''}") from error
     if pose.warning and before is not None and not arguments.force:
         kept = f"the pose that stands in {arguments.calibration} is kept; to replace it all the same, add --force"
         raise Refused(f"{pose.warning}; {kept}")
@@ -74,8 +85,11 @@ def _run(arguments: argparse.Namespace) -> int:
         print(f"the pose that stood in the file is replaced: this one lies {by} off it")
     print(f"written into {arguments.calibration}")
     print(f"next: stereolib measure LEFT RIGHT --scan FILE --calibration {arguments.calibration}")
-    if pose.warning:
-        print(f"warning: {pose.warning}")
+    warnings = [pose.warning] if pose.warning else []
+    if pose.T_left_lidar[1, 2] > 0:  # the axis about which its angles grow points down
+        warnings.append(_CLOCKWISE)
+    for text in warnings:
+        print(f"warning: {text}")
     return DONE
 
 

@@ -62,14 +62,18 @@ def _run(arguments: argparse.Namespace) -> int:
 
     rig = StereoRig.load(arguments.calibration)
     record = CalibrationRecord.load(arguments.calibration, rig)
-    views = find_in_files(left, right, board, progress=sys.stderr.isatty())
-    check = check_calibration(rig, views, record=record)
+    said = said_of(arguments.calibration, board.square_mm, (board.columns, board.rows))
+    try:
+        views = find_in_files(left, right, board, progress=sys.stderr.isatty())
+        check = check_calibration(rig, views, record=record)
+    except ValueError as error:
+        raise ValueError("; ".join([str(error), *said])) from error
     if arguments.picture:
         from stereolib.base import write_atomic
         from stereolib.plotting import check_figure, show_figure
 
         write_atomic(arguments.picture, show_figure(None, check_figure(check)).data)
-    for text in said_of(arguments.calibration, board.square_mm):
+    for text in said:
         print(f"warning: {text}", file=sys.stderr)
     print(json.dumps(_facts(check), indent=1, allow_nan=False) if arguments.json else wrapped(_lines(check)))
     if arguments.picture and not arguments.json:

@@ -74,6 +74,9 @@ def test_other_squares_and_a_bad_verdict_are_said_first(folder: Path, capsys: py
     assert "was made with squares of 25 mm, now they are 24 mm" in squares
     commands.main(words(folder, "new_left", "new_right", calibration="bad.json"))
     assert "warning: " in capsys.readouterr().err
+    (other,) = said_of(folder / "rig" / "calibration.json", 25.0, (8, 6))
+    assert "with a board of 9x6 inner corners, now it is 8x6: which is right?" in other
+    assert said_of(folder / "rig" / "calibration.json", 25.0, (6, 9)) == []
 
 
 def test_one_pair_by_its_files_and_a_wrong_square_as_json(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -116,6 +119,8 @@ def test_a_rig_of_another_program_says_what_it_does_not_know(folder: Path, capsy
         ("new_right/17_right.jpg new_left/17_left.jpg", [], "exchanged"),
         ("small.png small2.png", [], "no board of 9x6 inner corners was found"),
         ("new_left new_right", ["--board", "8x5"], "no board of 8x5 inner corners"),
+        ("new_left new_right", ["--board", "8x5"], "with a board of 9x6 inner corners, now it is 8x5: which is right?"),
+        ("new_left new_right", ["--square-mm", "2.5"], "with squares of 25 mm, now they are 2.5 mm: which is right?"),
         ("new_left new_right", ["--board", "9"], "inner corners, as 9x6"),
         ("new_left new_right", ["--square-mm", "no"], "--square-mm is an edge in mm"),
         ("new_left new_right", ["--calibration", "nowhere.json"], "nowhere.json: no such file"),

@@ -217,6 +217,27 @@ def test_command_finds_the_laser_from_files(boards, capsys):
     assert commands.main(words) == 2 and "one scan for each picture" in capsys.readouterr().err
 
 
+def test_scans_that_are_mirrored_or_shifted_are_told_so(boards, capsys):
+    """A table of clockwise angles fits a laser that hangs upside down; one scan too few at the start shifts all."""
+    words = ["calibrate-laser", boards / "pictures", boards / "tables", "--calibration", boards / "rig.json"]
+    words = [str(word) for word in (*words, "--board", "6x9", "--square-mm", "30", "--margin-mm", "24")]
+    ranges = [read_scan(path).ranges_mm for path in sorted((boards / "scans").iterdir())]
+    (boards / "tables").mkdir()
+
+    def write(scans):
+        for k, scan in enumerate(scans):
+            rows = [f"{angle},{mm:.1f}" if np.isfinite(mm) else f"{angle}," for angle, mm in enumerate(scan)]
+            (boards / "tables" / f"{k:02d}.csv").write_text("\n".join(["angle_deg,range_mm", *rows]) + "\n")
+
+    write(ranges)
+    assert commands.main(words) == 0 and "clockwise" not in capsys.readouterr().out
+    write([np.roll(scan[::-1], 1) for scan in ranges])
+    assert commands.main([*words, "--force"]) == 0
+    assert "hangs upside down, or its angles run clockwise" in capsys.readouterr().out
+    write([*ranges[1:], ranges[0]])
+    assert commands.main(words) == 2 and "belong" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [

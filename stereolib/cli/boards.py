@@ -132,7 +132,7 @@ def said_of(calibration: Path, square_mm: float | None = None, corners: tuple[in
             f"{calibration} was made with squares of {square:g} mm, now they are {square_mm:g} mm: which is right?"
         )
     made = (board.get("columns"), board.get("rows")) if isinstance(board, Mapping) else None
-    if corners is not None and made is not None and all(made) and sorted(made) != sorted(corners):
+    if corners is not None and made is not None and all(made) and {*made} != {*corners}:
         before, now = ("x".join(map(str, each)) for each in (made, corners))
         said.append(f"{calibration} was made with a board of {before} inner corners, now it is {now}: which is right?")
     return said

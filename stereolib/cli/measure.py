@@ -270,12 +270,19 @@ def measured_text(measured: Measurement) -> str:
 
 
 def _size_lines(measured: Measurement) -> list[tuple[str, str]]:
-    """What is written below the picture: sizes with their deviations, numbered as in the terminal, in its colours."""
-    from stereolib.measurement import OBJECT_RGB
+    """What is written below the picture: sizes with their deviations, numbered as in the terminal, in its colours.
+
+    Then why what else the picture shows has none.
+    """
+    from stereolib.measurement import OBJECT_RGB, is_pictured
+    from stereolib.measurement.overlay import why_text
 
     colors = (f"#{r:02x}{g:02x}{b:02x}" for r, g, b in itertools.cycle(OBJECT_RGB))
-    things = [(item, color) for item, color in zip(measured.objects, colors, strict=False) if not _is_nameless(item)]
-    return [(object_sizes(str(k), item), color) for k, (item, color) in enumerate(things, start=1)]
+    every = list(zip(measured.objects, colors, strict=False))
+    things = [(item, color) for item, color in every if not _is_nameless(item)]
+    lines = [(object_sizes(str(k), item), color) for k, (item, color) in enumerate(things, start=1)]
+    nameless = [(item, color) for item, color in every if _is_nameless(item) and is_pictured(measured, item)]
+    return lines + [(why_text(item), color) for item, color in nameless]
 
 
 def _warning_lines(warnings: Sequence[str]) -> list[tuple[str, str]]:

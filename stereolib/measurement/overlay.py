@@ -26,6 +26,7 @@ _FAR_PX = 1e4  # what projects farther from the picture is not drawn: OpenCV's c
 _CROSS_PX, _DASH_PX = 12, 5  # half of a length's end with room around it; of an edge that is hidden
 _FONT, _FONT_SCALE = cv2.FONT_HERSHEY_SIMPLEX, 0.7
 _CAPTION_SCALE, _MARGIN_PX = 0.5, 6  # of a text below the picture, and around it
+_NO_SIZE = "no size"
 _WIDTH_PX = 640  # of a picture with texts of these sizes; they grow with it
 
 
@@ -61,7 +62,7 @@ def why_text(measured: MeasuredObject) -> str:
     str
     """
     reasons = dict.fromkeys(why.reason.short for why in measured.reasons.values())
-    return f"no size: {', '.join(reasons) or 'piece of a wall'}"
+    return f"{_NO_SIZE}: {', '.join(reasons) or 'piece of a wall'}"
 
 
 def draw_objects(measured: Measurement, *, scan: bool = True, names: Sequence[str] = (), sizes: bool = True) -> UInt8:
@@ -79,7 +80,7 @@ def draw_objects(measured: Measurement, *, scan: bool = True, names: Sequence[st
         What the objects are called in a map (`stereolib.mapping.Map.names_of`), one each: the first letter, A to Z,
         gives the colour; what has none is grey. By default the colours follow the objects' order.
     sizes : bool
-        Also the sizes as a text, or why there are none.
+        Also the sizes as a text, or why there are none; that short where the whole would lie on another object.
 
     Returns
     -------
@@ -94,7 +95,7 @@ def draw_objects(measured: Measurement, *, scan: bool = True, names: Sequence[st
         for u, v in _pixels(floor, measured.scan_mm[measured.scan_mm[:, 0] > _LEAST_AHEAD_MM], 0.0):
             if -_FAR_PX < u < _FAR_PX and -_FAR_PX < v < _FAR_PX:
                 cv2.circle(picture, (round(u), round(v)), 2, _READING_COLOR, -1, cv2.LINE_AA)
-    shown = list[tuple[str, tuple[int, int, int], Float64]]()
+    shown = list[tuple[tuple[str, ...], tuple[int, int, int], Float64]]()
     sized = [k for k, entry in enumerate(measured.objects) if np.isfinite(entry.size_mm).any()]
     for k, entry in reversed(list(enumerate(measured.objects))):
         if not is_pictured(measured, entry):
@@ -105,13 +106,13 @@ def draw_objects(measured: Measurement, *, scan: bool = True, names: Sequence[st
         layer = picture.copy()
         _draw_edges(layer, entry, rings[0], rings[1], color)
         picture = cv2.addWeighted(layer, 1 - _FAINT, picture, _FAINT, 0)
-        text = size_text(entry) if k in sized else why_text(entry)
+        said = [size_text(entry)] if k in sized else [why_text(entry), _NO_SIZE]
         title = name if names else f"{sized.index(k) + 1}:" if k in sized and len(sized) > 1 else ""
-        shown.append((f"{title} {text}".strip(), color, np.concatenate(rings)))
+        shown.append((tuple(f"{title} {text}".strip() for text in said), color, np.concatenate(rings)))
     taken = list[Frame]()
-    for text, color, ring in reversed(shown) if sizes else []:
+    for texts, color, ring in reversed(shown) if sizes else []:
         others = [(*other.min(axis=0), *other.max(axis=0)) for _, _, other in shown if other is not ring]
-        _label(picture, text, ring, color, taken, others)
+        _label(picture, texts, ring, color, taken, others)
     return picture
 
 
@@ -156,7 +157,7 @@ def draw_length(left: UInt8, pixels: Sequence[tuple[float, float]], text: str) -
     cv2.line(picture, whole[0], whole[1], OBJECT_RGB[0][::-1], 1, cv2.LINE_AA)
     for end in whole:
         cv2.drawMarker(picture, end, OBJECT_RGB[1][::-1], cv2.MARKER_CROSS, 15, 2, cv2.LINE_AA)
-    _label(picture, text, _beside(picture, text, ends), OBJECT_RGB[0][::-1], [], [])
+    _label(picture, (text,), _beside(picture, text, ends), OBJECT_RGB[0][::-1], [], [])
     return picture
 
 
@@ -252,13 +253,25 @@ def _frame(picture: UInt8, width: int, height: int, x: float, y: float) -> tuple
 
 
 def _label(
-    picture: UInt8, text: str, corners: Float64, color: Sequence[int], taken: list[Frame], others: Sequence[Frame]
+    picture: UInt8,
+    texts: Sequence[str],
+    corners: Float64,
+    color: Sequence[int],
+    taken: list[Frame],
+    others: Sequence[Frame],
 ) -> None:
-    """Text above an object or below it, where it covers less of others; inside the picture, and below other texts."""
-    (width, height), _ = cv2.getTextSize(text, _FONT, _FONT_SCALE * _larger(picture), _pen(picture))
-    x, rows = float(corners[:, 0].mean()), (corners[:, 1].min(), corners[:, 1].max() + height + 16)
-    frames = [_frame(picture, width, height, x, float(y)) for y in rows]
-    left, top, right, bottom = min(frames, key=lambda frame: _overlap(frame, others) + _overlap(frame, taken))
+    """The first text that covers no others above an object or below it, else the last, where it covers less of them.
+
+    It stays inside the picture, and below other texts.
+    """
+    for text in texts:
+        (width, height), _ = cv2.getTextSize(text, _FONT, _FONT_SCALE * _larger(picture), _pen(picture))
+        x, rows = float(corners[:, 0].mean()), (corners[:, 1].min(), corners[:, 1].max() + height + 16)
+        frames = [_frame(picture, width, height, x, float(y)) for y in rows]
+        covered = [_overlap(frame, others) + _overlap(frame, taken) for frame in frames]
+        left, top, right, bottom = frames[int(np.argmin(covered))]
+        if min(covered) == 0:
+            break
     while _overlap((left - 3, top - 5, right + 3, bottom + 5), taken):
         top, bottom = top + height + 6, bottom + height + 6
     taken.append((left, top, right, bottom))

@@ -41,7 +41,7 @@ def test_a_name_gives_the_colour_and_what_has_none_is_grey():
 def test_near_objects_are_drawn_over_far_ones_and_numbered(monkeypatch):
     """The same box twice, as the nearest and as the farthest: the nearest one's colour is on top."""
     found, cube, texts = measured(), the_cube(measured()), []
-    monkeypatch.setattr(overlay, "_label", lambda _, text, *rest: texts.append(text))
+    monkeypatch.setattr(overlay, "_label", lambda _, text, *rest: texts.append(text[0]))
     unknown = replace(cube, size_mm=np.full(3, np.nan))
     drawn = draw_objects(replace(found, objects=(cube, unknown, cube)), scan=False)
     changed = drawn[(drawn != found.left).any(axis=2)].astype(int)
@@ -120,7 +120,7 @@ def test_texts_grow_with_the_picture():
 )
 def test_a_text_covers_its_own_object_rather_than_another(other, where):
     picture, corners = np.full((480, 640, 3), 128, np.uint8), np.array([[600.0, 150.0], [660.0, 310.0]])
-    _label(picture, "B ? x 401 x 300 mm", corners, (255, 0, 0), [], [other])
+    _label(picture, ("B ? x 401 x 300 mm",), corners, (255, 0, 0), [], [other])
     rows = np.flatnonzero((picture != 128).any(axis=(1, 2)))
     assert rows.min() > 310 if where == "below" else rows.max() < 150
 
@@ -128,6 +128,16 @@ def test_a_text_covers_its_own_object_rather_than_another(other, where):
 def test_two_texts_at_one_place_stand_below_each_other():
     picture, corners, taken = np.full((480, 640, 3), 128, np.uint8), np.array([[300.0, 450.0], [340.0, 470.0]]), []
     for text in ("first", "second", "third"):
-        _label(picture, text, corners, (255, 0, 0), taken, [])
+        _label(picture, (text,), corners, (255, 0, 0), taken, [])
     tops, bottoms = np.sort([frame[1] for frame in taken]), np.sort([frame[3] for frame in taken])
     assert (tops[1:] > bottoms[:-1]).all()
+
+
+@pytest.mark.parametrize(("beside", "short"), [(60, True), (500, False)])
+def test_a_text_that_would_cover_another_object_is_shortened(beside, short):
+    """Something at the picture's rim, from top to bottom, and a box beside it."""
+    picture, corners = np.zeros((300, 640, 3), np.uint8), np.array([[0.0, 60.0], [0.0, 250.0], [40.0, 250.0]])
+    taken = []
+    _label(picture, ("no size: depth hidden, cut", "-"), corners, (255, 0, 0), taken, [(beside, 0, 640, 300)])
+    ((left, _, right, _),) = taken
+    assert (right - left < 40) is short and right < beside

@@ -202,7 +202,7 @@ def main() -> None:
     cv2.setNumThreads(1)
     wanted, known = asked(__doc__), instrument()
     if "accuracy" in wanted:
-        found = accuracy(known)
+        found = accuracy(known)  # first: what it loads is told with it
         save("dimensions", found, loaded(ROOMS))
     if "time" in wanted:
         save("dimensions_time", speed(shoot_all([(k, {}) for k in range(TIMED)]), known), ROOMS)

@@ -48,8 +48,8 @@ def test_best_beats_plain_matching_and_is_dense():
     # what it calls uncertain is worse than what it calls certain
     off, sure = np.abs(found.disparity_px - truth), found.std_px < 0.5
     assert (off[~sure] > 2).mean() > 5 * (off[sure] > 2).mean()
-    # and by about as much as it says: 68 % would be inside if errors were normal; the goal of each pair
-    assert 0.55 < (off < found.std_px)[found.matched].mean() < 0.8
+    # and by about as much as it says, or less: 68 % would be inside if errors were normal
+    assert 0.613 < (off < found.std_px)[found.matched].mean() < 0.8
 
 
 def test_best_owns_up_to_its_guesses():
@@ -236,8 +236,8 @@ def test_the_benchmark_says_what_the_library_uses():
     assert layered["mean"]["best_bad1_visible_pct"] < 0.8 * layered["mean"]["rival_bad1_visible_pct"]
     assert layered["mean"]["best_bad2_pct"] < 0.8 * layered["mean"]["rival_bad2_pct"]
     assert layered["ahead_of_rival"] >= 0.8 * layered["pairs"]
-    for scenes in (layered, measured["rig"]):
-        assert 63 <= scenes["inside1_pct"] <= 75 and 92 <= scenes["inside2_pct"] <= 97
+    for scenes, most in ((layered, 74), (measured["rig"], 75)):
+        assert 63 <= scenes["inside1_pct"] <= most and 92 <= scenes["inside2_pct"] <= 97
         assert scenes["mean"]["area"] <= 0.15
     times = (datasets.ROOT / "benchmarks" / "results" / "pipeline_time.json").read_text(encoding="utf-8")
     assert json.loads(times)["fast_times_plain"] >= 2

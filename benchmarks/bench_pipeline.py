@@ -8,23 +8,26 @@ Some ten minutes; with ``--only time`` two.
 
 from __future__ import annotations
 
+import json
 from typing import Any
 
 import cv2
 import numpy as np
-from common import PAPER_RIG, asked, ratio, save
+from common import PACKAGE, PAPER_RIG, asked, ratio, save
 from layered_pairs import layered_set
 from rivals import both_sides, filled_bm
 from tqdm import tqdm
 from virtual_pairs import CHECKED_ON, DEVIATIONS_ON, Pair, bad_pct, rig_set
 
 from stereolib import paper
+from stereolib.base import write_atomic
 from stereolib.matching import (
     FilterCase,
     KnownView,
     compare_filters,
     compute_disparity,
     deviation,
+    even_out,
     motorcycle_view,
     pipelines,
     seen_by_both,
@@ -32,6 +35,7 @@ from stereolib.matching import (
 from stereolib.virtual import recordings
 
 Array = np.ndarray
+LAWS_FILE = PACKAGE / "matching" / "std_laws.json"
 ROOMS = ("base", "rig", "laser", "matching", *PAPER_RIG, "virtual")
 #: OpenCV's WLS filter is in `opencv-contrib-python-headless`, which stands in each other's way with
 #: `opencv-python-headless`. Measured once in an environment of its own (version 5.0.0), on the motorcycle with 128
@@ -49,7 +53,8 @@ def calibrate(pairs: list[Pair]) -> dict[str, Any]:
     """
     gathered: dict[deviation.Kind, list[tuple[Array, Array]]] = {kind: [] for kind in deviation.Kind}
     for pair in tqdm(pairs, "calibrating", unit="pair"):
-        found = pipelines.fill_matched(pipelines.match_best(pair.left, pair.right, pair.num_disparities), pair.left)
+        even = even_out(pair.left, pair.right)
+        found = pipelines.fill_matched(pipelines.match_best(even, pair.num_disparities), even)
         off, known = np.abs(found.disparity_px - pair.truth_px), np.isfinite(pair.truth_px)
         for kind, parts in gathered.items():
             here = known & (found.kind == kind)
@@ -78,9 +83,9 @@ def calibrate(pairs: list[Pair]) -> dict[str, Any]:
 
 
 EVERY = 5  # pixels of a pair, one is taken: neighbours err alike
-PRODUCTS = np.triu_indices(7)  # of two signs
+PRODUCTS = np.triu_indices(11)  # of two signs
 LEVELS, FINER = (16, 12, 12, 12), (3, 0, 0, 0)  # parts of each kind; halvings of the last one
-ERROR_FLOOR_PX = 0.2  # added to an error before its logarithm is taken: what is right to a fifth is right
+ERROR_FLOOR_PX = 0.05  # added to an error before its logarithm is taken: what is right to a twentieth is right
 TWO_FOR_ONE = 2 * np.exp(-1.5)
 ALIKE = 0.005  # tries that are worth so much less still count: no jump from one to the other
 TRIED_PCT, TRIES = (60, 97), 80  # a deviation holds more errors than these, and two of it hold no more than those
@@ -209,7 +214,10 @@ def filters_ms() -> dict[str, float]:
 
 
 def main() -> None:
-    """Write ``results/pipeline.json``; and the times, ``pipeline_time.json`` and ``smoothing.json``."""
+    """Write ``results/pipeline.json`` and the library's ``std_laws.json``; and the times.
+
+    The latter go to ``pipeline_time.json`` and ``smoothing.json``.
+    """
     cv2.setNumThreads(1)
     wanted = asked(__doc__)
     cubes = rig_set(((), tuple(recordings.cube_pairs())))
@@ -217,13 +225,12 @@ def main() -> None:
         save("smoothing", {"ms": filters_ms()}, ROOMS)
         save("pipeline_time", speed(cubes), ROOMS)
     if "accuracy" in wanted:
+        laws = calibrate(layered_set("training") + layered_set("shining") + rig_set(DEVIATIONS_ON))
+        deviation.LAWS.update({deviation.Kind[name]: deviation.StdLaw(**law) for name, law in laws.items()})
         tried = {"layered": honesty(layered_set("test")), "rig": honesty(rig_set(CHECKED_ON))}
         found = {**on_photographs(motorcycle_view()), **fast_against_sgbm(cubes), **tried}
-        save(
-            "pipeline",
-            found | {"std_laws": calibrate(layered_set("training") + layered_set("shining") + rig_set(DEVIATIONS_ON))},
-            ROOMS,
-        )
+        write_atomic(LAWS_FILE, json.dumps(laws) + "\n")
+        save("pipeline", found | {"std_laws": laws}, ROOMS)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,7 @@
 from .census_sgm import CensusSGM, SGMResult, census_transform, match_census_sgm
 from .checked_match import CheckedMatch, match_checked
 from .disparity import compute_disparity, depth_to_disparity, disparity_to_depth, left_right_check
+from .even_pair import EvenPair, even_out
 from .filter_comparison import FilterCase, compare_filters, outline_growth_px
 from .filters import SMOOTHING_METHODS, dilate, dilate_set, median_filter, smooth
 from .ground_truth import KnownView, motorcycle_view, seen_by_both
@@ -29,6 +30,7 @@ __all__ = [
     "CensusSGM",
     "CheckedMatch",
     "DisparityEstimate",
+    "EvenPair",
     "ExpectedDisparity",
     "FilledMap",
     "FilterCase",
@@ -55,6 +57,7 @@ __all__ = [
     "dilate",
     "dilate_set",
     "disparity_to_depth",
+    "even_out",
     "expected_disparity",
     "fattening_px",
     "fill_by_color",

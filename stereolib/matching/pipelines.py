@@ -18,9 +18,9 @@ from stereolib.base import Bools, Float32, UInt8
 from stereolib.matching import deviation
 from stereolib.matching.census_sgm import CensusSGM, SGMResult, match_census_sgm
 from stereolib.matching.disparity import compute_disparity, left_right_check
+from stereolib.matching.even_pair import EvenPair, even_out
 from stereolib.matching.filling import fill_background, remove_speckles
 from stereolib.matching.filters import dilate
-from stereolib.matching.levels import evened, noise_grey, shaded
 from stereolib.matching.plane_fill import continue_background, fill_by_color
 from stereolib.matching.plane_smoothing import smooth_by_planes
 from stereolib.matching.rows import find_rows
@@ -63,7 +63,7 @@ class FilledMap(NamedTuple):
     disparity_px : (H, W) float32
     kind : (H, W) int8
         Of `deviation.Kind`.
-    signs : (H, W, 7) float32
+    signs : (H, W, 11) float32
         As `deviation.signs` gathers them.
     """
 
@@ -84,10 +84,10 @@ def stereo_pipeline(name: str = "best", num_disparities: int | None = 128) -> Pi
         - ``"paper"``: `cv2.StereoSGBM` and one 9 x 9 dilation (sections II.C and II.D; the paper prints no kernel).
         - ``"fast"``: matched in half size from left and from right, checked, holes filled from the background, and
           enlarged. A quarter of the pixels, half of the disparities: several times faster than plain SGBM.
-        - ``"best"``: rows corrected, then exposure, as a whole and part by part (`shaded`); `match_census_sgm`, checked
-          from right to left, specks removed, holes filled by the planes behind them or by what around them has their
-          colour (`fill_by_color`), pixels beside steps given to the surface that has their colour (`choose_surface`),
-          5 x 5 median, planes (`smooth_by_planes`); a standard deviation for each pixel. Dense; some seconds.
+        - ``"best"``: `even_out`, `match_census_sgm`, checked from right to left, specks removed, holes filled by the
+          planes behind them or by what around them has their colour (`fill_by_color`), pixels beside steps given to the
+          surface that has their colour (`choose_surface`), 5 x 5 median, planes (`smooth_by_planes`); a standard
+          deviation for each pixel. Dense; some seconds.
     num_disparities : int or None, px
         Disparities from 0 to this are looked for; a multiple of 16, of 32 for ``"fast"``. None takes what
         `search_range` tells of the pair.
@@ -153,7 +153,7 @@ def search_range(rough_px: Float32, width_px: int, step: int = 16) -> int:
 
 def fill_matched(
     matched: SGMResult,
-    left: UInt8,
+    pair: EvenPair,
     *,
     speckle_px: int = _SPECKLE_PX,
     median_px: int = _MEDIAN_PX,
@@ -165,8 +165,8 @@ def fill_matched(
     Parameters
     ----------
     matched : SGMResult
-    left : (H, W) or (H, W, 3) uint8
-        The left picture, whose colours tell where near surfaces end.
+    pair : EvenPair
+        What was matched; the left picture's colours tell where near surfaces end.
     speckle_px : int
         Patches of fewer than ``speckle_px ** 2`` pixels are removed.
     median_px : {3, 5}
@@ -181,22 +181,22 @@ def fill_matched(
     checked = left_right_check(matched.left_px, matched.right_px)
     checked[checked > np.arange(checked.shape[1])] = np.nan
     checked = remove_speckles(checked, speckle_px)
-    dense = fill_by_color(continue_background(checked), checked, left)
+    dense = fill_by_color(continue_background(checked), checked, pair.left)
     if np.isnan(dense).any():  # nothing was accepted anywhere
         dense = matched.left_px
-    dense, moved = surface(dense, np.isfinite(checked), left)
+    dense, moved = surface(dense, np.isfinite(checked), pair.left)
     checked[moved] = np.nan  # another surface's: no match any more
     disparity = planes(cv2.medianBlur(dense, median_px))
-    signs = deviation.signs(disparity, matched, checked)
+    signs = deviation.signs(disparity, matched, checked, pair)
     return FilledMap(disparity, deviation.kinds(disparity, checked), signs)
 
 
-def match_best(left: UInt8, right: UInt8, num_disparities: int, params: CensusSGM | None = None) -> SGMResult:
-    """Match as ``"best"`` does: `match_census_sgm`, rows and exposure corrected, the latter part by part, too.
+def match_best(pair: EvenPair, num_disparities: int, params: CensusSGM | None = None) -> SGMResult:
+    """Match as ``"best"`` does.
 
     Parameters
     ----------
-    left, right : (H, W) or (H, W, 3) uint8
+    pair : EvenPair
     num_disparities : int, px
         In place of that of `params`, as is the pictures' noise.
     params : CensusSGM, optional
@@ -210,15 +210,13 @@ def match_best(left: UInt8, right: UInt8, num_disparities: int, params: CensusSG
     ValueError
         As `match_census_sgm`.
     """
-    rows, rough_px = find_rows(left, right)
-    right = evened(left, rows.correct(right))
-    noise = noise_grey(left, right, rough_px)
-    settings = replace(params or CensusSGM(), num_disparities=num_disparities, noise_grey=noise)
-    return match_census_sgm(shaded(left, right, rough_px), right, settings)
+    settings = replace(params or CensusSGM(), num_disparities=num_disparities, noise_grey=pair.noise_grey)
+    return match_census_sgm(pair.left, pair.right, settings)
 
 
 def _best(left: UInt8, right: UInt8, num_disparities: int) -> DisparityEstimate:
-    found = fill_matched(match_best(left, right, num_disparities), left)
+    pair = even_out(left, right)
+    found = fill_matched(match_best(pair, num_disparities), pair)
     std_px = deviation.std_px(found.kind, found.signs)
     return DisparityEstimate(found.disparity_px, found.kind <= deviation.Kind.STEP, std_px)
 

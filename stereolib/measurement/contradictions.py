@@ -91,13 +91,28 @@ def weigh_ends(priors: Priors, seen: Seen, own: Float64) -> Float64:
     """
     none = np.zeros((len(Own), len(Own)))
     found = list[tuple[float, Float64]]()
-    upright = [o for o in seen.observations if isinstance(o, EdgeSeen) and o.edge.upright]
-    for mistaken in (o for o in upright if not (o.located and o.std_px < SHARP_PX)):
+    upright, sharp = [o for o in seen.observations if isinstance(o, EdgeSeen) and o.edge.upright], sharp_edges(seen)
+    for mistaken in (o for o in upright if o.edge not in sharp):
         rest = replace(seen, observations=tuple(o for o in seen.observations if o is not mistaken))
         without = solve(priors, [rest])
         if not (without.misfits[0] > _CONTRADICTION).any():
             found.append((without.cost, without.boxes[0] - own))
     return _doubt(found) / 2 if found else none
+
+
+def sharp_edges(seen: Seen) -> frozenset[Edge]:
+    """Edges of a box that the pictures show so sharply that they are hardly mistaken.
+
+    Parameters
+    ----------
+    seen : Seen
+
+    Returns
+    -------
+    frozenset of Edge
+    """
+    edges = (o for o in seen.observations if isinstance(o, EdgeSeen))
+    return frozenset(o.edge for o in edges if o.located and o.std_px < SHARP_PX)
 
 
 def _doubt(found: list[tuple[float, Float64]]) -> Float64:

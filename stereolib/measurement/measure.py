@@ -28,7 +28,8 @@ from stereolib.measurement.views import Views
 _LIKELY = 0.5  # probability from which something is said to have moved
 _LEFT_OUT = (
     "its readings are left out, its sizes come from the pictures. Were both taken at one moment, with nothing touching "
-    "it? If this is said of many objects, the laser has moved: run calibrate-laser again"
+    "it? If this is said of many objects, the laser has moved: run calibrate-laser again; or the cameras' scale is off "
+    "(the board's squares, the distance between the cameras): calibrate with --ruler-mm"
 )
 
 

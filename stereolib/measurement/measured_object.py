@@ -6,7 +6,7 @@ laid flat, y left, z up, mm.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -118,6 +118,26 @@ class MeasuredObject:
             area = 2 * (length + width) * height + length * width
             gradient = np.array([2 * height + width, 2 * height + length, 2 * (length + width)])
         return float(area) / 1e6, gradient / 1e6
+
+    def without(self, name: str, why: Why) -> MeasuredObject:
+        """The same, one of its sizes unknown; outline and place stay as they were found.
+
+        Parameters
+        ----------
+        name : {"length", "width", "height"}
+        why : Why
+
+        Returns
+        -------
+        MeasuredObject
+        """
+        k = SIZE_NAMES.index(name)
+        size, covariance, common = self.size_mm.copy(), self.covariance.copy(), self.common_mm.copy()
+        size[k] = covariance[k] = covariance[:, k] = np.nan
+        common[k] = 0.0
+        unsure = {other: text for other, text in self.unsure.items() if other != name}
+        reasons = {name: why} | self.reasons
+        return replace(self, size_mm=size, covariance=covariance, common_mm=common, reasons=reasons, unsure=unsure)
 
     def _std(self, gradient: Float64) -> float:
         return float(np.sqrt(gradient @ self.covariance @ gradient))

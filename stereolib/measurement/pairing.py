@@ -55,6 +55,11 @@ class Place:
         bearings, distances = np.arctan2(points_mm[:, 1], points_mm[:, 0]), np.linalg.norm(points_mm, axis=1)
         return cls(*(float(v) for v in (bearings.min(), bearings.max(), distances.min(), distances.max())))
 
+    @property
+    def span_rad(self) -> float:
+        """How wide it looks."""
+        return self.left_rad - self.right_rad
+
     def overlap(self, other: Place, slack_rad: float = 0.0) -> float:
         """Share of the narrower one's bearings that both have in common.
 
@@ -70,7 +75,7 @@ class Place:
             At most 1; negative where they are apart.
         """
         common = min(self.left_rad, other.left_rad) - max(self.right_rad, other.right_rad) + slack_rad
-        widths = (max(place.left_rad - place.right_rad, _LEAST_SPAN_RAD) for place in (self, other))
+        widths = (max(place.span_rad, _LEAST_SPAN_RAD) for place in (self, other))
         return min(common / min(widths), 1.0)
 
 

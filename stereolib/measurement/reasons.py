@@ -28,6 +28,10 @@ class Reason(Enum):
         "the scan shows something nearer or farther where it stands (moved since, or a scan of another place, or a "
         "turned laser): its sizes come from the pair alone"
     )
+    WIDER_IN_SCAN = (
+        "nobody knows whether the pictures show a part of it (by a print, say), or the scan is of another place or "
+        "moment: light it better, or measure without the scan"
+    )
     SCAN_IRREGULAR = "the scan shows no box there, or is too noisy to show one: its sizes come from the pair alone"
     NOT_IN_PICTURE = "outside the picture: turn the rig towards it"
     ONE_CAMERA = "only one camera sees it whole: turn the rig towards it"

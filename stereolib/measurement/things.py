@@ -11,7 +11,7 @@ from stereolib.base import Float64, direction
 from stereolib.laser import Footprint, LaserScan, find_segments, fit_footprint
 from stereolib.measurement.agreement import Past
 from stereolib.measurement.box import Box, Edge, Own, Shared, Side
-from stereolib.measurement.contradictions import weigh_ends
+from stereolib.measurement.contradictions import sharp_edges, weigh_ends
 from stereolib.measurement.floor import Floor
 from stereolib.measurement.hypotheses import Judged, judge
 from stereolib.measurement.measured_object import BoxFacts, MeasuredObject, from_box, from_region, from_scan
@@ -32,6 +32,7 @@ _FEW_BEAMS = 6  # so few tell no round or irregular outline from faces
 _SHOWN = 0.5  # share of a footprint that the right camera must show
 _LEAST_BEAMS = 2  # in the left picture: one may be a neighbour's
 _CONTRADICTION = 2.2  # standard deviations, as `Solution.misfits` counts: an end lies within 1.6 of its two beams
+_FAR_WIDER = 1.5  # times as wide, as seen from the rig
 _FOLLOWED = 0.9  # share of what was followed of a face that is surely its own
 
 
@@ -123,9 +124,11 @@ class Scene:
         """One that the pictures alone show, and whether the scan shows something else there."""
         if not thing.is_box or thing.pictured is None:
             return thing
-        height_mm = float(thing.pictured.own[Own.HEIGHT])
-        otherwise = reads_otherwise(_ends_mm(thing.pictured), height_mm, self.priors.laser, self.readings_mm)
-        return replace(thing, otherwise=otherwise)
+        return replace(thing, otherwise=self._reads_otherwise(thing.pictured))
+
+    def _reads_otherwise(self, pictured: Pictured) -> bool:
+        height_mm = float(pictured.own[Own.HEIGHT])
+        return reads_otherwise(_ends_mm(pictured), height_mm, self.priors.laser, self.readings_mm)
 
     def _of_a_wall(self, thing: Thing, objects_mm: Float64) -> bool:
         """Whether the scan has a wall where the pictures show nothing that surely stands."""
@@ -196,7 +199,7 @@ class Scene:
     def _measured(self, solution: Solution, thing: Thing, number: int | None) -> MeasuredObject:
         facts = self._facts(solution, thing, number)
         if number is not None and not thing.is_round:
-            return from_box(solution, number, facts)
+            return self._without_doubtful_width(thing, from_box(solution, number, facts))
         height, common = (np.nan, np.nan), np.zeros((3, COMMON_ERRORS))
         if number is not None:
             box = from_box(solution, number, facts)
@@ -208,6 +211,22 @@ class Scene:
             assert thing.region is not None
             found = from_region(thing.region, height, facts.reasons)
         return replace(found, common_mm=common)
+
+    def _without_doubtful_width(self, thing: Thing, found: MeasuredObject) -> MeasuredObject:
+        """A lone face without its width, where the scan shows one thing far wider there, and no face has sharp ends.
+
+        Lines of a print may have been taken for ends: the pictures then tell a part of it.
+        """
+        pictured, lone = thing.pictured, found.shape == "face" and "width" not in found.reasons and thing.disagrees
+        if not lone or thing.footprint is None or thing.pieces or pictured is None or self._reads_otherwise(pictured):
+            return found
+        readings, sharp = self.priors.laser.points_mm(thing.footprint.segment.points_mm), sharp_edges(pictured.seen)
+        wider = Place.of(readings).span_rad > _FAR_WIDER * Place.of(_ends_mm(pictured)).span_rad
+        if not wider or any({Edge.CORNER, side.end} <= sharp for side in Side):
+            return found
+        ends_mm = float(np.hypot(*(readings[-1] - readings[0])))
+        seen = f"{found.size_mm[1]:.0f} mm, in the scan {ends_mm:.0f} mm from end to end"
+        return found.without("width", Why(Reason.WIDER_IN_SCAN, seen))
 
     def _facts(self, solution: Solution, thing: Thing, number: int | None) -> BoxFacts:
         """What is told of an object besides its sizes."""

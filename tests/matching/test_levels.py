@@ -79,7 +79,7 @@ def test_a_soft_light_on_one_picture_costs_best_little(monkeypatch):
     glossy = right * (1 + cv2.resize(soft, right.shape[1::-1], interpolation=cv2.INTER_CUBIC))[..., None]
     glossy = glossy.round().clip(0, 255).astype(np.uint8)
     bad = [score(stereo_pipeline("best", 176)(left, side).disparity_px, truth).bad2_pct for side in (right, glossy)]
-    monkeypatch.setattr("stereolib.matching.pipelines.shaded", lambda left, right, rough_px: left)
+    monkeypatch.setattr("stereolib.matching.even_pair.shaded", lambda left, right, rough_px: left)
     bare = score(stereo_pipeline("best", 176)(left, glossy).disparity_px, truth).bad2_pct
     assert bad[1] - bad[0] < 0.5 * (bare - bad[0])
 

@@ -13,11 +13,13 @@ import pytest
 
 from stereolib.base import datasets
 from stereolib.matching import (
+    EvenPair,
     SGBMParams,
     census_sgm,
     choose_surface,
     compute_disparity,
     deviation,
+    even_out,
     find_rows,
     motorcycle_view,
     pipelines,
@@ -61,30 +63,32 @@ def test_best_owns_up_to_its_guesses():
     assert wrong[1] > 2 * wrong[0]
     assert np.median(found.std_px[~found.matched]) > 2 * np.median(found.std_px[found.matched])
     ones = np.ones((40, 64), np.float32)  # the views contradict each other everywhere: nothing may claim to be known
-    filled = pipelines.fill_matched(census_sgm.SGMResult(9 * ones, 3 * ones, 300 * ones), ones.astype(np.uint8))
+    grey = ones.astype(np.uint8)
+    matched = census_sgm.SGMResult(9 * ones, 3 * ones, 300 * ones)
+    filled = pipelines.fill_matched(matched, EvenPair(grey, grey, 1.0))
     assert (filled.kind == deviation.Kind.BORDER).all()
     assert (deviation.std_px(filled.kind, filled.signs) > 5).all()
 
 
-def test_signs_tell_holes_that_no_step_explains():
-    """As wide as the step beside it, a hole is what one camera cannot see; wider, it is a failure."""
-    kept = np.full((5, 60), 20, np.float32)
-    kept[:, :20] = 8
-    kept[:, 8:20] = np.nan  # 12 px wide beside a step of 12 px
-    kept[:, 40:50] = np.nan  # no step
-    kept[:, :4] = np.nan  # at the border: no step is known
-    dense = np.where(np.isnan(kept), 8, kept).astype(np.float32)
-    matched = census_sgm.SGMResult(dense, dense, np.full_like(dense, 100))
-    far_px, wider_px = np.expm1(deviation.signs(dense, matched, kept)[2, :, 5:].T)
-    np.testing.assert_allclose(wider_px[[2, 5, 12, 30, 45]], [4, 0, 0, 0, 10], atol=1e-3)
-    np.testing.assert_allclose(far_px[[0, 3, 5, 30, 40, 44]], [4, 1, 0, 0, 1, 5], rtol=0.06)
+def test_signs_tell_what_the_pictures_contradict():
+    """Where the map is 3 px off, the pictures differ there and nowhere else; a step is as far as it is."""
+    left = np.random.default_rng(5).integers(0, 256, (40, 120), np.uint8)
+    pair = EvenPair(left, np.roll(left, -6, axis=1), 1.0)
+    dense = np.full(left.shape, 6, np.float32)
+    dense[:, 80:] = 9
+    matched = census_sgm.SGMResult(np.full_like(dense, 6), dense, np.full_like(dense, 100))
+    found = deviation.signs(dense, matched, dense, pair)
+    moved, unlike, to_step = (found[20, :, k] for k in (4, 6, 9))
+    assert unlike[20:76].max() < np.log(0.31) < np.log(10) < unlike[84:110].min()
+    np.testing.assert_allclose(np.exp(moved[[20, 60, 100]]), [0.05, 0.05, 3.05], rtol=1e-4)
+    np.testing.assert_allclose(np.expm1(to_step[[40, 70, 79, 80, 90]]), [39, 9, 0, 0, 10], atol=2)
 
 
 def test_nothing_is_told_beyond_the_signs_that_were_seen():
     """Signs far out count as three scales; a score is the sum it is said to be."""
     rng = np.random.default_rng(1)
     for kind, law in deviation.LAWS.items():
-        z = rng.uniform(-3, 3, (40, 7)).astype(np.float32)
+        z = rng.uniform(-3, 3, (40, 11)).astype(np.float32)
         sign = (np.array(law.mean) + z * np.array(law.scale)).astype(np.float32)[None]
         found = deviation.std_px(np.full((1, 40), kind), sign)[0]
         score = [w @ np.array(law.weights) + w @ np.array(law.products) @ w for w in z.astype(float)]
@@ -97,8 +101,8 @@ def test_nothing_is_told_beyond_the_signs_that_were_seen():
 def test_deviations_do_not_jump():
     """Where any sign moves by a hundredth of its scale, the deviation hardly changes, at any pixel."""
     pair, _ = recorded("conditions/glare")
-    matched = pipelines.match_best(*pair, 128)
-    found = pipelines.fill_matched(matched, pair[0])
+    even = even_out(*pair)
+    found = pipelines.fill_matched(pipelines.match_best(even, 128), even)
     was = deviation.std_px(found.kind, found.signs)
     scale = np.array([deviation.LAWS[kind].scale for kind in deviation.Kind], np.float32)[found.kind]
     for k in range(found.signs.shape[2]):
@@ -236,8 +240,8 @@ def test_the_benchmark_says_what_the_library_uses():
     assert layered["mean"]["best_bad1_visible_pct"] < 0.8 * layered["mean"]["rival_bad1_visible_pct"]
     assert layered["mean"]["best_bad2_pct"] < 0.8 * layered["mean"]["rival_bad2_pct"]
     assert layered["ahead_of_rival"] >= 0.8 * layered["pairs"]
-    for scenes, most in ((layered, 74), (measured["rig"], 75)):
-        assert 63 <= scenes["inside1_pct"] <= most and 92 <= scenes["inside2_pct"] <= 97
+    for scenes in (layered, measured["rig"]):
+        assert 63 <= scenes["inside1_pct"] <= 74 and 92 <= scenes["inside2_pct"] <= 97
         assert scenes["mean"]["area"] <= 0.15
     times = (datasets.ROOT / "benchmarks" / "results" / "pipeline_time.json").read_text(encoding="utf-8")
     assert json.loads(times)["fast_times_plain"] >= 2

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from stereolib.matching import SGMResult, choose_surface, fill_matched
+from stereolib.matching import EvenPair, SGMResult, choose_surface, fill_matched
 from stereolib.matching.deviation import Kind
 
 ROWS, COLUMNS = np.mgrid[:60, :80]
@@ -88,6 +88,6 @@ def test_a_match_that_was_given_to_the_other_surface_is_called_a_guess():
         at = round(x - float(was[y, x]))
         if at >= 0:
             right[y, at] = np.fmax(right[y, at], was[y, x])
-    found = fill_matched(SGMResult(was, right, np.full_like(was, 100)), picture())
+    found = fill_matched(SGMResult(was, right, np.full_like(was, 100)), EvenPair(picture(), picture(), 1.0))
     too_wide = (was == 30) & ~THING
     assert (found.kind[too_wide] >= Kind.GAP).mean() > 0.9

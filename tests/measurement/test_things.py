@@ -1,0 +1,85 @@
+"""What a scan says of a face whose ends the pictures may have mistaken."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from support.boxes import OWN, PRIORS, STILL, edges
+
+from stereolib.measurement.agreement import Past
+from stereolib.measurement.box import Box, Edge
+from stereolib.measurement.contradictions import sharp_edges
+from stereolib.measurement.laser_on_floor import Lean
+from stereolib.measurement.measured_object import MeasuredObject
+from stereolib.measurement.reasons import Reason, Why
+from stereolib.measurement.scene_solver import Seen
+from stereolib.measurement.things import Scene, Thing
+
+FACE = MeasuredObject(
+    shape="face", size_mm=np.array([np.nan, 300.0, 250.0]), covariance=np.diag([np.nan, 1.0, 1.0]),
+    position_mm=OWN[:2], position_covariance=np.eye(2), yaw_rad=0.0, yaw_std_rad=0.01, outline_mm=np.zeros((2, 2)),
+    reasons={"length": Why(Reason.DEPTH_HIDDEN)}, common_mm=np.ones((3, 7)), unsure={"width": "far", "height": "far"},
+)  # fmt: skip
+
+
+ENDS = Box(OWN).points(np.array([[0.0, 0, 0], [1, 0, 0]]))[:, :2]
+FACE_DEG = float(np.degrees(np.ptp(np.arctan2(ENDS[:, 1], ENDS[:, 0]))))
+
+
+def readings(spread_deg, distance_mm=720.0):
+    bearings = np.radians(np.linspace(-spread_deg / 2, spread_deg / 2, 50))
+    return distance_mm * np.column_stack([np.cos(bearings), np.sin(bearings)])
+
+
+def judged(points_mm, *, std_px=(0.8, 0.8), disagrees=True, found=FACE, pieces=(), priors=PRIORS):
+    """What is told of a face that looks `FACE_DEG` wide; its corner and its right end are known so well."""
+    some = (Edge.CORNER, Edge.RIGHT_END)
+    seen = edges(PRIORS.world(STILL), OWN, some=some)
+    seen = Seen(OWN, tuple(replace(edge, std_px=std) for edge, std in zip(seen, std_px, strict=True)))
+    pictured = SimpleNamespace(own=OWN, past=dict.fromkeys(some, Past.OPEN), seen=seen)
+    footprint = SimpleNamespace(segment=SimpleNamespace(points_mm=points_mm))
+    scene = Scene(SimpleNamespace(priors=priors), True, points_mm, points_mm)
+    thing = Thing(pictured, footprint=footprint, seen=seen, disagrees=disagrees, pieces=pieces)
+    return scene._without_doubtful_width(thing, found)
+
+
+LOW = replace(PRIORS, laser=replace(PRIORS.laser, lean=Lean(np.zeros(2), 80.0, 1e-6 * np.eye(2))))
+
+
+@pytest.mark.parametrize("std_px", [(0.8, 0.8), (0.1, 0.8), (0.8, 0.1)])
+def test_a_face_that_is_far_wider_in_the_scan_has_no_width(std_px):
+    found = judged(readings(1.6 * FACE_DEG), std_px=std_px)
+    assert np.isnan(found.size_mm[:2]).all() and found.size_mm[2] == 250
+    assert found.reasons["width"].reason is Reason.WIDER_IN_SCAN and "300 mm, in the scan " in str(
+        found.reasons["width"]
+    )
+    assert found.reasons["length"] is FACE.reasons["length"] and found.unsure == {"height": "far"}
+    assert found.std_mm[2] == 1 and np.isnan(found.covariance[1]).all() and not found.common_mm[1].any()
+
+
+TWICE = readings(2 * FACE_DEG)
+
+
+@pytest.mark.parametrize(
+    "otherwise",
+    [
+        {"points_mm": readings(1.4 * FACE_DEG)},  # hardly wider
+        {"points_mm": TWICE, "std_px": (0.1, 0.1)},  # its ends are sharp: no print
+        {"points_mm": TWICE, "disagrees": False},
+        {"points_mm": TWICE, "found": replace(FACE, shape="box")},
+        {"points_mm": TWICE, "found": FACE.without("width", Why(Reason.CUT))},
+        {"points_mm": TWICE, "pieces": (Thing(),)},  # others within that outline stand alone now
+        {"points_mm": 2.5 * TWICE, "priors": LOW},  # far behind: something else
+    ],
+)
+def test_else_it_stays(otherwise):
+    assert judged(**otherwise) is otherwise.get("found", FACE)
+
+
+def test_which_edges_are_sharp():
+    every = edges(PRIORS.world(STILL), OWN)
+    seen = Seen(OWN, (replace(every[0], std_px=0.6), *every[1:]))
+    assert sharp_edges(seen) == {edge.edge for edge in every[1:]}

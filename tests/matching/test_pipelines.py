@@ -80,6 +80,9 @@ def test_signs_tell_what_the_pictures_contradict():
     found = deviation.signs(dense, matched, dense, pair)
     moved, unlike, to_step = (found[20, :, k] for k in (4, 6, 9))
     assert unlike[20:76].max() < np.log(0.31) < np.log(10) < unlike[84:110].min()
+    around, along = found[20, :, 7], found[20, :, 8]
+    assert around[20:70].max() < np.log(0.31) < np.log(3) < around[75]  # as its window reaches the wrong part
+    assert along[20:76].min() > np.log(10)  # texture, whatever the map says
     np.testing.assert_allclose(np.exp(moved[[20, 60, 100]]), [0.05, 0.05, 3.05], rtol=1e-4)
     np.testing.assert_allclose(np.expm1(to_step[[40, 70, 79, 80, 90]]), [39, 9, 0, 0, 10], atol=2)
 

@@ -24,8 +24,8 @@ scenes of ``layered_pairs.py``; the simplest value of each comes first. An infin
 everywhere. Their lines are in ``results/choose_coarse.csv``. Tried on the same scenes, and no better: noise told part
 by part, or by a single picture's finest detail; colour in the smaller sizes; distances to ranges between pixels; other
 census windows. The sums now have 8 bits: windows and penalties of the grid that need more are refused, if the first
-file is ever begun anew. Tried on every second one of them and not taken: a second pass over 16 disparities, the right
-picture warped by the first map; it took the mean from 3.56 to 3.52 %.
+file is ever begun anew. Tried on every second one of these scenes and not taken: a second pass over 16 disparities, the
+right picture warped by the first map; at its best it took the mean from 3.56 to 3.52 %.
 
 Then came `surfaces.choose_surface`, from ``SURFACE``: infinitely sure leaves it out; and last the planes of
 `plane_smoothing`, from ``PLANES``: windows of one pixel leave all as it is. Their lines are in

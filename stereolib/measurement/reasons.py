@@ -16,6 +16,10 @@ class Reason(Enum):
     HIDDEN = "an end is hidden by something nearer"
     TOO_UNCERTAIN = "too uncertain; turn the object, light or texture it, or move the rig"
     CONTRADICTION = "its edges contradict each other: see that it is a box, and that nothing touches it"
+    IN_ANOTHER = (
+        "it and another object would stand in one another, so one of them is mistaken: move them apart, or change "
+        "light or background"
+    )
     IN_THE_AIR = "it does not stand on the floor, or is too plain to be followed to it; put it down, or texture it"
     LEANS = "it leans; put it upright"
     MAY_LEAN = "it may lean; put it upright, or change light or background"
@@ -28,9 +32,9 @@ class Reason(Enum):
         "the scan shows something nearer or farther where it stands (moved since, or a scan of another place, or a "
         "turned laser): its sizes come from the pair alone"
     )
-    WIDER_IN_SCAN = (
-        "nobody knows whether the pictures show a part of it (by a print, say), or the scan is of another place or "
-        "moment: light it better, or measure without the scan"
+    OTHER_IN_SCAN = (
+        "nobody knows whether the pictures show a part of it (by a print, say), or two things as one, or the scan is of "
+        "another place or moment: light it better, move it apart from others, or measure without the scan"
     )
     SCAN_IRREGULAR = "the scan shows no box there, or is too noisy to show one: its sizes come from the pair alone"
     NOT_IN_PICTURE = "outside the picture: turn the rig towards it"

@@ -15,6 +15,7 @@ from stereolib.measurement.contradictions import sharp_edges, weigh_ends
 from stereolib.measurement.floor import Floor
 from stereolib.measurement.hypotheses import Judged, judge
 from stereolib.measurement.measured_object import BoxFacts, MeasuredObject, from_box, from_region, from_scan
+from stereolib.measurement.one_place import without_shared_places
 from stereolib.measurement.pairing import Place, pair_up
 from stereolib.measurement.pictured import Pictured
 from stereolib.measurement.plane_alignment import CannotMeasure
@@ -194,7 +195,8 @@ class Scene:
     def measured(self, judged: Judged, things: list[Thing]) -> list[MeasuredObject]:
         """Make the measured objects."""
         numbers = _numbers(things)
-        return [self._measured(judged.solution, thing, numbers.get(id(thing))) for thing in things]
+        every = [self._measured(judged.solution, thing, numbers.get(id(thing))) for thing in things]
+        return without_shared_places(every)
 
     def _measured(self, solution: Solution, thing: Thing, number: int | None) -> MeasuredObject:
         facts = self._facts(solution, thing, number)
@@ -213,20 +215,26 @@ class Scene:
         return replace(found, common_mm=common)
 
     def _without_doubtful_width(self, thing: Thing, found: MeasuredObject) -> MeasuredObject:
-        """A lone face without its width, where the scan shows one thing far wider there, and no face has sharp ends.
+        """A lone face without its width, where the scan shows no straight one there, or one thing far wider.
 
-        Lines of a print may have been taken for ends: the pictures then tell a part of it.
+        Lines of a print, or ends of two things, may have been taken for its ends.
         """
-        pictured, lone = thing.pictured, found.shape == "face" and "width" not in found.reasons and thing.disagrees
-        if not lone or thing.footprint is None or thing.pieces or pictured is None or self._reads_otherwise(pictured):
+        if found.shape != "face" or "width" in found.reasons or thing.footprint is None or thing.pictured is None:
             return found
-        readings, sharp = self.priors.laser.points_mm(thing.footprint.segment.points_mm), sharp_edges(pictured.seen)
-        wider = Place.of(readings).span_rad > _FAR_WIDER * Place.of(_ends_mm(pictured)).span_rad
-        if not wider or any({Edge.CORNER, side.end} <= sharp for side in Side):
+        readings = self.priors.laser.points_mm(thing.footprint.segment.points_mm)
+        shows_none = Why(Reason.SCAN_IRREGULAR) in found.reasons.values()
+        if not (shows_none or (thing.disagrees and self._is_far_wider(readings, thing, thing.pictured))):
             return found
         ends_mm = float(np.hypot(*(readings[-1] - readings[0])))
-        seen = f"{found.size_mm[1]:.0f} mm, in the scan {ends_mm:.0f} mm from end to end"
-        return found.without("width", Why(Reason.WIDER_IN_SCAN, seen))
+        shown = "no straight face" if shows_none else f"{ends_mm:.0f} mm from end to end"
+        return found.without("width", Why(Reason.OTHER_IN_SCAN, f"{found.size_mm[1]:.0f} mm, in the scan {shown}"))
+
+    def _is_far_wider(self, readings_mm: Float64, thing: Thing, pictured: Pictured) -> bool:
+        """Whether the scan shows one thing far wider than what the pictures do, no side of which has two sharp ends."""
+        if thing.pieces or self._reads_otherwise(pictured):
+            return False
+        wider = Place.of(readings_mm).span_rad > _FAR_WIDER * Place.of(_ends_mm(pictured)).span_rad
+        return wider and not any({Edge.CORNER, side.end} <= sharp_edges(pictured.seen) for side in Side)
 
     def _facts(self, solution: Solution, thing: Thing, number: int | None) -> BoxFacts:
         """What is told of an object besides its sizes."""

@@ -18,6 +18,7 @@ from stereolib.rig import RectifiedRig, check_pair, to_grey
 
 _DOUBTFUL = 0.6  # share of unmatched pixels from which on exchanged sides are suspected
 _CLIPPED = (2, 253)  # grey levels beyond which a pixel tells nothing
+_MOST_OFF, _SURE_STDS = 0.006, 5.0  # of the width: rows that are surely off by more are no knock's, but another rig's
 _NOISE_STEP = 3  # every third pixel of every third row tells the noise
 _STD_PER_MEDIAN = 1 / 0.6745  # of a normal distribution: deviation over the median of what it is off by
 
@@ -83,7 +84,7 @@ class Views:
         Raises
         ------
         ValueError
-            If pictures and calibration do not fit together.
+            If pictures and calibration do not fit together: sizes, or rows that are off by more than 0.6 % of the width.
         """
         check_pair(left, right)
         left, right = without_blocks(left), without_blocks(right)
@@ -111,7 +112,7 @@ class Views:
         Raises
         ------
         ValueError
-            If they are no pair.
+            If they are no pair, or their rows are off by more than 0.6 % of the width.
         """
         check_pair(left, right)
         grey = to_grey(left), to_grey(right)
@@ -119,10 +120,19 @@ class Views:
         if np.isnan(small).mean() > _DOUBTFUL:
             other = exchanged() if exchanged else (right, left)
             check_sides(*grey, (to_grey(other[0]), to_grey(other[1])))
+        _check_rows(rows, left.shape[1])
         right = rows.correct(right)
         disparity = cv2.resize(2 * small, left.shape[1::-1], interpolation=cv2.INTER_NEAREST)
         pair = AlignedPair.of(left, right, rows.covariance)
         return cls(left, right, np.asarray(disparity), pair, rows, max(map(_clipped, grey)))
+
+
+def _check_rows(rows: RowOffset, width: int) -> None:
+    off_px = rows.offset_px
+    if abs(off_px) > max(_MOST_OFF * width, _SURE_STDS * rows.std_px):
+        seen = f"the rows of right are {abs(off_px):.1f} px too {'low' if off_px > 0 else 'high'}"
+        ask = "Is the calibration of these cameras, as they stand now? Are the pictures mirrored, or upside down?"
+        raise ValueError(f"{seen}: what is measured would be wrong by more than anyone could tell. {ask}")
 
 
 def _clipped(grey: UInt8) -> float:

@@ -53,11 +53,23 @@ LOW = replace(PRIORS, laser=replace(PRIORS.laser, lean=Lean(np.zeros(2), 80.0, 1
 def test_a_face_that_is_far_wider_in_the_scan_has_no_width(std_px):
     found = judged(readings(1.6 * FACE_DEG), std_px=std_px)
     assert np.isnan(found.size_mm[:2]).all() and found.size_mm[2] == 250
-    assert found.reasons["width"].reason is Reason.WIDER_IN_SCAN and "300 mm, in the scan " in str(
+    assert found.reasons["width"].reason is Reason.OTHER_IN_SCAN and "300 mm, in the scan " in str(
         found.reasons["width"]
     )
     assert found.reasons["length"] is FACE.reasons["length"] and found.unsure == {"height": "far"}
     assert found.std_mm[2] == 1 and np.isnan(found.covariance[1]).all() and not found.common_mm[1].any()
+
+
+IRREGULAR = replace(FACE, reasons=FACE.reasons | {"object": Why(Reason.SCAN_IRREGULAR)})
+
+
+@pytest.mark.parametrize("std_px", [(0.8, 0.8), (0.1, 0.1)])
+def test_a_face_that_is_no_straight_one_in_the_scan_has_no_width(std_px):
+    found = judged(readings(FACE_DEG), std_px=std_px, disagrees=False, found=IRREGULAR)
+    assert np.isnan(found.size_mm[:2]).all() and found.size_mm[2] == 250
+    assert str(found.reasons["width"]).startswith("300 mm, in the scan no straight face: ")
+    box = replace(IRREGULAR, shape="box")  # its corner is no straight face either
+    assert judged(readings(FACE_DEG), disagrees=False, found=box) is box
 
 
 TWICE = readings(2 * FACE_DEG)

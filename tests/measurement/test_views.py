@@ -46,6 +46,13 @@ def test_rows_are_measured_and_corrected(offset, roll):
     assert bool(views.rows.warnings) == (abs(offset) >= 0.5)
 
 
+@pytest.mark.parametrize(("offset", "said"), [(5.0, "rows of right are 5.0 px too low"), (-6.0, "too high")])
+def test_rows_of_another_rig_are_refused(offset, said):
+    left, right = rectified("series/medium_800")
+    with pytest.raises(ValueError, match=f"{said}: .*Is the calibration of these cameras.*mirrored, or upside down"):
+        Views.of_rectified(left, rows_moved(right, offset, 0.0))
+
+
 def test_the_rows_deviation_is_that_of_their_errors():
     """Over scenes and offsets; 1 would be perfect."""
     names, z = ("conditions/texture", "conditions/level", "series/fine_800", "series/coarse_900"), []

@@ -182,7 +182,9 @@ def _watch(session: CaptureSession, page: LiveLink | None) -> None:
     from stereolib.notebook.capture_view import draw_capture, press
 
     if session.taken:
-        print(f"going on after {counted(session.taken, 'pair')} that {_are(session.taken)} there", file=sys.stderr)
+        others = ", taken with left = {}, right = {}".format(*session.before) if session.before else ""
+        there = f"{counted(session.taken, 'pair')} that {_are(session.taken)} there{others}"
+        print(f"going on after {there}", file=sys.stderr)
     live, said, said_s, stuck_s = sys.stderr.isatty(), "", 0.0, -math.inf
     for state in session.run():
         if page is not None:

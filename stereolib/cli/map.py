@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from stereolib.base import counted, listed, plus_minus
+from stereolib.base import counted, listed, plus_minus, rounded
 from stereolib.cli.command import Command
 from stereolib.cli.errors import DONE, REFUSED
 from stereolib.cli.outputs import check_outputs, default_name
@@ -184,7 +184,7 @@ def map_text(recorded: RecordedMap) -> str:
     lines = [f"{counted(len(room.objects), 'object')}, {counted(len(room.walls), 'wall')}, from {stations}"]
     for name, each in zip(room.names, room.objects, strict=True):
         x, y = each.fused.position_mm
-        place = f"at x {x:.0f}, y {y:.0f} mm, seen from station {', '.join(_seen_from(room, each.stations))}"
+        place = f"at x {rounded(x)}, y {rounded(y)} mm, seen from station {', '.join(_seen_from(room, each.stations))}"
         lines += [object_title(name, each.fused), *(f"   {line}" for line in object_details(each.fused, place))]
     whole = sum(math.isfinite(item.volume_l[0]) for item in room.measured)
     if whole > 1:
@@ -217,7 +217,7 @@ def _said_at_stations(recorded: RecordedMap) -> list[str]:
 
 def _pose_text(station: Station) -> str:
     x, y, yaw = station.pose
-    place = f"x {x:.0f}, y {y:.0f} mm, looks {math.degrees(yaw):.1f} degrees"
+    place = f"x {rounded(x)}, y {rounded(y)} mm, looks {rounded(math.degrees(yaw), 1)} degrees"
     if not station.covariance.any():
         return place
     dx, dy, turn = (math.sqrt(station.covariance[k, k]) for k in range(3))

@@ -294,9 +294,9 @@ class CaptureSession:
         before, now = tuple(notes.get("sources", self._sources)), self._sources
         if before == now:
             return
-        self.before, views = before, self.watch.views if self.watch else ()
-        shows_exchanged = bool(views) and not math.isnan(exchanged_mm(views))
-        is_renamed = bool(views) and notes.get("exchanged", False)
+        self.before = before
+        shows_exchanged = self.watch is not None and not math.isnan(exchanged_mm(self.watch.views))
+        is_renamed = self.watch is not None and notes.get("exchanged", False)
         if shows_exchanged or (before == now[::-1] and not is_renamed):
             ways = "left = {}, right = {}; now it is left = {}, right = {}".format(*before, *now)
             which = f"the {counted(count, 'pair')} in {self.folder} {'was' if count == 1 else 'were'} taken with {ways}"

@@ -121,7 +121,7 @@ def find_laser_boards_in_files(
     ValueError
         Naming the file in which the board was not found.
     """
-    views = []
+    views = list[LaserBoardView]()
     diagonal = float(np.hypot(*(np.ptp(board.points_mm[:, :2], axis=0) + 2 * (board.square_mm + margin_mm))))
     for picture, scan in zip(pictures, scans, strict=True):
         corners = find_board(read_image(picture), board)

@@ -148,7 +148,7 @@ def test_tables_that_are_no_scan_are_refused(folder, rows, message):
 @pytest.mark.parametrize("mark", [";", "\t"])
 def test_a_table_of_another_mark_between_columns_is_told_which_to_take(folder, mark):
     (folder / "5_scan.csv").write_text(f"angle_deg{mark}range_mm\n0{mark}500,5\n")
-    with pytest.raises(ValueError, match="first line must be angle_deg,range_mm; .*: commas between columns, points in"):
+    with pytest.raises(ValueError, match=r"must be angle_deg,range_mm; .*: commas between columns, points in"):
         list_stations(folder).stations[2].read_scan()
 
 

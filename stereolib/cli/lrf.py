@@ -88,7 +88,7 @@ def _called(source: str) -> tuple[str, str]:
     """How a picture of a file or a port is named, and what its title calls it."""
     if (path := Path(source)).is_file():
         return path.stem, path.name
-    port = source.removeprefix("/dev/").rpartition("://")[2]
+    port = source.removeprefix("/dev/").rpartition("://")[2] or source
     return re.sub(r"[^\w.-]+", "_", port), port
 
 

@@ -45,6 +45,7 @@ def test_a_recording_that_nothing_can_use_is_told_so(tmp_path: Path, capsys: pyt
         ("/dev/pts/0", "pts_0", "pts/0"),
         ("/dev/ttyUSB0", "ttyUSB0", "ttyUSB0"),
         ("socket://127.0.0.1:4000", "127.0.0.1_4000", "127.0.0.1:4000"),
+        ("socket://", "socket_", "socket://"),
         (ROOM, Path(ROOM).stem, Path(ROOM).name),
     ],
 )

@@ -22,7 +22,7 @@ from stereolib.base import data_path
 from stereolib.cli import commands
 from stereolib.cli import map as map_command
 from stereolib.mapping import laser_alone, list_stations, map_recordings
-from stereolib.virtual import walk
+from stereolib.virtual import walk, walk_folder
 
 
 @pytest.fixture(scope="module")
@@ -114,6 +114,36 @@ def test_a_bar_is_there_before_the_first_file_is_read(made, tmp_path, capsys):
     with pytest.raises(ValueError, match="no XV-11 recording"):
         map_recordings(list_stations(tmp_path).stations, laser_alone(), progress=True)
     assert "reading:   0%" in capsys.readouterr().err
+
+
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+def test_boards_that_take_seconds_show_a_bar(tmp_path, monkeypatch):
+    terminal = Terminal()
+    monkeypatch.setattr("sys.stderr", terminal)
+    walk_folder._boards.cache_clear()
+    walk_folder.write_walk(tmp_path / "walk")
+    assert "boards:   0%" in terminal.getvalue()
+
+
+@pytest.mark.parametrize("words", [("data", "walk", "walk"), ("map", "walk", "--output", "out")])
+def test_ctrl_c_says_that_what_was_written_stays(tmp_path, monkeypatch, capsys, words):
+    def interrupt(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(walk_folder, "write_walk", interrupt)
+    monkeypatch.setattr(map_command, "_stations", interrupt)
+    assert run(*words) == 130
+    assert "interrupted; files that were written stay; run it again with --force" in capsys.readouterr().err
+
+
+def test_poses_of_a_map_have_no_minus_at_zero():
+    station = SimpleNamespace(pose=np.array([-0.3, -0.0, -1e-5]), covariance=np.zeros((3, 3)))
+    assert map_command._pose_text(station) == "x 0, y 0 mm, looks 0.0 degrees"
 
 
 def test_one_of_a_thing_is_not_many(tmp_path, capsys):

@@ -3,7 +3,7 @@ from .angles import direction, turn_2d, turn_about_z, wrap_rad
 from .arrays import Bools, Float32, Float64, Floats, Ints, UInt8, finite_array, set_frozen
 from .datasets import ROOT, NotAvailable, available, data_path, figures_dir, real_recording, real_recordings, repository
 from .files import check_name, check_target, read_bytes, read_text, write_atomic
-from .numbers import counted, listed, plus_minus
+from .numbers import counted, listed, plus_minus, rounded
 from .statistics import clustered_covariance, median, quantile
 from .text_formats import check_nesting, parse_yaml, read_json, read_toml, read_yaml
 from .work_folder import work_folder
@@ -41,6 +41,7 @@ __all__ = [
     "real_recording",
     "real_recordings",
     "repository",
+    "rounded",
     "set_frozen",
     "turn_2d",
     "turn_about_z",

@@ -193,13 +193,16 @@ def check_target(path: str | PathLike[str]) -> None:
     Raises
     ------
     ValueError
-        If it is a folder, or the nearest folder above it that exists cannot be written to; the text names it.
+        If it is a folder, a file that is write-protected, or the nearest folder above it that exists cannot be
+        written to; the text names it.
     """
     path = Path(path)
     if path.is_dir():
         raise ValueError(f"{path}: is a folder; name a file to write")
     if path.exists() and not path.is_file():
         return
+    if path.exists() and not os.access(path, os.W_OK):
+        raise ValueError(f"{path}: cannot be written, it is write-protected; lift that, or choose another place")
     folder = next(above for above in Path(os.path.abspath(path)).parents if above.exists())
     probe = _beside(folder / path.name)
     try:

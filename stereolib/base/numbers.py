@@ -48,6 +48,26 @@ def listed(things: Iterable[object], most: int = 8) -> str:
     return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
 
 
+def rounded(value: float, decimals: int = 0) -> str:
+    """Write a value to so many decimals, and 0 without a minus.
+
+    Parameters
+    ----------
+    value : float
+    decimals : int
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> rounded(-0.4), rounded(-1.26, 1)
+    ('0', '-1.3')
+    """
+    return f"{round(float(value), decimals) + 0.0:.{decimals}f}"  # + 0.0: never -0
+
+
 def plus_minus(value: float, std: float) -> str:
     """Write a value with its standard deviation, the deviation to two digits and the value to as many decimals.
 
@@ -72,4 +92,4 @@ def plus_minus(value: float, std: float) -> str:
     if not (math.isfinite(std) and std > 0):
         return f"{value:.6g}"
     decimals = min(max(1 - math.floor(math.log10(std)), 0), 9)
-    return f"{round(value, decimals) + 0.0:.{decimals}f} ± {std:.{decimals}f}"  # + 0.0: never -0.00
+    return f"{rounded(value, decimals)} ± {std:.{decimals}f}"

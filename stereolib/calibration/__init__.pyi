@@ -2,7 +2,7 @@ from .board_size import board_size_error_pct, triangulate
 from .board_watch import BoardLook, BoardWatch
 from .boards import Board, BoardViews, Charuco, Checkerboard, find_board, find_charuco, find_checkerboard, find_in_pairs
 from .bundle_adjustment import RigFit, board_pose, fit_rig, moved_rig, rig_difference
-from .capture_session import CaptureSession, CaptureState
+from .capture_session import CAPTURE_NOTES, CaptureSession, CaptureState
 from .check_wording import CHECK_MEANINGS
 from .coverage import Coverage, boards_per_cell
 from .detection import find_in_files
@@ -52,6 +52,7 @@ from .wording import (
 from .wrong_corners import CornerOff
 
 __all__ = [
+    "CAPTURE_NOTES",
     "CHECK_MEANINGS",
     "INTERVAL_STDS",
     "LASER_SCALE_STD",

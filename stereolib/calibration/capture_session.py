@@ -25,7 +25,7 @@ from stereolib.rig import CameraError, LivePair, LiveRig
 
 _SIDES = ("left", "right")
 _LONGER = "hold it a little longer, or nearer"
-NOTES = "capture.json"
+CAPTURE_NOTES = "capture.json"
 _MOST = 2  # times the pairs asked for, as long as something is missing
 _AGAIN_OF = 20  # pictures, of which half must have been sent before
 _FROZEN_OF = 3  # pictures: the same ones nearer than that are a camera that hangs
@@ -83,13 +83,16 @@ class CaptureSession:
     watch : BoardWatch or None
     taken : int
         Pairs in the folder.
+    before : tuple of str
+        The cameras that took those which were there, the left one first, if they were others; else empty.
     ended : str
         Why the last `run` ended before there were enough; else "".
 
     Raises
     ------
     ValueError
-        If the folder holds other files, pictures of another size, or those of another board.
+        If the folder holds other files, pictures of another size, those of another board, or pairs that were taken
+        with left and right exchanged.
     """
 
     def __init__(
@@ -113,6 +116,7 @@ class CaptureSession:
         self._whys = Counter[str]()  # since then: how often nothing was taken for which reason
         self._sent, self._again = dict[int, int](), deque[bool](maxlen=_AGAIN_OF)  # checksums: when sent last
         self._looks, self.ended = 0, ""
+        self.before: tuple[str, ...] = ()
         self.taken = self._resumed()
 
     @property
@@ -222,7 +226,8 @@ class CaptureSession:
         """Refuse cameras of which the first pairs of the board show that left and right are exchanged."""
         if self.watch is None or math.isnan(off_mm := exchanged_mm(self.watch.views)):
             return
-        (left, right), folders = (camera.source for camera in self.rig.cameras), self.folders
+        (left, right), folders = self._sources, self.folders
+        self._note(is_exchanged=True)
         raise ValueError(
             f"left and right are exchanged: by {counted(self.taken, 'pair')} of the board, {left} stands some "
             f"{off_mm:.0f} mm to the right of {right} (or both hang upside down). Name {right} first, and another "
@@ -234,7 +239,7 @@ class CaptureSession:
         number = 1
         while all((folder / _file(number)).is_file() for folder in self.folders):
             number += 1
-        if not (self.folder / NOTES).is_file():
+        if not (self.folder / CAPTURE_NOTES).is_file():
             self._note()  # first, so that whatever is there says what it is of
         for folder, picture in zip(self.folders, (pair.left, pair.right), strict=True):
             write_atomic(folder / _file(number), _png(picture))
@@ -242,13 +247,18 @@ class CaptureSession:
         self._note()
         return Path(_file(number)).stem
 
-    def _note(self) -> None:
+    @property
+    def _sources(self) -> tuple[str, ...]:
+        return tuple(camera.source for camera in self.rig.cameras)
+
+    def _note(self, *, is_exchanged: bool = False) -> None:
         rig = self.rig
         p95, rates = rig.skew_p95_ms, rig.rates_hz
         notes: dict[str, Any] = {
             "board": self._about,
             "size": list(rig.size),
-            "sources": [camera.source for camera in rig.cameras],
+            "sources": list(self._sources),
+            "exchanged": is_exchanged,
             "refused": [list(camera.refused) for camera in rig.cameras],
             "pairs": self.taken,
             "skew": rig.skew_name,
@@ -256,7 +266,7 @@ class CaptureSession:
             "dropped_for_skew": rig.dropped,
             "rates_hz": [None if math.isnan(rate) else round(rate, 1) for rate in rates],
         }
-        write_atomic(self.folder / NOTES, json.dumps(notes, indent=1) + "\n")
+        write_atomic(self.folder / CAPTURE_NOTES, json.dumps(notes, indent=1) + "\n")
 
     def _resumed(self) -> int:
         """Pairs that are there already, given to the watch; refuses what is not of this capture."""
@@ -265,18 +275,32 @@ class CaptureSession:
         names = sorted(numbers[0] & numbers[1])
         if not names:
             return 0
-        notes = read_json(self.folder / NOTES)
+        notes = read_json(self.folder / CAPTURE_NOTES)
         if not isinstance(notes, dict) or (notes.get("board"), notes.get("size")) != (self._about, list(self.rig.size)):
             raise ValueError(
                 f"{self.folder} holds {counted(len(names), 'pair')} of another board or size "
-                f"({self.folder / NOTES} says which): name another folder, or give the same ones"
+                f"({self.folder / CAPTURE_NOTES} says which): name another folder, or give the same ones"
             )
         if self.watch:
             left, right = ([folder / name for name in names] for folder in self.folders)
             views = find_in_files(left, right, self.watch.board, progress=sys.stderr.isatty())
             for name, left_px, right_px in zip(views.names, views.left_px, views.right_px, strict=True):
                 self.watch.add(Path(name).stem, left_px, right_px)
+        self._check_sources(notes, len(names))
         return len(names)
+
+    def _check_sources(self, notes: dict[str, Any], count: int) -> None:
+        """Refuse to go on after pairs that were taken the other way round, unless their folders have changed names."""
+        before, now = tuple(notes.get("sources", self._sources)), self._sources
+        if before == now:
+            return
+        self.before = before
+        shows_exchanged = self.watch is not None and not math.isnan(exchanged_mm(self.watch.views))
+        is_renamed = self.watch is not None and notes.get("exchanged", False)
+        if shows_exchanged or (before == now[::-1] and not is_renamed):
+            ways = "left = {}, right = {}; now it is left = {}, right = {}".format(*before, *now)
+            which = f"the {counted(count, 'pair')} in {self.folder} {'was' if count == 1 else 'were'} taken with {ways}"
+            raise ValueError(f"{which}: give another folder, or delete {'it' if count == 1 else 'them'}")
 
     def _check_folder(self) -> None:
         for folder in self.folders:
@@ -285,8 +309,8 @@ class CaptureSession:
                 raise ValueError(f"{folder} holds files of something else ({listed(others, 3)}): name another folder")
             check_target(folder / _file(1))
         is_begun = any(any(folder.glob("*.png")) for folder in self.folders)
-        if is_begun and not (self.folder / NOTES).is_file():
-            raise ValueError(f"{self.folder} holds pictures, but no {NOTES}: name another folder")
+        if is_begun and not (self.folder / CAPTURE_NOTES).is_file():
+            raise ValueError(f"{self.folder} holds pictures, but no {CAPTURE_NOTES}: name another folder")
 
 
 def _file(number: int) -> str:

@@ -121,12 +121,14 @@ def find_laser_boards_in_files(
     ValueError
         Naming the file in which the board was not found.
     """
-    views = []
+    views = list[LaserBoardView]()
     diagonal = float(np.hypot(*(np.ptp(board.points_mm[:, :2], axis=0) + 2 * (board.square_mm + margin_mm))))
     for picture, scan in zip(pictures, scans, strict=True):
         corners = find_board(read_image(picture), board)
         if corners is None:
-            raise ValueError(f"{picture}: the board was not found in it; take this pose out, or take it again")
+            corners_told = "" if views else ": count its inner corners, not squares, or"  # none so far has it
+            what = f"the board was not found in it{corners_told or ';'}"
+            raise ValueError(f"{picture}: {what} take this pose out, or take it again")
         known = np.isfinite(corners).all(axis=1)
         turn, t = board_pose(board.points_mm[known], corners[known], left)
         seen = read_scan(scan)

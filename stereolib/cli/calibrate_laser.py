@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,9 +15,14 @@ from stereolib.cli.ranges import MM, number
 
 if TYPE_CHECKING:
     from stereolib.base import Float64
+    from stereolib.calibration import LidarCamera
 
 _MANY = 6  # poses: enough, if they are held as they should be
-_OR_MIXED = ". If they were held so: does each scan belong to its picture? A missing one shifts all that follow"
+_OR_MIXED = (
+    ". If they were held so: does each scan belong to its picture (a missing one shifts all that follow)? Are the "
+    "pictures upside down, or pictures or scans mirrored?"
+)
+_MOVED_STDS, _LEAST_MOVED_MM, _LEAST_MOVED_DEG = 4.0, 5.0, 0.5  # by which a pose is another one
 _CLOCKWISE = (
     "this laser hangs upside down, or its angles run clockwise. If it stands upright, mirror its scans (what stands at "
     "1, 2, 3 ... degrees belongs to 359, 358, 357 ...) and calibrate again: where its light starts was taken on the "
@@ -45,7 +51,8 @@ def _configure(parser: argparse.ArgumentParser) -> None:
         metavar="MM",
         help="board beyond its squares (default: 0); readings on it count as the board's",
     )
-    parser.add_argument("--force", action="store_true", help="replace a pose that is there by a doubtful one")
+    about = "replace a pose that is there by a doubtful one, or by one elsewhere: the laser was moved"
+    parser.add_argument("--force", action="store_true", help=about)
 
 
 def _run(arguments: argparse.Namespace) -> int:
@@ -65,10 +72,12 @@ def _run(arguments: argparse.Namespace) -> int:
     try:
         pose = calibrate_lidar_to_camera(views)
     except ValueError as error:
+        if odd := re.match(r"view (\d+) of \d+ ", str(error)):
+            picture, scan = (files[int(odd[1]) - 1] for files in (pictures, scans))
+            raise ValueError(f"{picture} with {scan} {str(error)[odd.end() :]}") from error
         raise ValueError(f"{error}{_OR_MIXED if len(views) >= _MANY else ''}") from error
-    if pose.warning and before is not None and not arguments.force:
-        kept = f"the pose that stands in {arguments.calibration} is kept; to replace it all the same, add --force"
-        raise Refused(f"{pose.warning}; {kept}")
+    if before is not None and not arguments.force:
+        _check_replaced(before, pose, arguments.calibration)
     save_laser_pose(arguments.calibration, pose)
     turn, shift = float(np.degrees(pose.std_rad).max()), float(pose.std_mm.max())
     x, y, z = pose.T_left_lidar[:3, 3]
@@ -80,7 +89,7 @@ def _run(arguments: argparse.Namespace) -> int:
     off = f"{100 * abs(pose.scale):.1f} ± {100 * pose.std_scale:.1f} % too {too}"
     print(f"it reads {off} if the squares are {arguments.square_mm} mm: taken off in what is measured")
     if before is not None:
-        moved_mm, turned_deg = apart(before, pose.T_left_lidar)
+        moved_mm, turned_deg = apart(before.T_left_lidar, pose.T_left_lidar)
         by = f"{moved_mm:.1f} mm and {turned_deg:.2f} degrees"
         print(f"the pose that stood in the file is replaced: this one lies {by} off it")
     print(f"written into {arguments.calibration}")
@@ -93,15 +102,34 @@ def _run(arguments: argparse.Namespace) -> int:
     return DONE
 
 
-def _pose_before(calibration: Path) -> Float64 | None:
+def _check_replaced(before: LidarCamera, pose: LidarCamera, calibration: Path) -> None:
+    """Refuse a doubtful pose in place of one that stands in the file, and one farther off it than both are unsure."""
+    import numpy as np
+
+    kept = f"the pose that stands in {calibration} is kept"
+    if pose.warning:
+        why, is_scale, _ = pose.warning.partition("; if they are as they were told")
+        order = " and give that as --square-mm" if is_scale else ""
+        raise Refused(f"{why}{order}; {kept}; to replace it all the same, add --force")
+    moved_mm, turned_deg = apart(before.T_left_lidar, pose.T_left_lidar)
+    std_mm = float(np.hypot(before.std_mm.max(), pose.std_mm.max()))
+    std_rad = float(np.hypot(before.std_rad.max(), pose.std_rad.max()))
+    most_mm = max(_MOVED_STDS * std_mm, _LEAST_MOVED_MM)
+    most_deg = max(_MOVED_STDS * float(np.degrees(std_rad)), _LEAST_MOVED_DEG)
+    if moved_mm > most_mm or turned_deg > most_deg:
+        off = f"{moved_mm:.1f} mm and {turned_deg:.2f} degrees off the pose that stands in {calibration}"
+        unsure = f"{_MOVED_STDS:g} standard deviations of both, {most_mm:.1f} mm and {most_deg:.2f} degrees"
+        raise Refused(f"the laser was found {off}, beyond {unsure}: that is kept; if it was moved since, add --force")
+
+
+def _pose_before(calibration: Path) -> LidarCamera | None:
     """Where the file had the laser; None if nowhere, or where that is damaged, which this command mends."""
     from stereolib.measurement import Instrument
 
     try:
-        lidar = Instrument.load(calibration).lidar
+        return Instrument.load(calibration).lidar
     except ValueError:
         return None
-    return None if lidar is None else lidar.T_left_lidar
 
 
 def apart(one: Float64, other: Float64) -> tuple[float, float]:

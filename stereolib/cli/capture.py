@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from stereolib.rig import CameraWish, LiveRig
 
 _SAY_EVERY_S, _SAY_STUCK_S = 5.0, 20.0  # where no line can be written over, and that nothing new comes
+_KEPT = "the pairs taken so far are kept: run it again and it goes on"
 _HOW_TO_END = 'Ctrl-C, or "enough" on its page, ends it and calibrates with what was taken'
 _NOTES = f"""a camera is a number from 0 on, a device (/dev/video2), an address (http://...), a video, or a pattern of
 numbered pictures (left_%02d.png).
@@ -100,8 +101,10 @@ def _run(arguments: argparse.Namespace) -> int:
             if board is None and session.taken >= pairs:  # another thing may stand there now
                 held = f"{arguments.output} holds {session.taken} of the {pairs} pairs asked for already"
                 raise FileExistsError(f"{held}: choose another --output, or ask for more with --pairs")
-            ended = _take(session, page)
-            return _finished(arguments, session, page, ended)
+            try:
+                return _finished(arguments, session, page, _take(session, page))
+            except KeyboardInterrupt as error:
+                raise type(error)(_KEPT if session.taken else "no pair was taken") from error
     finally:
         rig.close()
 
@@ -182,7 +185,9 @@ def _watch(session: CaptureSession, page: LiveLink | None) -> None:
     from stereolib.notebook.capture_view import draw_capture, press
 
     if session.taken:
-        print(f"going on after {counted(session.taken, 'pair')} that {_are(session.taken)} there", file=sys.stderr)
+        others = ", taken with left = {}, right = {}".format(*session.before) if session.before else ""
+        there = f"{counted(session.taken, 'pair')} that {_are(session.taken)} there{others}"
+        print(f"going on after {there}", file=sys.stderr)
     live, said, said_s, stuck_s = sys.stderr.isatty(), "", 0.0, -math.inf
     for state in session.run():
         if page is not None:
@@ -257,5 +262,4 @@ CAPTURE = Command(
     _configure,
     notes=_NOTES,
     before=("stereolib data walk walk",),
-    interrupted="the pairs taken so far are kept: run it again and it goes on",
 )

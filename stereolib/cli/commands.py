@@ -5,9 +5,10 @@ from __future__ import annotations
 import argparse
 import io
 import os
+import re
 import sys
 from collections.abc import Sequence
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from stereolib import __version__
 from stereolib.cli.bake import BAKE
@@ -41,7 +42,11 @@ _QUIET = {"OPENCV_LOG_LEVEL": "SILENT", "OPENCV_FFMPEG_LOGLEVEL": "-8"}
 
 
 class _Parser(argparse.ArgumentParser):
-    """A parser that refuses words in one line, as all other input is refused."""
+    """A parser that refuses words in one line, as all other input is refused, and takes -1,2,3 for no option."""
+
+    def __init__(self, *words: Any, **options: Any) -> None:
+        super().__init__(*words, **options)
+        self._negative_number_matcher = re.compile(r"-\.?\d")  # as Python has it from 3.14 on
 
     def error(self, message: str) -> NoReturn:
         if message.endswith("expected 2 arguments"):

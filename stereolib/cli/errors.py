@@ -41,7 +41,7 @@ def guarded(run: Callable[[], int], interrupted: str = "") -> int:
     run : callable
         Does the work and returns the exit code.
     interrupted : str
-        What an interruption leaves behind, said after Ctrl-C.
+        What an interruption leaves behind, said after Ctrl-C, unless the exception says it.
 
     Returns
     -------
@@ -66,7 +66,8 @@ def guarded(run: Callable[[], int], interrupted: str = "") -> int:
     except (KeyboardInterrupt, Exception) as error:
         if _was_interrupted(error):
             warnings.simplefilter("ignore")  # joblib tells of the work that is dropped with this error
-            _say("; ".join(filter(None, ("interrupted", interrupted))))
+            left = str(error) if isinstance(error, KeyboardInterrupt) else ""
+            _say("; ".join(filter(None, ("interrupted", left or interrupted))))
             return INTERRUPTED
         if isinstance(error, ModuleNotFoundError) and error.name and error.name.partition(".")[0] != "stereolib":
             _say(f"error: this needs {error.name}: pip install '.[notebooks]' in the project's folder")

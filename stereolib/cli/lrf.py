@@ -6,6 +6,7 @@ import argparse
 import contextlib
 import itertools
 import json
+import re
 import sys
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,8 @@ from stereolib.cli.outputs import check_ending, check_outputs, default_name
 from stereolib.cli.ranges import FOR_EVER, number, whole
 from stereolib.cli.staging import SCENES_TOLD, add_scene, place_folder, place_number, staged, truth, try_line
 
+_LEAST_PARTS = 3  # turns that lack packets, from which map makes a scan where none is whole
+_TOO_SHORT = "nothing can use it: a turn takes the sensor 0.2 s; record for a second or longer"
 _SECONDS = 3  # of a recording that is proposed: 15 turns
 _EMULATE_NOTES = f"""it prints a port, which the other commands take, and plays when that is opened, until Ctrl-C.
 --rig 0 is the laser below the left camera of the paper's rig, every other number that of a rig which nobody has
@@ -42,6 +45,8 @@ def _info(arguments: argparse.Namespace) -> int:
         width = max(map(len, facts))
         for name, value in facts.items():
             print(f"{name:{width}}  {value:.4g}" if isinstance(value, float) else f"{name:{width}}  {value}")
+    if not facts["turns"] and facts["partial_turns"] < _LEAST_PARTS:
+        print(f"{arguments.file} holds no whole turn, and {_TOO_SHORT}", file=sys.stderr)
     return DONE
 
 
@@ -65,17 +70,26 @@ def _show(arguments: argparse.Namespace) -> int:
     from stereolib.base import write_atomic
 
     _check_no_table(Path(arguments.source))
-    output = arguments.output or default_name(Path(f"{Path(arguments.source).stem}.png"), force=arguments.force)
+    stem, name = _called(arguments.source)
+    output = arguments.output or default_name(Path(f"{stem}.png"), force=arguments.force)
     check_ending(output, ".png", "the picture")
     check_outputs([output], force=arguments.force, option="--output")
     scans = laser.take_scans(arguments.source, arguments.turns)
     scan = laser.average(scans, complete_only=any(turn.complete for turn in scans))
     figure, ax = plotting.panels(1, width_in=7, aspect=1.0, subplot_kw={"projection": "polar"})
-    title = f"{plotting.as_written(Path(arguments.source).name)}: median of {scan.n_turns} turns, mm"
+    title = f"{plotting.as_written(name)}: median of {scan.n_turns} turns, mm"
     plotting.plot_scan_polar(scan.angles_rad, scan.ranges_mm, ax[0], title)
     write_atomic(output, plotting.show_figure(None, figure).data)
     print(f"{output}: {int((scan.count > 0).sum())} of 360 beams with a reading, {scan.speed_rpm:.0f} turns a minute")
     return DONE
+
+
+def _called(source: str) -> tuple[str, str]:
+    """How a picture of a file or a port is named, and what its title calls it."""
+    if (path := Path(source)).is_file():
+        return path.stem, path.name
+    port = source.removeprefix("/dev/").rpartition("://")[2] or source
+    return re.sub(r"[^\w.-]+", "_", port), port
 
 
 def _configure_record(parser: argparse.ArgumentParser) -> None:
@@ -108,6 +122,8 @@ def _record(arguments: argparse.Namespace) -> int:
             with contextlib.suppress(OSError):
                 folder.rmdir()
     print(file=sys.stderr)
+    if notes["failed"]:
+        raise laser.LidarError(f"{notes['ended']}; kept in {file}: {notes['bytes']} bytes")
     print(f"{file}: {notes['bytes']} bytes; ended: {notes['ended']}")
     return DONE
 

@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from stereolib.base import counted, listed, plus_minus
+from stereolib.base import counted, listed, plus_minus, rounded
 from stereolib.cli.command import Command
 from stereolib.cli.errors import DONE, REFUSED
 from stereolib.cli.outputs import check_outputs, default_name
@@ -19,6 +19,7 @@ from stereolib.cli.told import object_details, object_facts, object_title, plain
 
 if TYPE_CHECKING:
     from stereolib.mapping import Map, RecordedMap, Station, StationFolder
+    from stereolib.measurement import Instrument
 
 #: Files of a map, and what they are.
 _FILES = {
@@ -43,7 +44,8 @@ FOLDER holds, for each place where the rig stood (its station):
   2_left.png ...           and so on; names may be words, as door_left.png, and pairs as calibrate reads them (left01,
                            L_1, left/ and right/), scans then in scans/. A pair or a scan alone is a station, too
 and for all of them:
-  calibration.json         the rig and its laser (stereolib calibrate, calibrate-laser)
+  calibration.json         the rig and its laser (stereolib calibrate, calibrate-laser); scans alone need none, and
+                           where poses have the left camera they then have the laser
   rig.toml                 instead of all that, a folder as `stereolib new` makes it
   poses.csv                if poses are known: first line station,x_mm,y_mm,yaw_deg, then a line a station: the place on
                            the floor below its left camera and where that looks, counter-clockwise from x
@@ -71,31 +73,29 @@ def _configure(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from stereolib.mapping import CALIBRATION, NothingToMap, map_recordings
-    from stereolib.measurement import Instrument
+    from stereolib.mapping import NothingToMap, map_recordings
 
     out = arguments.output or default_name(Path(f"{arguments.folder.resolve().name}_map"), force=arguments.force)
     if in_the_way := [path for path in (out, *out.parents) if path.is_file()]:
         raise ValueError(f"--output must name a folder, but {in_the_way[0]} is a file")
     check_outputs([out / name for name in _FILES], force=arguments.force, option="--output")
     found, absent = _stations(arguments.folder, arguments.poses)
-    if arguments.calibration is None and not (arguments.folder / CALIBRATION).is_file():
-        raise ValueError(f"{arguments.folder} has no {CALIBRATION}: say with --calibration where the rig's is")
-    instrument = Instrument.load(arguments.calibration or arguments.folder / CALIBRATION)
+    instrument = _instrument(arguments, found)
     try:
         recorded = map_recordings(found.stations, instrument, progress=sys.stderr.isatty())
     except NothingToMap as error:
         print(wrapped([f"nothing was mapped: {error}"]), file=sys.stderr)
         return REFUSED
-    facts = map_facts(recorded) | {"unused_files": list(found.unused)}
+    unused = [name for name in found.unused if not _is_calibration(arguments.folder / name, arguments.calibration)]
+    facts = map_facts(recorded) | {"unused_files": unused}
     written = _write(out, recorded, facts)
     if arguments.json:
         print(json.dumps(facts | {"written": [str(path) for path in written]}, indent=1, allow_nan=False))
         return DONE
     print(map_text(recorded))
     print(wrapped(f"left out: {text}" for text in absent), end="\n" if absent else "")
-    if found.unused:
-        print(wrapped([f"not used, as they belong to no station: {', '.join(found.unused)}"]))
+    if unused:
+        print(wrapped([f"not used, as they belong to no station: {', '.join(unused)}"]))
     print(f"written to {out}: {', '.join(path.name for path in written)}")
     return DONE
 
@@ -117,6 +117,23 @@ def _stations(folder: Path, poses: Path | None) -> tuple[StationFolder, tuple[st
     return StationFolder(found.stations, tuple(name for name in found.unused if name != RIG_FILE)), ()
 
 
+def _instrument(arguments: argparse.Namespace, found: StationFolder) -> Instrument:
+    """The rig of the calibration; a laser that stands alone, where there is none and no station has a pair."""
+    from stereolib.mapping import CALIBRATION, laser_alone
+    from stereolib.measurement import Instrument
+
+    path = arguments.calibration or arguments.folder / CALIBRATION
+    if arguments.calibration is not None or path.is_file():
+        return Instrument.load(path)
+    if any(station.left for station in found.stations):
+        raise ValueError(f"{arguments.folder} has no {CALIBRATION}: say with --calibration where the rig's is")
+    return laser_alone()
+
+
+def _is_calibration(path: Path, calibration: Path | None) -> bool:
+    return calibration is not None and path.resolve() == calibration.resolve()
+
+
 def map_facts(recorded: RecordedMap) -> dict[str, Any]:
     """What is in the map, ready for JSON: None where a thing is not known."""
     room = recorded.room
@@ -135,7 +152,7 @@ def map_facts(recorded: RecordedMap) -> dict[str, Any]:
     ]
     return {
         "frame": "x forward, y left, mm, rad; one standard deviation; origin and x as poses.csv has them, else on the "
-        "floor below the left camera of the first station with a scan, x ahead",
+        "floor below the left camera (without a calibration: the laser) of the first station with a scan, x ahead",
         "objects": objects,
         "walls": walls,
         "stations": [_station_facts(recorded, station) for station in room.stations],
@@ -167,7 +184,7 @@ def map_text(recorded: RecordedMap) -> str:
     lines = [f"{counted(len(room.objects), 'object')}, {counted(len(room.walls), 'wall')}, from {stations}"]
     for name, each in zip(room.names, room.objects, strict=True):
         x, y = each.fused.position_mm
-        place = f"at x {x:.0f}, y {y:.0f} mm, seen from station {', '.join(_seen_from(room, each.stations))}"
+        place = f"at x {rounded(x)}, y {rounded(y)} mm, seen from station {', '.join(_seen_from(room, each.stations))}"
         lines += [object_title(name, each.fused), *(f"   {line}" for line in object_details(each.fused, place))]
     whole = sum(math.isfinite(item.volume_l[0]) for item in room.measured)
     if whole > 1:
@@ -200,7 +217,7 @@ def _said_at_stations(recorded: RecordedMap) -> list[str]:
 
 def _pose_text(station: Station) -> str:
     x, y, yaw = station.pose
-    place = f"x {x:.0f}, y {y:.0f} mm, looks {math.degrees(yaw):.1f} degrees"
+    place = f"x {rounded(x)}, y {rounded(y)} mm, looks {rounded(math.degrees(yaw), 1)} degrees"
     if not station.covariance.any():
         return place
     dx, dy, turn = (math.sqrt(station.covariance[k, k]) for k in range(3))
@@ -249,7 +266,7 @@ def _table(objects: list[dict[str, Any]]) -> str:
     stream = io.StringIO()
     sizes = [f"{size}{kind}" for size in ("length", "width", "height") for kind in ("_mm", "_std_mm")]
     sums = ("volume_l", "volume_std_l", "surface_m2", "surface_std_m2")
-    columns = ("name", "shape", *sizes, *sums, "x_mm", "y_mm", "yaw_rad", "seen_from", "unknown")
+    columns = ("name", "shape", *sizes, *sums, "x_mm", "y_mm", "yaw_rad", "yaw_deg", "seen_from", "unknown")
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(columns)
     for each in objects:
@@ -258,7 +275,8 @@ def _table(objects: list[dict[str, Any]]) -> str:
             "seen_from": " ".join(each["seen_from"]),
             "unknown": "; ".join(map(": ".join, each["reasons"].items())),
         }
-        row = each | {"x_mm": x, "y_mm": y} | texts
+        turned = None if each["yaw_rad"] is None else plain(math.degrees(each["yaw_rad"]))
+        row = each | {"x_mm": x, "y_mm": y, "yaw_deg": turned} | texts
         writer.writerow(["" if row[column] is None else row[column] for column in columns])
     return stream.getvalue()
 
@@ -270,4 +288,5 @@ MAP = Command(
     _run,
     _configure,
     notes=_NOTES,
+    interrupted="files that were written stay; run it again with --force",
 )

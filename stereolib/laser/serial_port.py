@@ -240,7 +240,7 @@ def record_port(
 
     Each chunk is handed to the system at once: killed at any moment, the file lacks at most the
     last 100 ms. The sidecar ``FILE.json`` tells start time and port from the beginning, and how it
-    ended, the number of bytes and their sha256 at the close.
+    ended, whether the sensor failed, the number of bytes and their sha256 at the close.
 
     Parameters
     ----------
@@ -281,11 +281,11 @@ def record_port(
         chunk = next(chunks)
         digest, live = hashlib.sha256(), _Live(progress)
         about: dict[str, Any] = {"start": datetime.now(UTC).isoformat(), "port": port, "baud": BAUD}
-        about |= {"bytes": None, "sha256": None, "ended": None}
+        about |= {"bytes": None, "sha256": None, "ended": None, "failed": None}
         with open(path, "wb" if force else "xb", buffering=0) as file:  # grows as the bytes come: no write_atomic
             write_atomic(notes, json.dumps(about, indent=2) + "\n")
             try:
-                about["ended"] = f"after {seconds:g} s"
+                about |= {"ended": f"after {seconds:g} s", "failed": False}
                 while True:
                     file.write(chunk)
                     digest.update(chunk)
@@ -295,7 +295,7 @@ def record_port(
             except KeyboardInterrupt:
                 about["ended"] = "stopped by the user"
             except LidarError as error:
-                about["ended"] = str(error)
+                about |= {"ended": str(error), "failed": True}
             finally:
                 about |= {"bytes": live.bytes, "sha256": digest.hexdigest()}
                 write_atomic(notes, json.dumps(about, indent=2) + "\n")

@@ -3,7 +3,7 @@ from .assemble import Map, NothingToMap, merge_stations, size_table
 from .files import write_cloud, write_grid, write_mesh
 from .occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, occupancy_grid
 from .placing import Placing, place_stations
-from .recorded import RecordedMap, map_recordings, measure_station
+from .recorded import RecordedMap, laser_alone, map_recordings, measure_station
 from .rig_folder import (
     RIG_FILE,
     RIG_FOLDERS,
@@ -57,6 +57,7 @@ __all__ = [
     "colored_cloud",
     "disturb_poses",
     "join_clouds",
+    "laser_alone",
     "list_stations",
     "load_rig_folder",
     "lying_there",

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stereolib.base import Float64, counted
+from stereolib.base import Float64, counted, rounded
 from stereolib.mapping.sightings import MapObject, Sighting, is_within, may_be_same, merge_sightings
 from stereolib.mapping.stations import Station, station_names
 from stereolib.mapping.walls import MapWall, find_walls
@@ -192,7 +192,8 @@ def _objects(
         elif not any(np.linalg.norm(group.fused.position_mm - s.values[:2]) < max_size_mm / 2 for group in groups):
             x, y = s.values[:2]
             why = _why_lost(s.measured.reasons)
-            lost.append(f"station {s.name} saw something at x {x:.0f}, y {y:.0f} mm and could not measure it: {why}")
+            where = f"x {rounded(x)}, y {rounded(y)} mm"
+            lost.append(f"station {s.name} saw something at {where} and could not measure it: {why}")
     return sorted(groups, key=lambda group: float(np.linalg.norm(group.fused.position_mm))), lost
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from stereolib.base import Bools, Float64, turn_2d, wrap_rad
+from stereolib.base import Bools, Float64, rounded, turn_2d, wrap_rad
 from stereolib.mapping.occupancy import FREE, OCCUPIED, OccupancyGrid, occupancy_grid
 from stereolib.mapping.scan_matching import refine_poses
 from stereolib.mapping.stations import Station
@@ -308,4 +308,4 @@ def _differ(one: Float64, other: Float64) -> bool:
 
 
 def _told(pose: Float64) -> str:
-    return f"x {pose[0]:.0f}, y {pose[1]:.0f} mm, {np.degrees(pose[2]) % 360:.0f} degrees"
+    return f"x {rounded(pose[0])}, y {rounded(pose[1])} mm, {np.degrees(pose[2]) % 360:.0f} degrees"

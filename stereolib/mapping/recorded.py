@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from stereolib.base import UInt8, listed
+from stereolib.calibration import LASER_SCALE_STD, LidarCamera
 from stereolib.laser import LaserScan
 from stereolib.mapping.assemble import Map, NothingToMap, merge_stations
 from stereolib.mapping.placing import place_stations
@@ -25,8 +27,13 @@ from stereolib.measurement import (
     disagreement,
     measure_objects,
 )
+from stereolib.rig import Camera, StereoRig, rigid
+
+if TYPE_CHECKING:
+    from tqdm.auto import tqdm
 
 _CLOUD_STEP, _CLOUD_MM = 4, 2000.0  # every so many pixels; points farther ahead are left out
+_EXACT = 1e-6  # mm and rad: the deviation of a place that is so by what it is called
 _SEED = 8  # of the walls' search: the same recordings make the same map
 _OPPOSED = "its scan agrees with nothing that its pictures show"
 _NO_PICTURES = Why(Reason.NO_FLOOR, "the station has no pictures")
@@ -99,6 +106,21 @@ class RecordedMap:
         return join_clouds(clouds) if clouds else None
 
 
+def laser_alone() -> Instrument:
+    """Make the instrument of a laser without cameras: a station's frame is the laser's own.
+
+    Returns
+    -------
+    Instrument
+        Its cameras are of no rig, and see nothing.
+    """
+    camera = Camera(np.array([[300.0, 0, 159.5], [0, 300.0, 119.5], [0, 0, 1]]), np.zeros(5), (320, 240))
+    axes = np.array([[0.0, -1, 0], [0, 0, -1], [1, 0, 0]])  # ahead, left and up, of a camera that looks ahead
+    covariance = np.diag([_EXACT**2] * 6 + [LASER_SCALE_STD**2])
+    laser = LidarCamera(rigid(axes, np.zeros(3)), 0.0, covariance, view_misses=np.zeros(0))
+    return Instrument(StereoRig(camera, camera, np.eye(3), np.array([-60.0, 0, 0])).rectify(), laser)
+
+
 def map_recordings(
     stations: Sequence[RecordedStation], instrument: Instrument, *, progress: bool = False
 ) -> RecordedMap:
@@ -108,9 +130,9 @@ def map_recordings(
     ----------
     stations : sequence of RecordedStation
     instrument : Instrument
-        The calibrated rig they were taken with.
+        The calibrated rig they were taken with; `laser_alone`, if no station has pictures.
     progress : bool
-        Show a bar if it takes more than two seconds.
+        Show a bar.
 
     Returns
     -------
@@ -125,16 +147,25 @@ def map_recordings(
     """
     from tqdm.auto import tqdm
 
+    with tqdm(total=len(stations), desc="reading", unit="station", disable=not progress, leave=False) as bar:
+        return _map(stations, instrument, bar)
+
+
+def _map(stations: Sequence[RecordedStation], instrument: Instrument, bar: tqdm[Any]) -> RecordedMap:
+    """The same, with a bar that is told of each station."""
     size = instrument.rectified.size
     inputs = {each.name: (each.read_pair(size), each.read_scan()) for each in stations}  # all, before the work
     measured, left_out = dict[str, Measurement](), dict[str, str]()
-    for each in tqdm(stations, "stations", unit="station", delay=2, disable=not progress, leave=False):
+    bar.set_description("measuring")
+    for each in stations:
         try:
             measured[each.name] = measure_station(*inputs.pop(each.name), instrument)
         except CannotMeasure as error:
             left_out[each.name] = str(error)
         except ValueError as error:
             raise ValueError(f"station {each.name}: {error}") from error
+        bar.update()
+    bar.set_description("placing")
     known = {each.name: each.pose for each in stations if each.pose is not None}
     somewhere = [_station(it, known.get(name, (0.0, 0.0, 0.0)), name) for name, it in measured.items()]
     opposed = {name for name, it in measured.items() if it.scan_fit is ScanFit.OPPOSES}

@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from stereolib.base import Float64, UInt8, check_name, read_text
+from stereolib.calibration import CAPTURE_NOTES
 from stereolib.laser import LaserScan, average, read_recording, turns
 from stereolib.rig import PICTURES, PairFile, find_pairs, pair_name, pair_sides, read_pair
 
@@ -27,6 +28,7 @@ _SCANS = (".bin", ".csv")
 _SCAN_WORDS = {"scan", "laser", "lidar", "lrf"}
 _POSE_COLUMNS, _SCAN_COLUMNS = ("station", "x_mm", "y_mm", "yaw_deg"), ("angle_deg", "range_mm")
 _MOST = 1e7  # mm, degrees: ten kilometres
+_METRES_POSES = 20.0  # and places that all lie nearer to the origin: stations stand a metre or so apart
 _METRES = 60.0  # ranges in millimetres that are all less were told in metres: no laser of this kind sees so near
 _LEAST_BEAMS = 30  # of a scan
 _LEAST_TURNS = 3  # that may stand for a whole one, if each of them lost a packet
@@ -168,6 +170,8 @@ def list_stations(folder: Path, poses: Path | None = None) -> StationFolder:
             f"{folder} is no folder: expected one with 1_left.png, 1_right.png, 1_scan.bin, 2_left.png, ..."
         )
     pictures, scans, unused = list[Path](), list[Path](), list[str]()
+    own = {CALIBRATION, POSES, CAPTURE_NOTES}
+    own |= {poses.name} if poses and poses.resolve().parent == folder.resolve() else set()
     for path in sorted(path for path in folder.iterdir() if path.is_file() and not path.name.startswith(".")):
         is_scan = "scan" in pair_name(path).split()
         is_named = is_scan or path.suffix.lower() == ".bin" or _names_a_side(path)
@@ -177,9 +181,7 @@ def list_stations(folder: Path, poses: Path | None = None) -> StationFolder:
             if is_scan:
                 raise ValueError(f"{path}: the scan of a station is {' or '.join(_SCANS)}; name it so, or move it away")
             pictures.append(path)
-        elif (
-            path.name not in (CALIBRATION, POSES) and path.with_suffix("") not in scans
-        ):  # 1_scan.bin has 1_scan.bin.json
+        elif path.name not in own and path.with_suffix("") not in scans:  # 1_scan.bin has 1_scan.bin.json
             unused.append(path.name)
     for path in (*pictures, *scans):
         check_name(path)
@@ -319,6 +321,10 @@ def _read_poses(path: Path, names: Iterable[str]) -> dict[str, tuple[float, floa
             raise ValueError(f"{path}, line {line}: the pose of station {name} stands there twice: keep one")
         x, y, yaw = _numbers(path, line, row[1:])
         found[name] = (x, y, math.radians(yaw))
+    most = max((abs(mm) for pose in found.values() for mm in pose[:2]), default=0.0)
+    if len(found) > 1 and 0 < most < _METRES_POSES:
+        why = f"x_mm and y_mm are {most:g} at most, as if in metres: millimetres are asked for"
+        raise ValueError(f"{path}: {why} (of stations on one spot write 0)")
     return found
 
 
@@ -330,11 +336,13 @@ def _table(path: Path, columns: tuple[str, ...]) -> list[tuple[int, list[str]]]:
         raise ValueError(f"{path}: not a table of {','.join(columns)} ({error})") from None
     head = tuple(cell.strip().lower() for cell in lines[0]) if lines else ()
     if head != columns:
-        raise ValueError(f"{path}: its first line must be {','.join(columns)}; it is {reprlib.repr(','.join(head))}")
+        commas = ": commas between columns, points in numbers" if set(",".join(head)) & set(";\t") else ""
+        which = f"its first line must be {','.join(columns)}; it is {reprlib.repr(','.join(head))}{commas}"
+        raise ValueError(f"{path}: {which}")
     rows = [(k, row) for k, row in enumerate(lines[1:], start=2) if any(cell.strip() for cell in row)]
     for line, row in rows:
         if len(row) != len(columns):
-            wanted = f"{len(columns)} values are expected ({','.join(columns)})"
+            wanted = f"{len(columns)} values are expected ({','.join(columns)}; points in numbers)"
             raise ValueError(f"{path}, line {line}: {wanted}, got {reprlib.repr(row)}")
     return rows
 
@@ -367,6 +375,9 @@ def _scan_of_table(path: Path) -> LaserScan:
         raise ValueError(f"{path}: {why}; leave it empty where nothing was measured")
     if 0 < (most := float(np.nanmax(ranges, initial=0.0))) < _METRES:
         raise ValueError(f"{path}: range_mm is {most:g} at most, as if in metres: millimetres are asked for")
+    if np.ptp(angles) <= 2 * np.pi:
+        turn = f"angle_deg runs from {angles.min():.3g} to {angles.max():.3g} only"
+        raise ValueError(f"{path}: {turn}, as if in radians: degrees are asked for")
     start, step = _even_angles(path, np.radians(angles))
     return LaserScan(ranges, np.full(len(ranges), np.nan), angle_min_rad=start, angle_increment_rad=step)
 

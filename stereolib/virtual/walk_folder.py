@@ -68,9 +68,12 @@ def _write_boards(folder: Path) -> Iterator[Path]:
 @cache
 def _boards() -> tuple[tuple[str, bytes], ...]:
     """Names and contents of the boards' files: rendering them takes seconds, another folder has the same."""
+    from tqdm.auto import tqdm
+
     sensor, rng = VirtualLidar(height_mm=walk.LASER_HEIGHT_MM), np.random.default_rng(_SEED)
     made = list[tuple[str, bytes]]()
-    for name, pose in zip(_BOARDS, laser_boards.POSES, strict=True):
+    boards = tuple(zip(_BOARDS, laser_boards.POSES, strict=True))
+    for name, pose in tqdm(boards, "boards", unit="board", leave=False, disable=None):
         scene = laser_boards.board_scene(pose, _BOARD_MM)
         light = render(scene, paper_rig().left, recordings.setup(), samples=1, light_samples=1)
         made.append((f"{name}.jpg", Webcam().encode(Webcam().expose(light, rng))))

@@ -188,6 +188,16 @@ def test_a_target_is_tried_before_the_work(tmp_path: Path) -> None:
         files.check_target(tmp_path)
 
 
+def test_a_write_protected_target_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As root every file may be written: what the system says of this one is put in its place."""
+    (tmp_path / "rig.json").touch()
+    files.check_target(tmp_path / "rig.json")
+    monkeypatch.setattr(os, "access", lambda path, mode: not (Path(path).name == "rig.json" and mode == os.W_OK))
+    with pytest.raises(ValueError, match=r"rig\.json: cannot be written, it is write-protected; lift that, or choose"):
+        files.check_target(tmp_path / "rig.json")
+    files.check_target(tmp_path / "other.json")
+
+
 @pytest.mark.parametrize("data", [b"\x00new\r\n", "new ±\n"])
 def test_write_replaces(tmp_path, data):
     path = tmp_path / "new" / "folder" / "a.csv"

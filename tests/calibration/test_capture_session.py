@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from contextlib import suppress
 from itertools import islice
 from pathlib import Path
 
@@ -92,6 +93,31 @@ def test_exchanged_cameras_are_told_after_the_third_pair(tmp_path: Path, sources
     (tmp_path / "right").rename(tmp_path / "left")
     (tmp_path / "between").rename(tmp_path / "right")
     assert [state.name for state in session(tmp_path, sources).run() if state.name] == ["04"]
+
+
+def test_pairs_taken_the_other_way_round_are_not_gone_on_with(tmp_path: Path, sources: tuple[str, str]) -> None:
+    """Whichever of both ways was the right one; with other cameras it goes on, unless the pairs show the wrong one."""
+    swapped = sources[::-1]
+    for name, first in (("wrong", swapped), ("right", sources)):
+        with suppress(ValueError):
+            list(islice(session(tmp_path / name, first, 4).run(), 30))
+        with pytest.raises(ValueError, match=r"^the \d pairs in .* were taken with left = ") as told:
+            session(tmp_path / name, first[::-1])
+        now = f"left = {first[1]}, right = {first[0]}"
+        assert f"{tmp_path / name} were taken with left = {first[0]}, right = {first[1]}; now it is {now}" in str(
+            told.value
+        )
+    other = write_show(tmp_path / "other_show", small_show(PLACES))
+    assert session(tmp_path / "right", other).before == sources
+    with pytest.raises(ValueError, match="give another folder, or delete them"):
+        session(tmp_path / "wrong", other)
+
+
+def test_without_a_board_the_order_is_known_by_the_notes(tmp_path: Path, sources: tuple[str, str]) -> None:
+    list(session(tmp_path, sources, 1, board=None).run())
+    assert session(tmp_path, sources, 2, board=None).before == ()
+    with pytest.raises(ValueError, match=r"^the 1 pair in .* was taken with left = .*delete it$"):
+        session(tmp_path, sources[::-1], 2, board=None)
 
 
 def test_a_side_without_a_partner_is_replaced(tmp_path: Path, sources: tuple[str, str]) -> None:

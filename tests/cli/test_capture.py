@@ -53,7 +53,8 @@ def test_too_few_pairs_are_kept_and_said(tmp_path: Path, capsys: pytest.CaptureF
 
 
 @pytest.mark.parametrize(
-    ("ending", "after", "code"), [(KeyboardInterrupt, 6, 0), (KeyboardInterrupt, 2, 130), (Ended, 6, 130)]
+    ("ending", "after", "code"),
+    [(KeyboardInterrupt, 6, 0), (KeyboardInterrupt, 2, 130), (Ended, 6, 130), (Ended, 0, 130)],
 )
 def test_ctrl_c_calibrates_what_was_taken_where_that_is_enough(
     tmp_path: Path,
@@ -77,7 +78,8 @@ def test_ctrl_c_calibrates_what_was_taken_where_that_is_enough(
     assert run(*sources, *BOARD, "--output", tmp_path / "rig") == code
     told = capsys.readouterr()
     if code:
-        assert not calibrated and "the pairs taken so far are kept" in told.err
+        said = "the pairs taken so far are kept: run it again" if after else "interrupted; no pair was taken"
+        assert not calibrated and said in told.err and ("kept" in told.err) == bool(after)
     else:
         assert calibrated == [6] and "6 pairs in" in told.out
         assert "fewer than the 20 wanted, as was asked" in told.out and "coverage: " in told.out

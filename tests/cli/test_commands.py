@@ -53,6 +53,13 @@ def test_every_example_is_in_the_help_and_parses(
     assert parsed.run is command.run
 
 
+@pytest.mark.parametrize("pose", ["-1,2,3", "-.5,-2,3"])
+def test_a_list_that_begins_with_a_minus_is_no_option(pose: str) -> None:
+    parser = commands.make_parser()
+    for words in (["--pose", pose], [f"--pose={pose}"]):
+        assert parser.parse_args(["lrf", "export", "scan.bin", "room.ply", *words]).pose == pose
+
+
 def test_version(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit, match="0"):
         commands.main(["--version"])

@@ -13,7 +13,7 @@ import pytest
 
 from stereolib import laser, plotting
 from stereolib.base import data_path
-from stereolib.cli import commands
+from stereolib.cli import commands, lrf
 from stereolib.virtual import emulator, recordings
 
 ROOM = str(data_path("virtual/lrf/room.bin"))
@@ -30,14 +30,38 @@ def test_info_tells_what_the_room_recording_holds(capsys: pytest.CaptureFixture[
     assert facts["invalid_share"] == pytest.approx(np.isnan(readings.distance_mm).mean())
 
 
+def test_a_recording_that_nothing_can_use_is_told_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    sent, short = recordings.load_laser("lrf/room"), tmp_path / "short.bin"
+    short.write_bytes(sent[: 22 * 60])
+    assert commands.main(["lrf", "info", str(short)]) == 0
+    assert f"{short} holds no whole turn, and nothing can use it: a turn takes" in capsys.readouterr().err
+    short.write_bytes(sent[: 22 * 100])
+    assert commands.main(["lrf", "info", str(short)]) == 0 and not capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("source", "stem", "name"),
+    [
+        ("/dev/pts/0", "pts_0", "pts/0"),
+        ("/dev/ttyUSB0", "ttyUSB0", "ttyUSB0"),
+        ("socket://127.0.0.1:4000", "127.0.0.1_4000", "127.0.0.1:4000"),
+        ("socket://", "socket_", "socket://"),
+        (ROOM, Path(ROOM).stem, Path(ROOM).name),
+    ],
+)
+def test_a_picture_is_named_after_its_file_or_port(source: str, stem: str, name: str) -> None:
+    assert lrf._called(source) == (stem, name)
+
+
 def test_record_writes_what_was_sent_and_never_overwrites(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     sent = recordings.load_laser("lrf/room")
     target = tmp_path / "room.bin"
     with emulator.serve(emulator.replay(sent), "socket") as served:
-        assert commands.main(["lrf", "record", served.port, str(target)]) == 0
+        assert commands.main(["lrf", "record", served.port, str(target)]) == 2
     assert target.read_bytes() == sent
     assert json.loads((tmp_path / "room.bin.json").read_text())["bytes"] == len(sent)
-    assert "went away" in capsys.readouterr().out
+    told = capsys.readouterr().err
+    assert "went away" in told and f"kept in {target}: {len(sent)} bytes" in told
     assert commands.main(["lrf", "record", "socket://127.0.0.1:1", str(target)]) == 2
     assert "--force" in capsys.readouterr().err
     assert target.read_bytes() == sent

@@ -21,7 +21,8 @@ from stereolib import paper
 from stereolib.base import data_path
 from stereolib.cli import commands
 from stereolib.cli import map as map_command
-from stereolib.virtual import walk
+from stereolib.mapping import laser_alone, list_stations, map_recordings
+from stereolib.virtual import walk, walk_folder
 
 
 @pytest.fixture(scope="module")
@@ -48,6 +49,7 @@ def test_files_of_the_map_agree(made):
     assert [row["name"] for row in rows] == [thing["name"] for thing in facts["objects"]]
     cube = next(thing for thing in facts["objects"] if thing["volume_l"] and abs(thing["volume_l"] - 30) < 1)
     row = next(row for row in rows if row["name"] == cube["name"])
+    assert float(row["yaw_deg"]) == pytest.approx(np.degrees(cube["yaw_rad"]), abs=0.01)
     for name, true in zip(("length", "width", "height"), (400, 250, 300), strict=True):
         assert abs(cube[f"{name}_mm"] - true) < 4 * cube[f"{name}_std_mm"] < 20
         assert float(row[f"{name}_mm"]) == cube[f"{name}_mm"]
@@ -84,6 +86,64 @@ def test_pictures_alone_make_a_map(made, tmp_path, capsys):
     assert {round(thing["length_mm"], -1) for thing in facts["objects"] if thing["length_mm"]} >= {400.0, 300.0}
     assert not facts["walls"] and not any("grid" in name for name in facts["written"])
     assert not (tmp_path / "out" / "grid.yaml").exists() and facts["unused_files"] == ["notes.txt"]
+
+
+def test_a_laser_alone_makes_a_map_without_a_calibration(tmp_path, capsys):
+    """Footprints and walls, no heights; what its calibration would take off is within the deviations."""
+    for name in "12345":
+        shutil.copy(data_path(f"virtual/room/{name}_scan.bin"), tmp_path)
+    assert run("map", tmp_path, "--output", tmp_path / "out", "--json") == 0
+    facts = json.loads(capsys.readouterr().out)
+    assert [each["name"] for each in facts["stations"]] == [*"12345"] and len(facts["walls"]) >= 4
+    box = next(thing for thing in facts["objects"] if thing["length_mm"] and 350 < thing["length_mm"] < 450)
+    for name, true in (("length", 400), ("width", 250)):
+        assert abs(box[f"{name}_mm"] - true) < 3 * box[f"{name}_std_mm"]
+    assert all(thing["height_mm"] is None for thing in facts["objects"])
+
+
+def test_a_calibration_that_was_given_is_not_unused(made, tmp_path, capsys):
+    for name in ("3_left.jpg", "3_right.jpg", "calibration.json"):
+        shutil.copy(made / "walk" / name, tmp_path)
+    rig = (tmp_path / "calibration.json").rename(tmp_path / "mine.json")
+    assert run("map", tmp_path, "--calibration", rig, "--output", tmp_path / "out", "--json") == 0
+    assert json.loads(capsys.readouterr().out)["unused_files"] == []
+
+
+def test_a_bar_is_there_before_the_first_file_is_read(made, tmp_path, capsys):
+    (tmp_path / "1_scan.bin").write_bytes(b"no laser" * 99)
+    with pytest.raises(ValueError, match="no XV-11 recording"):
+        map_recordings(list_stations(tmp_path).stations, laser_alone(), progress=True)
+    assert "reading:   0%" in capsys.readouterr().err
+
+
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+def test_boards_that_take_seconds_show_a_bar(tmp_path, monkeypatch):
+    terminal = Terminal()
+    monkeypatch.setattr("sys.stderr", terminal)
+    walk_folder._boards.cache_clear()
+    walk_folder.write_walk(tmp_path / "walk")
+    assert "boards:   0%" in terminal.getvalue()
+
+
+@pytest.mark.parametrize("words", [("data", "walk", "walk"), ("map", "walk", "--output", "out")])
+def test_ctrl_c_says_that_what_was_written_stays(tmp_path, monkeypatch, capsys, words):
+    def interrupt(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(walk_folder, "write_walk", interrupt)
+    monkeypatch.setattr(map_command, "_stations", interrupt)
+    assert run(*words) == 130
+    assert "interrupted; files that were written stay; run it again with --force" in capsys.readouterr().err
+
+
+def test_poses_of_a_map_have_no_minus_at_zero():
+    station = SimpleNamespace(pose=np.array([-0.3, -0.0, -1e-5]), covariance=np.zeros((3, 3)))
+    assert map_command._pose_text(station) == "x 0, y 0 mm, looks 0.0 degrees"
 
 
 def test_one_of_a_thing_is_not_many(tmp_path, capsys):

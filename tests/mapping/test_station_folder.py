@@ -111,6 +111,7 @@ def test_folders_that_make_no_sense_are_refused(folder, spoil, message):
         (["1,0,nowhere,0"], "line 2: 'nowhere' is no number"),
         (["1,0,nan,0"], "line 2: 'nan' is no number"),
         (["1,0,0"], "line 2: 4 values are expected"),
+        (["1,-0.675,-0.2,50", "2,1.52,-0.66,123"], "x_mm and y_mm are 1.52 at most, as if in metres: millimetres"),
     ],
 )
 def test_poses_that_make_no_sense_are_refused(folder, rows, message):
@@ -133,12 +134,33 @@ def test_poses_that_make_no_sense_are_refused(folder, rows, message):
             [f"{k},{1.5 + k / 100}" for k in range(360)],
             "range_mm is 5.09 at most, as if in metres",
         ),
+        ([f"{np.radians(k)},500" for k in range(360)], "angle_deg runs from 0 to 6.27 only, as if in radians"),
+        ([f"{np.radians(k)},500" for k in range(-180, 180)], "from -3.14 to 3.12 only, as if in radians"),
+        (["0,0,500,5"], r"line 2: 2 values are expected \(angle_deg,range_mm; points in numbers\)"),
     ],
 )
 def test_tables_that_are_no_scan_are_refused(folder, rows, message):
     (folder / "5_scan.csv").write_text("\n".join(["angle_deg,range_mm", *rows]))
     with pytest.raises(ValueError, match=message):
         list_stations(folder).stations[2].read_scan()
+
+
+@pytest.mark.parametrize("mark", [";", "\t"])
+def test_a_table_of_another_mark_between_columns_is_told_which_to_take(folder, mark):
+    (folder / "5_scan.csv").write_text(f"angle_deg{mark}range_mm\n0{mark}500,5\n")
+    with pytest.raises(ValueError, match=r"must be angle_deg,range_mm; .*: commas between columns, points in"):
+        list_stations(folder).stations[2].read_scan()
+
+
+@pytest.mark.parametrize("rows", [["1,0,0,0", "2,0,0,90"], ["1,2,1,0"], ["1,0,0,0", "2,0,-25,90"]])
+def test_poses_near_the_origin_that_may_be_right_are_taken(folder, rows):
+    assert list_stations(folder, _poses(folder, *rows)).stations[0].pose is not None
+
+
+def test_files_of_the_tool_and_the_poses_that_were_given_are_not_unused(folder):
+    (folder / "capture.json").write_text("{}")
+    assert list_stations(folder, _poses(folder, "1,0,0,0")).unused == ()
+    assert list_stations(folder).unused == ("other.csv",)
 
 
 @pytest.mark.parametrize(

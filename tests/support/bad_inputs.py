@@ -6,6 +6,7 @@ import copy
 import csv
 import io
 import json
+import math
 import os
 import struct
 import zlib
@@ -334,7 +335,7 @@ def _stations(folder: Path) -> None:
 
     left, right, scan = good.values()
     station("map_bare")
-    station("map_rigless", calibration=None, _1_scan__bin=scan)
+    station("map_rigless", calibration=None, _1_left__jpg=left, _1_right__jpg=right)
     station("map_lonely", _1_left__jpg=left)
     station("map_twins", _1_scan__bin=scan, _1_scan__csv=b"")
     station("map_numbers", _1_scan__bin=scan, _01_scan__bin=scan)
@@ -344,6 +345,11 @@ def _stations(folder: Path) -> None:
     station("map_scanless", _1_scan__bin=b"")
     station("map_noise", _1_scan__bin=b"abc" * 900)
     station("map_column", _1_scan__csv=b"angle_deg,range_mm\n1,2\n")
+    turn = "".join(f"{math.radians(degrees)},1000\n" for degrees in range(360))
+    station("map_radians", _1_scan__csv=f"angle_deg,range_mm\n{turn}".encode())
+    station("map_semicolons", _1_scan__csv=b"angle_deg;range_mm\n1,5;2\n")
+    metres = b"station,x_mm,y_mm,yaw_deg\n1,0,0,0\n2,1.0,-1.9,1.28\n"
+    station("map_metres", _1_scan__bin=scan, _2_scan__bin=scan, poses__csv=metres)
     head = b"station,x_mm,y_mm,yaw_deg\n"
     for name, poses in {
         "head": b"station,x,y,yaw\n1,0,0,0\n",
@@ -804,6 +810,9 @@ OTHERS = {
         Bad("map map_scanless", "is empty"),
         Bad("map map_noise", "no XV-11 recording"),
         Bad("map map_column", "too few"),
+        Bad("map map_radians", "as if in radians"),
+        Bad("map map_semicolons", "commas between columns, points in numbers"),
+        Bad("map map_metres", "1.9 at most, as if in metres"),
         Bad("map map_poses_head", "first line"),
         Bad("map map_poses_stranger", "no station '7'"),
         Bad("map map_poses_twice", "twice"),

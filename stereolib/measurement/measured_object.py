@@ -139,6 +139,22 @@ class MeasuredObject:
         reasons = {name: why} | self.reasons
         return replace(self, size_mm=size, covariance=covariance, common_mm=common, reasons=reasons, unsure=unsure)
 
+    def without_outline(self, why: Why) -> MeasuredObject:
+        """The same, of no shape: length and width unknown, and the direction, where one of them was told.
+
+        Parameters
+        ----------
+        why : Why
+
+        Returns
+        -------
+        MeasuredObject
+        """
+        told, found = [name for name in SIZE_NAMES[:2] if name not in self.reasons], self
+        for name in told:
+            found = found.without(name, why)
+        return replace(found, shape="irregular", yaw_rad=np.nan, yaw_std_rad=np.nan) if told else self
+
     def _std(self, gradient: Float64) -> float:
         return float(np.sqrt(gradient @ self.covariance @ gradient))
 

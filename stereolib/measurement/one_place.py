@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
 
 from stereolib.base import Float64
-from stereolib.measurement.measured_object import SIZE_NAMES, MeasuredObject
+from stereolib.measurement.measured_object import MeasuredObject
 from stereolib.measurement.reasons import Reason, Why
 
 _LEAST_MM, _SURE_STDS = 5.0, 2.0  # by which one reaches into another: less is chance, or both touch
@@ -36,7 +35,7 @@ def without_shared_places(objects: Sequence[MeasuredObject]) -> list[MeasuredObj
         into_mm = reach_into_mm(one.outline_mm, other.outline_mm)
         if into_mm > max(_LEAST_MM, _SURE_STDS * float(np.hypot(_std_mm(one), _std_mm(other)))):
             for k in (i, j):
-                found[k] = _without_place(found[k], into_mm)
+                found[k] = found[k].without_outline(Why(Reason.IN_ANOTHER, f"by {into_mm:.0f} mm"))
     return found
 
 
@@ -59,7 +58,8 @@ def reach_into_mm(one_mm: Float64, other_mm: Float64) -> float:
 
     References
     ----------
-    Gottschalk, Lin, Manocha: OBBTree. SIGGRAPH 96, doi:10.1145/237170.237244.
+    Gottschalk, Lin, Manocha: OBBTree: a hierarchical structure for rapid interference detection. SIGGRAPH 96,
+    doi:10.1145/237170.237244.
 
     Examples
     --------
@@ -77,15 +77,7 @@ def reach_into_mm(one_mm: Float64, other_mm: Float64) -> float:
 
 
 def _std_mm(item: MeasuredObject) -> float:
-    """How well what is seen of it is known: its larger size, and across its faces, where an end that is not is no harm."""
+    """How well what is seen of it is known: its told sizes, and across its faces; an end that is cut is no harm."""
     known = np.diag(item.covariance)[:2]
     across = float(np.linalg.eigvalsh(item.position_covariance)[0])
     return float(np.sqrt(known[np.isfinite(known)].max(initial=0.0) + max(across, 0.0)))
-
-
-def _without_place(item: MeasuredObject, into_mm: float) -> MeasuredObject:
-    """An object whose outline may be mistaken; unchanged where nothing was told of it."""
-    told = [name for name in SIZE_NAMES[:2] if name not in item.reasons]
-    for name in told:
-        item = item.without(name, Why(Reason.IN_ANOTHER, f"by {into_mm:.0f} mm"))
-    return replace(item, shape="irregular", yaw_rad=np.nan, yaw_std_rad=np.nan) if told else item

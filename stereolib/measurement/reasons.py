@@ -33,8 +33,8 @@ class Reason(Enum):
         "turned laser): its sizes come from the pair alone"
     )
     OTHER_IN_SCAN = (
-        "nobody knows whether the pictures show a part of it (by a print, say), or two things as one, or the scan is of "
-        "another place or moment: light it better, move it apart from others, or measure without the scan"
+        "nobody knows whether the pictures show a part of it (by a print, say), or two things as one, or the scan is "
+        "of another place or moment: light it better, move it apart from others, or measure without the scan"
     )
     SCAN_IRREGULAR = "the scan shows no box there, or is too noisy to show one: its sizes come from the pair alone"
     NOT_IN_PICTURE = "outside the picture: turn the rig towards it"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from stereolib.base import Float64, wrap_rad
+from stereolib.base import Bools, Float64, wrap_rad
 from stereolib.laser import Footprint, fit_line
 from stereolib.measurement.box import Own, Side
 from stereolib.measurement.floor import Floor
@@ -19,6 +19,7 @@ _STRAIGHT_PX = 0.5  # what lies in front of a wall by more, of disparity, is no 
 _AROUND = 2.0  # a wall is looked for in so many times the directions of what may be a part of it
 _LEAST_READINGS = 3  # of a straight line that is more than two points
 _HIGHER, _OFF, _INNER = 1.25, 0.15, 0.5  # times the laser's plane; of the distance; share of the directions
+_ON, _GAP = 0.07, 3  # of the distance; beams that go through a face and, on either side, meet it, together
 _HIDDEN_MM = _HEIGHT_MM = 100.0  # what an extent is taken as that nobody sees
 
 
@@ -138,6 +139,43 @@ def reads_otherwise(ends_mm: Float64, height_mm: float, laser: LaserOnFloor, rea
     expected = np.interp(off[there], bearings[order], 1 / np.linalg.norm(ends, axis=1)[order])
     apart = np.abs(np.linalg.norm(seen[there], axis=1) * expected - 1)
     return bool(there.sum() >= _LEAST_READINGS and (apart > _OFF).all())
+
+
+def is_seen_through(ends_mm: Float64, laser: LaserOnFloor, readings_mm: Float64) -> bool:
+    """Whether beams go through a face, between others that meet it: it is no single one, but has a gap.
+
+    Parameters
+    ----------
+    ends_mm : (2, 2) float64
+        Of the face, on the floor.
+    laser : LaserOnFloor
+    readings_mm : (M, 2) float64
+        All of the scan, on the floor.
+
+    Returns
+    -------
+    bool
+        Beams side by side read more than 15 % too far, and those next to them on either side meet it to 7 %: in all
+        three, or two beams on either side of a single one.
+    """
+    (first, last), seen = ends_mm - laser.t, readings_mm - laser.t
+    middle = float(np.arctan2(*((first + last) / 2)[::-1]))
+    bearings, off = (wrap_rad(np.arctan2(p[:, 1], p[:, 0]) - middle) for p in (np.stack([first, last]), seen))
+    there = np.flatnonzero((off > bearings.min()) & (off < bearings.max()))
+    seen = seen[there[np.argsort(off[there])]]
+    along = last - first
+    normal = np.array([-along[1], along[0]])
+    apart = seen @ normal / float(first @ normal) - 1  # of the face's distance, along each beam
+    meets = np.abs(apart) < _ON
+    gaps = np.flatnonzero(np.diff(np.concatenate([[False], apart > _OFF, [False]]).astype(int))).reshape(-1, 2)
+    return any(
+        min(_run(meets[:start][::-1]), _run(meets[stop:])) >= max(1, _GAP - (stop - start)) for start, stop in gaps
+    )
+
+
+def _run(flags: Bools) -> int:
+    """How many are true before the first that is not."""
+    return int(np.argmin(np.append(flags, False)))
 
 
 def is_wall(region: ObjectRegion, floor: Floor, walls_mm: Float64, objects_mm: Float64) -> bool:

@@ -21,7 +21,7 @@ from stereolib.measurement.pictured import Pictured
 from stereolib.measurement.plane_alignment import CannotMeasure
 from stereolib.measurement.reasons import NOT_STANDING, Reason, ScanFit, Source, Why
 from stereolib.measurement.regions import OBJECTS_WITHIN_MM, ObjectRegion
-from stereolib.measurement.scanned import is_wall, reads_otherwise, scan_observations, scanned_box
+from stereolib.measurement.scanned import is_seen_through, is_wall, reads_otherwise, scan_observations, scanned_box
 from stereolib.measurement.scene_solver import COMMON_ERRORS, Priors, Seen, Solution
 from stereolib.measurement.standing import Standing
 
@@ -201,7 +201,7 @@ class Scene:
     def _measured(self, solution: Solution, thing: Thing, number: int | None) -> MeasuredObject:
         facts = self._facts(solution, thing, number)
         if number is not None and not thing.is_round:
-            return self._without_doubtful_width(thing, from_box(solution, number, facts))
+            return self._as_scan_allows(thing, from_box(solution, number, facts))
         height, common = (np.nan, np.nan), np.zeros((3, COMMON_ERRORS))
         if number is not None:
             box = from_box(solution, number, facts)
@@ -213,6 +213,15 @@ class Scene:
             assert thing.region is not None
             found = from_region(thing.region, height, facts.reasons)
         return replace(found, common_mm=common)
+
+    def _as_scan_allows(self, thing: Thing, found: MeasuredObject) -> MeasuredObject:
+        """A box without its outline, where beams go through a face: the pictures showed two things as one."""
+        corners, ends = found.outline_mm, {"box": ((0, 1), (0, 3)), "face": ((0, 1),)}.get(found.shape, ())
+        faces = [corners[list(pair)] for pair in ends] if thing.disagrees else []
+        if any(is_seen_through(face, self.priors.laser, self.readings_mm) for face in faces):
+            sizes = " x ".join(f"{size:.0f}" for size in found.size_mm[:2] if np.isfinite(size))
+            return found.without_outline(Why(Reason.OTHER_IN_SCAN, f"{sizes} mm, but beams go through it"))
+        return self._without_doubtful_width(thing, found)
 
     def _without_doubtful_width(self, thing: Thing, found: MeasuredObject) -> MeasuredObject:
         """A lone face without its width, where the scan shows no straight one there, or one thing far wider.

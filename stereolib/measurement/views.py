@@ -84,7 +84,7 @@ class Views:
         Raises
         ------
         ValueError
-            If pictures and calibration do not fit together: sizes, or rows that are off by more than 0.6 % of the width.
+            If pictures and calibration do not fit together: sizes, or rows by more than 0.6 % of the width.
         """
         check_pair(left, right)
         left, right = without_blocks(left), without_blocks(right)

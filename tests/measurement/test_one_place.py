@@ -18,7 +18,8 @@ def box(x, y, *, length=300.0, width=200.0, std=1.0, turn=0.0):
     size, outline = np.array([length, width, 250.0]), corners @ R.T + [x, y]
     covariance = np.diag([std, std, 1.0]) ** 2
     return MeasuredObject(
-        "box", size, covariance, outline.mean(axis=0), std**2 / 4 * np.eye(2), turn, 0.01, outline, common_mm=np.ones((3, 7))
+        "box", size, covariance, outline.mean(axis=0), std**2 / 4 * np.eye(2), turn, 0.01, outline,
+        common_mm=np.ones((3, 7)),
     )  # fmt: skip
 
 
@@ -82,6 +83,6 @@ def test_what_has_no_sides_reaches_into_nothing():
 def test_outlines_reach_into_each_other_by_the_shortest_way_out():
     square = np.array([[0.0, 0], [10, 0], [10, 10], [0, 10]])
     turned = (square - 5) @ np.array([[1, 1], [-1, 1]]) / np.sqrt(2)  # a corner at 7.07
-    assert reach_into_mm(square, turned + [15, 5]) == pytest.approx(10 - (15 - 5 * np.sqrt(2)))
-    assert reach_into_mm(square, square + [13, 0]) == pytest.approx(-3)
+    assert reach_into_mm(square, turned + np.array([15, 5])) == pytest.approx(10 - (15 - 5 * np.sqrt(2)))
+    assert reach_into_mm(square, square + np.array([13, 0])) == pytest.approx(-3)
     assert reach_into_mm(square, square) == pytest.approx(10)

@@ -13,7 +13,14 @@ from stereolib.measurement.box import Box, Own, Shared, Side
 from stereolib.measurement.laser_on_floor import Lean
 from stereolib.measurement.observations import EndBetweenBeams, RangesSeen
 from stereolib.measurement.regions import ObjectRegion
-from stereolib.measurement.scanned import is_wall, reads_otherwise, scan_observations, scanned_box, sides_of
+from stereolib.measurement.scanned import (
+    is_seen_through,
+    is_wall,
+    reads_otherwise,
+    scan_observations,
+    scanned_box,
+    sides_of,
+)
 from stereolib.measurement.scene_solver import Priors, solve
 
 NEAR = np.diag([0.5**2, 0.5**2, 1e-6, 1e-8])
@@ -126,3 +133,32 @@ def test_when_it_tells_nothing():
     assert not reads_otherwise(BOX_MM, 300.0, LEVEL, one_on_it)
     rising = LaserOnFloor(np.eye(2), np.zeros(2), NEAR, lean=Lean(np.array([0.2, 0.0]), 80.0, 1e-6 * np.eye(2)))
     assert not reads_otherwise(BOX_MM, 300.0, rising, behind)  # over the box
+
+
+@pytest.mark.parametrize(
+    ("seen", "is_gap"),
+    [
+        ("ooobbboo", True),
+        ("obbbo", True),
+        ("oobooo", True),
+        ("obboo", True),
+        ("ooo.bbb.ooo", False),  # beside it mixed readings: nobody knows
+        ("oobo", False),  # one beam, hardly on it beside: chance
+        ("bbbooo", False),  # it ends there
+        ("oonnoo", False),  # something nearer hides it
+        ("oooooo", False),
+        ("", False),
+    ],
+)
+@pytest.mark.parametrize("pose", [(0.0, 0.0, 0.0), (-40.0, 30.0, 0.3)])
+def test_a_face_with_a_gap_is_told_by_the_beams_that_go_through(seen, is_gap, pose):
+    laser = LaserOnFloor(np.array(pose[:2]), pose[2], np.zeros((4, 4)))
+    ends = np.array([[700.0, 200.0], [800.0, -150.0]])
+    share = (np.arange(len(seen)) + 0.5)[:, None] / max(len(seen), 1)
+    on_it = ends[0] + share * (ends[1] - ends[0])
+    times = np.array([{"o": 1.05, "b": 1.2, ".": 1.1, "n": 0.8}[c] for c in seen])
+    beside = laser.t + np.array([[900.0, 600.0], [-300.0, 20.0]])
+    readings_mm = np.concatenate([laser.t + times[:, None] * (on_it - laser.t), beside])
+    for order in (slice(None), slice(None, None, -1)):
+        assert is_seen_through(ends, laser, readings_mm[order]) is is_gap
+        assert is_seen_through(ends[::-1], laser, readings_mm[order]) is is_gap

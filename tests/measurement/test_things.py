@@ -18,14 +18,14 @@ from stereolib.measurement.reasons import Reason, Why
 from stereolib.measurement.scene_solver import Seen
 from stereolib.measurement.things import Scene, Thing
 
+ENDS = Box(OWN).points(np.array([[0.0, 0, 0], [1, 0, 0]]))[:, :2]
 FACE = MeasuredObject(
     shape="face", size_mm=np.array([np.nan, 300.0, 250.0]), covariance=np.diag([np.nan, 1.0, 1.0]),
-    position_mm=OWN[:2], position_covariance=np.eye(2), yaw_rad=0.0, yaw_std_rad=0.01, outline_mm=np.zeros((2, 2)),
+    position_mm=OWN[:2], position_covariance=np.eye(2), yaw_rad=0.0, yaw_std_rad=0.01, outline_mm=ENDS,
     reasons={"length": Why(Reason.DEPTH_HIDDEN)}, common_mm=np.ones((3, 7)), unsure={"width": "far", "height": "far"},
 )  # fmt: skip
 
 
-ENDS = Box(OWN).points(np.array([[0.0, 0, 0], [1, 0, 0]]))[:, :2]
 FACE_DEG = float(np.degrees(np.ptp(np.arctan2(ENDS[:, 1], ENDS[:, 0]))))
 
 
@@ -34,16 +34,17 @@ def readings(spread_deg, distance_mm=720.0):
     return distance_mm * np.column_stack([np.cos(bearings), np.sin(bearings)])
 
 
-def judged(points_mm, *, std_px=(0.8, 0.8), disagrees=True, found=FACE, pieces=(), priors=PRIORS):
+def judged(points_mm, *, std_px=(0.8, 0.8), disagrees=True, found=FACE, pieces=(), priors=PRIORS, readings_mm=None):
     """What is told of a face that looks `FACE_DEG` wide; its corner and its right end are known so well."""
+    readings_mm = points_mm if readings_mm is None else readings_mm
     some = (Edge.CORNER, Edge.RIGHT_END)
     seen = edges(PRIORS.world(STILL), OWN, some=some)
     seen = Seen(OWN, tuple(replace(edge, std_px=std) for edge, std in zip(seen, std_px, strict=True)))
     pictured = SimpleNamespace(own=OWN, past=dict.fromkeys(some, Past.OPEN), seen=seen)
     footprint = SimpleNamespace(segment=SimpleNamespace(points_mm=points_mm))
-    scene = Scene(SimpleNamespace(priors=priors), True, points_mm, points_mm)
+    scene = Scene(SimpleNamespace(priors=priors), True, points_mm, readings_mm)
     thing = Thing(pictured, footprint=footprint, seen=seen, disagrees=disagrees, pieces=pieces)
-    return scene._without_doubtful_width(thing, found)
+    return scene._as_scan_allows(thing, found)
 
 
 LOW = replace(PRIORS, laser=replace(PRIORS.laser, lean=Lean(np.zeros(2), 80.0, 1e-6 * np.eye(2))))
@@ -72,6 +73,28 @@ def test_a_face_that_is_no_straight_one_in_the_scan_has_no_width(std_px):
     assert judged(readings(FACE_DEG), disagrees=False, found=box) is box
 
 
+def beams(gap, *, before=6, after=6, far=1.5):
+    """A face's width in beams: so many that meet it, some that go through it, others that meet it."""
+    share = (np.arange(before + gap + after) + 0.5) / (before + gap + after)
+    on_it = ENDS[0] + share[:, None] * (ENDS[1] - ENDS[0])
+    through = (np.arange(len(on_it)) >= before) & (np.arange(len(on_it)) < before + gap)
+    return np.where(through[:, None], far * on_it, on_it)
+
+
+BOX = replace(FACE, shape="box", size_mm=np.array([300.0, 200.0, 250.0]), covariance=np.eye(3), reasons={},
+              outline_mm=Box(OWN).points(np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]))[:, :2])  # fmt: skip
+
+
+@pytest.mark.parametrize(("found", "told"), [(FACE, "300 mm, "), (BOX, "300 x 200 mm, ")])
+def test_what_beams_go_through_has_no_outline(found, told):
+    seen = judged(readings(FACE_DEG), std_px=(0.1, 0.1), found=found, readings_mm=beams(3))
+    assert seen.shape == "irregular" and np.isnan(seen.size_mm[:2]).all() and seen.size_mm[2] == 250
+    assert str(seen.reasons["width"]).startswith(f"{told}but beams go through it: ") and np.isnan(seen.yaw_rad)
+    solid = judged(readings(FACE_DEG), std_px=(0.1, 0.1), found=found, readings_mm=beams(0))
+    fused = judged(readings(FACE_DEG), std_px=(0.1, 0.1), found=found, readings_mm=beams(3), disagrees=False)
+    assert solid is found and fused is found
+
+
 TWICE = readings(2 * FACE_DEG)
 
 
@@ -81,7 +104,7 @@ TWICE = readings(2 * FACE_DEG)
         {"points_mm": readings(1.4 * FACE_DEG)},  # hardly wider
         {"points_mm": TWICE, "std_px": (0.1, 0.1)},  # its ends are sharp: no print
         {"points_mm": TWICE, "disagrees": False},
-        {"points_mm": TWICE, "found": replace(FACE, shape="box")},
+        {"points_mm": TWICE, "found": BOX},
         {"points_mm": TWICE, "found": FACE.without("width", Why(Reason.CUT))},
         {"points_mm": TWICE, "pieces": (Thing(),)},  # others within that outline stand alone now
         {"points_mm": 2.5 * TWICE, "priors": LOW},  # far behind: something else

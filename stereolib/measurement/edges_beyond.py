@@ -26,7 +26,8 @@ _LEAST = 1e-3  # of a difference: what is less is none
 _SPILL_PX = 4.0  # beyond an outline SGBM matches half its window as the nearer surface
 _ON_FACE_PX = 1.5  # of disparity
 _FACE_COLORS, _SAME_GREY, _ALIKE = (0.1, 0.9), 4.0, 0.2  # quantiles; grey levels; share of pixels that are alike
-_MOST_INSIDE, _LEAST_OTHER_PX = 0.5, 4  # share of a face in which it is looked for, and of pixels that tell it
+_MOST_INSIDE = 0.5  # share of a face, next to the corner, of which its colours are told
+_LEAST_OTHER_PX, _LEAST_GAP_PX = 4, 8  # of another colour, beside the end of a face and farther in
 _BESIDE = np.arange(3.0, 13.0)  # px beyond an edge that show what lies there
 _INSIDE_PX, _SAMPLES = 24, 32  # lines within a face that tell its contrast, and points of each
 _SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
@@ -294,14 +295,14 @@ def other_inside_mm(views: Views, world: World, own: Float64, side: Side) -> flo
     Returns
     -------
     float
-        0 where it has its own colours up to there, but for the 4 px that an edge is wide; or where it is a stripe on
-        the face, or the wall between it and what stands beside it, no picture tells. The one that shows the face wider
-        is looked at.
+        0 where it has its own colours throughout, but for the 4 px that an edge is wide. Another one tells, over its
+        whole height, beside the end from 4 px on, farther in from 8 px on: be it a stripe on the face, or the gap
+        between two things, no picture tells. The one that shows the face wider is looked at.
     """
     size_mm = float(own[side.extent])
     per_px = _mm_per_px(world, own, side, side.end, -0.9 * size_mm)
-    count = int(_MOST_INSIDE * size_mm / per_px)
-    if count <= _SPILL_PX:
+    count = int(size_mm / per_px - _SPILL_PX)  # beside the corner the other face may show
+    if _MOST_INSIDE * size_mm <= _SPILL_PX * per_px:
         return 0.0
     ends = _along(own, side, side.end, np.array([0.0, -size_mm]))[:, 0]
     widths = [np.ptp(world.pixels(ends, right)[:, 0]) for right in (False, True)]
@@ -314,10 +315,9 @@ def other_inside_mm(views: Views, world: World, own: Float64, side: Side) -> flo
     if not len(face):
         return 0.0
     other = _has_colors_of(face, _colors(views, world, inside, right)).mean(axis=1) < _ALIKE
-    at = np.flatnonzero(other)
-    first = int(at[0]) if len(at) else count
-    last = first + int(np.argmin(np.append(other[first:], False)))
-    return float(per_px * last) if first < _SPILL_PX and last - first >= _LEAST_OTHER_PX else 0.0
+    runs = np.flatnonzero(np.diff(np.concatenate([[False], other, [False]]).astype(int))).reshape(-1, 2)
+    least = np.where(runs[:, 0] < _SPILL_PX, _LEAST_OTHER_PX, _LEAST_GAP_PX)
+    return float(per_px * runs[np.diff(runs)[:, 0] >= least, 1].max(initial=0))
 
 
 def _colors(views: Views, world: World, points_mm: Float64, right: bool = False) -> Float64:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 from support.pictured import HIGH, masks, of_pair, rendered, true_box
@@ -223,3 +224,24 @@ def test_a_face_that_is_taken_to_reach_over_what_stands_beside_it_may_end_where_
     narrow = own.copy()
     narrow[side.extent] *= 0.8
     assert other_inside_mm(views, shown.world, narrow, side) == 0.0
+
+
+def striped(views, world, own, side, first, last, height):
+    """The pictures with a stripe on a face, from one share of its width to another, up to a share of its height."""
+    band = np.zeros((4, 3))
+    band[:, 0 if side is Side.RIGHT else 1], band[:, 2] = (first, last, last, first), (0.0, 0.0, height, height)
+    pictures = [views.left.copy(), views.right.copy()]
+    for picture, right in zip(pictures, (False, True), strict=True):
+        cv2.fillConvexPoly(picture, np.rint(world.pixels(Box(own).points(band), right)).astype(np.int32), (30, 30, 30))
+    return replace(views, left=pictures[0], right=pictures[1])
+
+
+@pytest.mark.parametrize("side", Side)
+@pytest.mark.parametrize(("width", "height", "told"), [(0.2, 1.0, True), (0.02, 1.0, False), (0.2, 0.6, False)])
+def test_a_gap_in_a_face_is_told_with_all_beyond_it(side, width, height, told):
+    """Two things side by side, taken for one: the wall between them has another colour, from foot to top."""
+    box, how = CASES["near"]
+    shown, own = rendered(*box, **how), true_box(*box)
+    views = striped(painted(shown, own, True, (90, 120, 150)), shown.world, own, side, 0.6, 0.6 + width, height)
+    found = other_inside_mm(views, shown.world, own, side)
+    assert found == (pytest.approx(0.4 * own[side.extent], abs=10.0) if told else 0.0)

@@ -42,7 +42,7 @@ def typed() -> list[str]:
         if language == "python":
             found.append(block)
         elif language != "bash":  # a script, which is run as a whole
-            found += [line for line in (inline or block).splitlines() if line.startswith("stereolib ")]
+            found += [line for line in map(str.strip, (inline or block).splitlines()) if line.startswith("stereolib ")]
     return found
 
 

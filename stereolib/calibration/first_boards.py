@@ -88,7 +88,8 @@ def check_sides(views: BoardViews, given: str) -> None:
         raise ValueError(
             f"left and right are exchanged in {given}: by {counted(len(views), 'pair')} of the board ({views.names[0]} "
             f"...) the camera that is called left stands some {off_mm:.0f} mm to the right of the other. Give them the "
-            f"other way round, or rename them (or both cameras hang upside down: turn all pictures by 180 degrees)"
+            f"other way round, or rename them, unless both cameras hang upside down (turn the pictures by 180 degrees) "
+            f"or mirror (switch it off)"
         )
 
 

@@ -17,6 +17,7 @@ from stereolib.cli.ranges import MM, number
 #: Kind of file that `stereolib.rig` saves -> its names, and how many lens coefficients it holds at most.
 _FORMATS = {"opencv": (["opencv.yml"], 14), "ros": (["left.yaml", "right.yaml"], 8), "kalibr": (["camchain.yaml"], 4)}
 _NEAREST_MM = 50.0  # nearer no two cameras see the same
+_NO_RULER = "does a ruler say so? Give its reading as --ruler-mm: it tells mistyped squares"
 _NOTES = """verdict, by the errors of depth and of length at --at-mm (one standard deviation, median over the picture):
   good    both are up to 0.5 %: measure with it
   usable  up to 2 %: measure with it, to 2 %; mend what is named for more
@@ -98,7 +99,9 @@ def _run(arguments: argparse.Namespace) -> int:
             f"{counted(len(views), 'pair')} ({', '.join(views.names)}), not in {', '.join(views.missing)}: at least "
             f"{MIN_PAIRS} are needed, 15 to 30 give a trustworthy rig; is the board's size right?"
         )
+    _say_on_a_terminal(f"calibrating with {counted(len(views), 'pair')} ...")
     result = diagnose(views, model=arguments.model, ruler_mm=arguments.ruler_mm, at_mm=arguments.at_mm)
+    _say_on_a_terminal("drawing the report, in some seconds ...")
     write_calibration_report(written[1], result, dict(zip((path.name for path in left), pairs, strict=True)))
     save_calibration(written[0], result)
     for kind, paths in others.items():
@@ -107,13 +110,18 @@ def _run(arguments: argparse.Namespace) -> int:
         print(json.dumps(calibration_facts(result), indent=1, allow_nan=False))
     else:
         print(calibration_text(result))
-        if arguments.ruler_mm is not None:
-            found_mm = result.rig.baseline_mm
-            print(f"distance of the lenses {found_mm:.1f} mm; {beside_ruler(found_mm, arguments.ruler_mm)}")
+        found_mm, ruler_mm = result.rig.baseline_mm, arguments.ruler_mm
+        ruler = _NO_RULER if ruler_mm is None else beside_ruler(found_mm, ruler_mm)
+        print(f"distance of the lenses {found_mm:.1f} mm; {ruler}")
         print(f"written: {' '.join(map(str, written))}")
         if result.verdict != "bad":
             print(f"next: open {written[1]}; then stereolib measure LEFT RIGHT --calibration {written[0]}")
     return REFUSED if result.verdict == "bad" else DONE
+
+
+def _say_on_a_terminal(text: str) -> None:
+    if sys.stderr.isatty():
+        print(text, file=sys.stderr, flush=True)
 
 
 CALIBRATE = Command(

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 _AUTO = "auto"
 _WIDEST_PX = 2**15  # no picture is wider
+_HARDLY = 0.1  # share of matched pixels: pairs of a scene have half or more, pictures of two scenes 1 to 4 % by chance
+_ONE_SCENE = "are both pictures of one scene and one moment? What was filled is a guess"
 _OPTIONS = {
     "looks for a multiple of 16 disparities, got": "needs a --max-disparity that is a multiple of 16, got",
     "looks for a multiple of 32 disparities, got": "needs a --max-disparity that is a multiple of 32, got",
@@ -105,6 +107,8 @@ def _run(arguments: argparse.Namespace) -> int:
         depth = None if instrument is None else measure_depth(*pair, instrument, *how, filled=arguments.filled)
         match = depth.match if depth else match_checked(*pair, *how)
     said = [*said_of(arguments.calibration), *depth.instrument.warnings] if depth else []
+    if match.shares["matched"] < _HARDLY:
+        said.append(f"hardly anything matches: {_ONE_SCENE}")
     for text in (*said, *map(_as_options, match.notes)):
         print(f"warning: {text}")
     _write(paths, match.estimate.disparity_px, match.estimate.std_px, depth)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 import signal
 import sys
 import threading
@@ -20,6 +21,8 @@ _NO_MEMORY = (
     "annot allocate memory",
     "t start new thread",
 )
+#: What the library proposes to who calls it from Python; and an argument of its, named before the option that sets it.
+_IN_PYTHON, _ARGUMENT = re.compile(r"(?:;|, or,) in Python, [^;)]*"), re.compile(r"\b(\w+) \((--\1)\)")
 _MAKE_ROOM = "; make room, or write to another place (of temporary files: the variable TMPDIR)"
 DONE, REFUSED, WRONG_INPUT, INTERRUPTED = 0, 1, 2, 130
 _ENDING = ("SIGTERM", "SIGHUP", "SIGBREAK")  # those of them that a system has
@@ -141,7 +144,8 @@ def _told(error: BaseException) -> str:
         place = "" if error.filename is None else f"{os.fsdecode(error.filename)}: "
         remedy = _MAKE_ROOM if error.errno in (errno.ENOSPC, errno.EDQUOT) else ""
         return f"{place}{error.strerror}{remedy}"
-    return str(error).strip() or type(error).__name__
+    text = _ARGUMENT.sub(r"\2", _IN_PYTHON.sub("", str(error)))
+    return text.strip() or type(error).__name__
 
 
 def _say(text: str) -> None:

@@ -24,6 +24,7 @@ _FAINT = 0.1375  # share of the picture that shines through the boxes' lines
 _LEAST_AHEAD_MM = 100.0  # nearer readings are not drawn: they project to anywhere
 _FAR_PX = 1e4  # what projects farther from the picture is not drawn: OpenCV's coordinates overflow
 _CROSS_PX, _DASH_PX = 12, 5  # half of a length's end with room around it; of an edge that is hidden
+_ALONG = 100  # points of a line that its text must not cover
 _FONT, _FONT_SCALE = cv2.FONT_HERSHEY_SIMPLEX, 0.7
 _CAPTION_SCALE, _MARGIN_PX = 0.5, 6  # of a text below the picture, and around it
 _NO_SIZE = "no size"
@@ -68,8 +69,9 @@ def why_text(measured: MeasuredObject) -> str:
 def draw_objects(measured: Measurement, *, scan: bool = True, names: Sequence[str] = (), sizes: bool = True) -> UInt8:
     """Draw a wire box and the sizes (length x width x height) of each object into the rectified left picture.
 
-    Edges that the object itself hides are thin and dashed. Near objects are drawn over far ones. Where more than one
-    has sizes, each begins with a number, 1 being the nearest of these.
+    Edges that the object itself hides are thin and dashed. Near objects are drawn over far ones, of which, without
+    `names`, nothing shines through. Where more than one has sizes, each begins with a number, 1 being the nearest of
+    these.
 
     Parameters
     ----------
@@ -97,14 +99,15 @@ def draw_objects(measured: Measurement, *, scan: bool = True, names: Sequence[st
                 cv2.circle(picture, (round(u), round(v)), 2, _READING_COLOR, -1, cv2.LINE_AA)
     shown = list[tuple[tuple[str, ...], tuple[int, int, int], Float64]]()
     sized = [k for k, entry in enumerate(measured.objects) if np.isfinite(entry.size_mm).any()]
-    for k, entry in reversed(list(enumerate(measured.objects))):
-        if not is_pictured(measured, entry):
-            continue
-        rings = _rings(floor, entry)
+    pictured = [(k, entry) for k, entry in enumerate(measured.objects) if is_pictured(measured, entry)]
+    outlines = [_rings(floor, entry) for _, entry in pictured]
+    for (k, entry), rings in reversed(list(zip(pictured, outlines, strict=True))):
         name = names[k] if names else chr(ord("A") + k)
         color = OBJECT_RGB[(ord(name[0]) - ord("A")) % len(OBJECT_RGB)][::-1] if name else _NAMELESS
         layer = picture.copy()
         _draw_edges(layer, entry, rings[0], rings[1], color)
+        nearer = [] if names else outlines[: len(outlines) - len(shown) - 1]
+        _hide_behind(layer, picture, nearer)
         picture = cv2.addWeighted(layer, 1 - _FAINT, picture, _FAINT, 0)
         said = [size_text(entry)] if k in sized else [why_text(entry), _NO_SIZE]
         title = name if names else f"{sized.index(k) + 1}:" if k in sized and len(sized) > 1 else ""
@@ -138,7 +141,7 @@ def is_pictured(measured: Measurement, item: MeasuredObject) -> bool:
 
 
 def draw_length(left: UInt8, pixels: Sequence[tuple[float, float]], text: str) -> UInt8:
-    """Draw a line between two pixels, and a text at its middle.
+    """Draw a line between two pixels, and a text beside its middle.
 
     Parameters
     ----------
@@ -192,16 +195,20 @@ def add_caption(picture: UInt8, text: str) -> UInt8:
 
 
 def _beside(picture: UInt8, text: str, ends: Float64) -> Float64:
-    """Where a text hides neither end of a line: above its middle, else above or below the whole line, else anywhere."""
+    """Where a text hides no part of a line: beside its middle, above or below the whole of it; else not its ends."""
     (width, height), _ = cv2.getTextSize(text, _FONT, _FONT_SCALE * _larger(picture), _pen(picture))
-    x, above = ends.mean(axis=0)
-    far = height + 8 + _CROSS_PX
-    for y in (above, ends[:, 1].min() - far + height, ends[:, 1].max() + far + height, 0.0, picture.shape[0] - 1.0):
-        left, top, right, bottom = _frame(picture, width, height, x, y)
-        apart = np.maximum([left, top] - ends, ends - [right, bottom]).max(axis=1)
-        if (apart > _CROSS_PX).all():
-            return np.array([[x, y]])
-    return np.array([[x, above]])
+    (x, y), line = ends.mean(axis=0), np.linspace(ends[0], ends[1], _ALONG)
+    aside, far = width / 2 + 2 * _CROSS_PX, height + 8 + _CROSS_PX
+    middle = y + height / 2 + 8
+    over = [(x, ends[:, 1].min() - far + height), (x, ends[:, 1].max() + far + height)]
+    places = [(x + aside, middle), (x - aside, middle), *over, (x, y), (x, 0.0), (x, picture.shape[0] - 1.0)]
+    for points in (line, ends):
+        for place in places:
+            left, top, right, bottom = _frame(picture, width, height, *place)
+            apart = np.maximum([left, top] - points, points - [right, bottom]).max(axis=1)
+            if (apart > _CROSS_PX).all():
+                return np.array([place])
+    return np.array([(x, y)])
 
 
 def _draw_edges(layer: UInt8, entry: MeasuredObject, bottom: Float64, top: Float64, color: Sequence[int]) -> None:
@@ -227,6 +234,14 @@ def _draw_edges(layer: UInt8, entry: MeasuredObject, bottom: Float64, top: Float
             part = [start + (end - start) * share for share in ((k, k + 1) if seen else (k / count, (k + 0.5) / count))]
             one, other = (tuple(np.rint(point).astype(int).tolist()) for point in part)
             cv2.line(layer, one, other, color, 2 if seen else 1, cv2.LINE_AA)
+
+
+def _hide_behind(layer: UInt8, picture: UInt8, nearer: Sequence[Float64]) -> None:
+    """Put the picture back where these rings of solids stand."""
+    hidden = np.zeros(layer.shape[:2], np.uint8)
+    for rings in nearer:
+        cv2.fillConvexPoly(hidden, cv2.convexHull(np.rint(rings.reshape(-1, 2)).astype(np.int32)), 1)
+    layer[hidden > 0] = picture[hidden > 0]
 
 
 def _rings(floor: Floor, item: MeasuredObject) -> Float64:
@@ -262,23 +277,33 @@ def _label(
 ) -> None:
     """The first text that covers no others above an object or below it, else the last, where it covers less of them.
 
+    One of several, which tell why there is no size, may stand a line farther off.
+
     It stays inside the picture, and below other texts.
     """
     for text in texts:
         (width, height), _ = cv2.getTextSize(text, _FONT, _FONT_SCALE * _larger(picture), _pen(picture))
-        x, rows = float(corners[:, 0].mean()), (corners[:, 1].min(), corners[:, 1].max() + height + 16)
+        x, above, below = float(corners[:, 0].mean()), corners[:, 1].min(), corners[:, 1].max() + height + 16
+        rows = [above, below, above - height - 8, below + height + 8][: 2 * min(len(texts), 2)]
         frames = [_frame(picture, width, height, x, float(y)) for y in rows]
-        covered = [_overlap(frame, others) + _overlap(frame, taken) for frame in frames]
+        covered = [_overlap(_bordered(frame), [*others, *taken]) for frame in frames]
         left, top, right, bottom = frames[int(np.argmin(covered))]
         if min(covered) == 0:
             break
     while _overlap((left - 3, top - 5, right + 3, bottom + 5), taken):
         top, bottom = top + height + 6, bottom + height + 6
     taken.append((left, top, right, bottom))
-    cv2.rectangle(picture, (left - 3, top - 4), (right + 3, bottom + 5), _LABEL_COLOR, -1)
-    cv2.rectangle(picture, (left - 3, top - 4), (right + 3, bottom + 5), color, 2)
+    start, end = np.reshape(_bordered((left, top, right, bottom)), (2, 2)).tolist()
+    cv2.rectangle(picture, start, end, _LABEL_COLOR, -1)
+    cv2.rectangle(picture, start, end, color, 2)
     scale = _FONT_SCALE * _larger(picture)
     cv2.putText(picture, text, (left, bottom), _FONT, scale, (255, 255, 255), _pen(picture), cv2.LINE_AA)
+
+
+def _bordered(frame: tuple[int, int, int, int]) -> tuple[int, int, int, int]:
+    """A text's frame with the border drawn round it."""
+    left, top, right, bottom = frame
+    return left - 3, top - 4, right + 3, bottom + 5
 
 
 def _overlap(frame: Frame, others: Sequence[Frame]) -> float:

@@ -18,9 +18,11 @@ _SIDES = {"left": 0, "l": 0, "cam0": 0, "right": 1, "r": 1, "cam1": 1}
 _FOLDERS = (("left", "right"), ("l", "r"), ("cam0", "cam1"))
 #: Ends of the names of pictures.
 PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp")
+_SCAN = ".bin"  # end of the name of a laser's recording
 _LISTED, _GUESSES = 8, 2
 _Key = tuple[tuple[bool, int, str], ...]
 _WORDS = re.compile(r"[Cc]am[01](?!\d)|\d+|[A-Z]?[a-z]+|[A-Z]+|[^\W\d_]+")
+_OTHER = {"left": "right", "l": "r", "cam0": "cam1", "right": "left", "r": "l", "cam1": "cam0"}
 
 
 class PairFile(NamedTuple):
@@ -64,7 +66,7 @@ def find_pairs(
     ------
     ValueError
         If nothing is found, pictures have no partner, share a number, are too few, or differ in size. They are named,
-        a lonely one with the two likeliest partners.
+        a lonely one with the two likeliest partners of those that have none either, else with the one that is missing.
     """
     if right is None:
         pairs = _both_sides(str(left), every)
@@ -82,7 +84,7 @@ def find_pairs(
             f"too few pairs, {len(pairs)} ({_names(pair.left for pair in pairs)}): at least {least} with different "
             f"tilts are needed, and 15 to 30 give a trustworthy rig"
         )
-    one_size({path: image_size(path) for pair in pairs for path in pair})
+    _check_sizes(pairs)
     return pairs
 
 
@@ -214,9 +216,21 @@ def one_size(sizes: Mapping[Path, tuple[int, int]]) -> tuple[int, int]:
     """
     usual = max(sorted(set(sizes.values())), key=list(sizes.values()).count)
     if odd := [f"{path} is {w}x{h}" for path, (w, h) in sizes.items() if (w, h) != usual]:
+        many = "most" if 2 * len(odd) < len(sizes) else "some"
         shown = "".join(f"\n  {text}" for text in (*odd[:_LISTED], *["..."] * (len(odd) > _LISTED)))
-        raise ValueError(f"all pictures must have one size, most are {usual[0]}x{usual[1]}, but:{shown}")
+        raise ValueError(f"all pictures must have one size, {many} are {usual[0]}x{usual[1]}, but:{shown}")
     return usual
+
+
+def _check_sizes(pairs: Sequence[PairFile]) -> None:
+    """Refuse pictures of several sizes; two cameras that have one each are told as such."""
+    sizes = {path: image_size(path) for pair in pairs for path in pair}
+    left, right = ({sizes[path] for path in side} for side in zip(*pairs, strict=True))
+    if len(left) == len(right) == 1 and left != right:
+        (a, b), (c, d) = *left, *right
+        remedy = "set both cameras to one size and take them again"
+        raise ValueError(f"left pictures are {a}x{b}, right ones {c}x{d}: {remedy}")
+    one_size(sizes)
 
 
 def _both_sides(source: str, every: int | None) -> list[PairFile]:
@@ -254,7 +268,7 @@ def _pictures(*sources: str) -> list[list[Path]]:
     """Pictures of each folder, pattern or file, and nothing else."""
     import cv2
 
-    found = [_files(source) for source in sources]
+    found = [_without_scans(_files(source)) for source in sources]
     for path in (path for files in found for path in files):
         check_name(path)
     wrong = [[path for path in files if not cv2.haveImageReader(str(path))] for files in found]
@@ -265,6 +279,11 @@ def _pictures(*sources: str) -> list[list[Path]]:
             f"away, copy damaged ones again"
         )
     return found
+
+
+def _without_scans(files: list[Path]) -> list[Path]:
+    """What stands beside a laser's recordings, or these where there is nothing else."""
+    return [path for path in files if path.suffix.lower() != _SCAN] or files
 
 
 def _files(source: str) -> list[Path]:
@@ -323,10 +342,11 @@ def _matched(
     if sides is None and set(a).isdisjoint(b) and len(a) == len(b):
         return [PairFile(a[one], b[other]) for one, other in zip(sorted(a), sorted(b), strict=True)]
     where = sides or (f"in {where_left}", f"in {where_right}")
+    lonely = [[mine[key] for key in sorted(set(mine) - set(other))] for mine, other in ((a, b), (b, a))]
     alone = [
-        f"without a partner {there}: {listed(_guess(mine[key], other) for key in sorted(lonely))}"
-        for mine, other, there in ((a, b, where[1]), (b, a, where[0]))
-        if (lonely := set(mine) - set(other))
+        f"without a partner {there}: {listed(_guess(path, others) for path in these)}"
+        for these, others, there in zip(lonely, lonely[::-1], where[::-1], strict=True)
+        if these
     ]
     if alone:
         raise ValueError(
@@ -336,9 +356,19 @@ def _matched(
     return [PairFile(a[key], b[key]) for key in sorted(a)]
 
 
-def _guess(path: Path, others: dict[_Key, Path]) -> str:
-    nearest = difflib.get_close_matches(path.name, [other.name for other in others.values()], n=_GUESSES, cutoff=0.5)
-    return f"{path.name} ({' or '.join(nearest)}?)" if nearest else path.name
+def _guess(path: Path, others: Sequence[Path]) -> str:
+    """A lonely picture's name, with the likeliest of the other side's lonely ones, or with what is missing there."""
+    nearest = difflib.get_close_matches(path.name, [other.name for other in others], n=_GUESSES, cutoff=0.5)
+    if nearest or others:
+        return f"{path.name} ({' or '.join(nearest)}?)" if nearest else path.name
+    missing = _WORDS.sub(lambda word: _other_side(word[0]), path.stem) + path.suffix
+    return f"{path.name} ({missing} is missing)"
+
+
+def _other_side(word: str) -> str:
+    """A word of a name as the other side's picture has it."""
+    other = _OTHER.get(word.lower(), word)
+    return other.upper() if word.isupper() else other.title() if word.istitle() else other
 
 
 def _names(files: Iterable[Path]) -> str:

@@ -7,6 +7,7 @@ import base64
 import json
 import re
 import shutil
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -231,6 +232,20 @@ def test_a_ruler_that_agrees_is_told(
     folders = done[2][1:3]
     assert commands.main(["calibrate", *folders, *WORDS, "--ruler-mm", "93", "--output", str(tmp_path / "rig")]) == 0
     assert "distance of the lenses 93.1 mm; the ruler says 93.0 mm: +0.1 mm off\n" in capsys.readouterr().out
+
+
+def test_without_a_ruler_one_is_asked_for_and_a_terminal_sees_what_is_done(
+    boards: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(plotting, "write_calibration_report", lambda *_: None)
+    words = ["calibrate", *boards, "--board", "9x6", "--square-mm", "26", "--output", str(tmp_path / "rig")]
+    commands.main(words)
+    printed = capsys.readouterr()
+    assert re.search(r"\ndistance of the lenses 9\d\.\d mm; does a ruler say so\? .*--ruler-mm", printed.out)
+    assert not printed.err
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
+    commands.main([*words, "--force"])
+    assert re.search(r"calibrating with 5 pairs \.\.\.\ndrawing the report", capsys.readouterr().err)
 
 
 @pytest.mark.slow

@@ -145,6 +145,15 @@ def test_a_picture_of_another_moment_is_told(raw, tmp_path, capsys):
     assert re.search(r"warning: \d\d of .* lie [67] px too low in right: something moved", told(capsys))
 
 
+def test_pictures_of_two_places_are_asked_about(raw, tmp_path, capsys):
+    room = [data_path(f"virtual/room/{name}.jpg") for name in ("3_left", "2_right")]
+    words = ["--pipeline", "fast", "--output", tmp_path / "d.npy"]
+    run(*room, *raw[2:], *words)
+    assert told(capsys).startswith("warning: hardly anything matches: are both pictures of one scene and one moment?")
+    run(*raw, *words, "--force")
+    assert "hardly" not in told(capsys)
+
+
 def test_best_writes_its_standard_deviation(pair, tmp_path):
     small = []
     for file in pair:  # a quarter of the size: quick

@@ -102,6 +102,40 @@ def test_a_lengths_text_hides_neither_of_its_ends(ends):
         assert sum(np.abs(pixel.astype(int) - OBJECT_RGB[1][::-1]).max() < 60 for pixel in cross) > 20
 
 
+@pytest.mark.parametrize("ends", [((298.0, 368.0), (298.0, 218.0)), ((170.0, 300.0), (540.0, 330.0))])
+def test_a_lengths_text_stands_beside_its_line(ends):
+    drawn = draw_length(np.full((480, 640, 3), 127, np.uint8), ends, "239.8 mm (std 1.1)").astype(int)
+    for column, row in np.rint(np.linspace(*np.array(ends), 50)[3:-3]).astype(int):
+        assert np.abs(drawn[row, column] - OBJECT_RGB[0][::-1]).max() < 90
+
+
+def test_what_is_farther_ends_at_a_nearer_box(monkeypatch):
+    """A thing of which no size is known goes from side to side behind the cube: there its own edges alone are seen."""
+    found, cube = measured(), the_cube(measured())
+    monkeypatch.setattr(overlay, "_label", lambda *_: None)
+    x, y = cube.outline_mm.mean(axis=0)
+    across = np.array([[x + 50.0, y + 300.0], [x + 50.0, y - 300.0]])
+    wall = replace(cube, shape="face", size_mm=np.full(3, np.nan), outline_mm=across)
+    alone, both, named = (
+        draw_objects(replace(found, objects=objects), scan=False, names=names)
+        for objects, names in (((cube,), ()), ((cube, wall), ()), ((cube, wall), ("A", "B")))
+    )
+    rows, columns = np.nonzero((alone != found.left).any(axis=2))
+    middle = slice(rows.min() + 5, rows.max() - 5), slice(columns.min() + 5, columns.max() - 5)
+    assert np.array_equal(both[middle], alone[middle]) and not np.array_equal(named[middle], alone[middle])
+    assert not np.array_equal(both, alone)
+
+
+def test_a_text_of_no_size_stands_a_line_farther_off_rather_than_on_a_box():
+    corners, box = np.array([[300.0, 230.0], [640.0, 240.0]]), (400.0, 150.0, 560.0, 250.0)
+    frames = []
+    for texts in (("no size: cut", "no size"), ("? x 400 x ? mm",)):
+        taken = []
+        _label(np.zeros((480, 640, 3), np.uint8), texts, corners, (255, 0, 0), taken, [box])
+        frames.append(taken[0])
+    assert frames[0][1] > box[3] + 5 and frames[1][1] < box[3] + 5
+
+
 def test_texts_grow_with_the_picture():
     """In a picture of three times the size they take the same share of it; small pictures keep theirs."""
     marked = []

@@ -76,7 +76,8 @@ def test_names_that_belong_together(left: list[str], right: list[str], expected:
     ("left", "right", "hints"),
     [
         ("1.png 2.png 3.png 4.png 9.png", "1.png 2.png 3.png 4.png 7.png 8.png",
-         ["without a partner in", "right: 9.png (8.png or 7.png?)", "left: 7.png (9.png or 4.png?), 8.png"]),
+         ["without a partner in", "right: 9.png (8.png or 7.png?)", "left: 7.png (9.png?), 8.png (9.png?)"]),
+        ("1.png 2.png 3.png", "1.png 2.png", ["without a partner in", "right: 3.png (3.png is missing)"]),
         ("1.png 2.png 3.png notes.txt Thumbs.db", "1.png 2.png 3.txt",
          ["no readable images", "left: Thumbs.db, notes.txt; in ", "right: 3.txt. Expected only pictures"]),
         ("1.png 2.png", "1.png 2.png", ["too few pairs, 2 (1.png, 2.png)", "at least 5"]),
@@ -133,6 +134,23 @@ def test_the_likeliest_partners_are_named(tmp_path: Path) -> None:
         find_pairs(folder)
 
 
+@pytest.mark.parametrize(
+    ("names", "alone", "missing"),
+    [
+        ("7_left 8_left 8_right", "7_left", "7_right"),
+        ("R_3 R_10 L_10", "R_3", "L_3"),
+        ("cam0_5 cam1_5 cam1_6", "cam1_6", "cam0_6"),
+        ("Left1 Left2 Right2", "Left1", "Right1"),
+    ],
+)
+def test_the_missing_partner_is_named_where_no_other_is_alone(
+    names: str, alone: str, missing: str, tmp_path: Path
+) -> None:
+    folder = make_files(tmp_path, *(f"{name}.png" for name in names.split()))
+    with pytest.raises(ValueError, match=rf": {alone}\.png \({missing}\.png is missing\)\. Expected"):
+        find_pairs(folder)
+
+
 def test_pictures_beside_each_other_are_cut_once(tmp_path: Path) -> None:
     for k in (1, 2):
         cv2.imwrite(str(tmp_path / f"{k}.png"), np.hstack([noisy(k), noisy(k + 8)]))
@@ -180,6 +198,27 @@ def test_sizes_are_told_before_anything_is_searched(tmp_path: Path) -> None:
     make_files(tmp_path / "right", "2.png", shape=(8, 10))
     with pytest.raises(ValueError, match=r"most are 8x8, but:\n.*2.png is 10x8"):
         find_pairs(tmp_path)
+
+
+def test_cameras_of_a_size_each_are_told(tmp_path: Path) -> None:
+    make_files(tmp_path / "left", "1.png", "2.png")
+    make_files(tmp_path / "right", "1.png", "2.png", shape=(8, 10))
+    with pytest.raises(ValueError, match=r"^left pictures are 8x8, right ones 10x8: set both cameras to one size"):
+        find_pairs(tmp_path)
+
+
+def test_half_the_pictures_are_not_most(tmp_path: Path) -> None:
+    make_files(tmp_path, "left1.png", "right1.png")
+    make_files(tmp_path, "left2.png", "right2.png", shape=(8, 10))
+    with pytest.raises(ValueError, match=r"some are 8x8, but:\n.*left2.png is 10x8\n.*right2.png is 10x8"):
+        find_pairs(tmp_path)
+
+
+def test_scans_of_a_laser_are_passed_over(tmp_path: Path) -> None:
+    folder = make_files(tmp_path, "1_left.png", "1_right.png", "1_scan.bin")
+    assert named(find_pairs(folder)) == [("1_left.png", "1_right.png")]
+    with pytest.raises(ValueError, match=r"no readable images, in .*1_scan\.bin"):
+        find_pairs(make_files(tmp_path / "scans", "1_scan.bin"))
 
 
 def test_names_that_tell_no_side(tmp_path: Path) -> None:

@@ -311,6 +311,10 @@ def _boards(folder: Path) -> None:
     files("boards_few", left1__jpg=picture, right1__jpg=picture)
     files("boards_cut", **{f"{s}{k}__jpg": picture[:5000] for s in ("left", "right") for k in range(6)})
     files("boards_black", **{f"{s}{k}__png": small for s in ("left", "right") for k in range(6)})
+    wide = _png(np.zeros((8, 10), np.uint8))
+    files("boards_sizes", **{f"{s}{k}__png": picture for s, picture in (("left", small), ("right", wide))
+                             for k in range(6)})  # fmt: skip
+    files("boards_none", scan__bin=b"", **{f"{s}{k}__png": small for s in ("left", "right") for k in range(6)})
     files("boards_rows", **{f"{s}{k}__png": _png(np.zeros((1, 640), np.uint8)) for s in ("left", "right")
                             for k in range(6)})  # fmt: skip
     files("boards_left", **{f"{k}__png": small for k in range(6)})
@@ -683,7 +687,9 @@ OTHERS = {
         Bad(f"calibrate nowhere*.png {_BOARD}", "no file has such a name"),
         Bad(f"calibrate boards_few boards_few {_BOARD}", "both cameras"),
         Bad(f"calibrate boards_notes {_BOARD}", "notes.txt"),
-        Bad(f"calibrate boards_alone {_BOARD}", "left02.png"),
+        Bad(f"calibrate boards_alone {_BOARD}", r"left02\.png \(right02\.png is missing\)"),
+        Bad(f"calibrate boards_sizes {_BOARD}", "left pictures are 8x8, right ones 10x8"),
+        Bad(f"calibrate boards_none {_BOARD}", "no board of 9x6 inner corners was found"),
         Bad(f"calibrate boards_sideless {_BOARD}", "tell no side"),
         Bad(f"calibrate boards_twice {_BOARD}", "told apart"),
         Bad(f"calibrate boards_few {_BOARD}", "too few pairs"),

@@ -17,9 +17,7 @@ _LIMIT_BYTES = 64 * 2**20  # of an executed notebook: pictures of a dozen pairs 
 _REST = "left out: the rest"
 _NOTEBOOK = "only-notebook"  # tag of cells that a page has no use for
 #: What the notebook says of itself, and what a page says in its place.
-_RUN = re.compile(
-    r", write its name below, and run all cells; or let (`.+?`) do that\. With no name .*? nobody knows\."
-)
+_RUN = re.compile(r", write its name below, and run all cells; or let (`.+`) do that\. With no name .*? nobody knows\.")
 _MADE = r"; then \1 makes this page."
 _WHOLE_WORDS = "<style>div.output_area pre { word-break: normal; overflow-wrap: anywhere; }</style>\n</head>"
 _LINK = re.compile(r"\[([^\]]+)\]\((?![a-z]+:)[^)]*\)")  # to what is not beside a report

@@ -16,6 +16,10 @@ CHAPTERS = {"report": CHAPTER, "calibration": "01_calibration"}
 _LIMIT_BYTES = 64 * 2**20  # of an executed notebook: pictures of a dozen pairs are some MB
 _REST = "left out: the rest"
 _NOTEBOOK = "only-notebook"  # tag of cells that a page has no use for
+#: What the notebook says of itself, and what a page says in its place.
+_RUN = re.compile(r", write its name below, and run all cells; or let (`.+`) do that\. With no name .*? nobody knows\.")
+_MADE = r"; then \1 makes this page."
+_WHOLE_WORDS = "<style>div.output_area pre { word-break: normal; overflow-wrap: anywhere; }</style>\n</head>"
 _LINK = re.compile(r"\[([^\]]+)\]\((?![a-z]+:)[^)]*\)")  # to what is not beside a report
 
 
@@ -69,10 +73,12 @@ def report_rig(folder: Path, output: Path, name: str = "report") -> list[Path]:
     nothing_from_elsewhere = dict.fromkeys(("mathjax_url", "require_js_url", "jquery_url"), "")
     for cell in _explains_nothing(executed.cells):
         cell.metadata["tags"] = [_NOTEBOOK]
+    executed.cells[0].source = _RUN.sub(_MADE, executed.cells[0].source)
     left_out = {"enabled": True, "remove_cell_tags": [_NOTEBOOK]}
     make_page: Any = HTMLExporter
     page = make_page(config=Config(TagRemovePreprocessor=left_out), **plain, **nothing_from_elsewhere)
     html, _ = page.from_notebook_node(executed, {"metadata": {"name": f"{folder.resolve().name}: {name}"}})
+    html = html.replace("</head>", _WHOLE_WORDS, 1)
     written = [write_atomic(output / f"{name}.html", html), write_atomic(output / f"{name}.ipynb", text)]
     calibration = output / "calibration.json"
     return [*written, *([calibration] if chapter == CHAPTER and calibration.is_file() else [])]

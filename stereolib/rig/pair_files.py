@@ -226,7 +226,7 @@ def _check_sizes(pairs: Sequence[PairFile]) -> None:
     """Refuse pictures of several sizes; two cameras that have one each are told as such."""
     sizes = {path: image_size(path) for pair in pairs for path in pair}
     left, right = ({sizes[path] for path in side} for side in zip(*pairs, strict=True))
-    if len(left) == len(right) == 1 and left != right:
+    if len(pairs) > 1 and len(left) == len(right) == 1 and left != right:
         (a, b), (c, d) = *left, *right
         remedy = "set both cameras to one size and take them again"
         raise ValueError(f"left pictures are {a}x{b}, right ones {c}x{d}: {remedy}")

@@ -198,7 +198,7 @@ def test_nothing_mapped_is_exit_code_1(made, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("name", "data", "message"),
     [
-        ("3_right.jpg", None, ": 3_left.jpg (1_right.jpg?)"),
+        ("3_right.jpg", None, ": 3_left.jpg (3_right.jpg is missing)"),
         ("3_scan.bin", b"no laser" * 99, "3_scan.bin (792 bytes) is no XV-11 recording"),
         ("3_scan.bin", walk.scan_bytes("room/3")[:900], "3_scan.bin: none of the 1 turns is complete"),
         ("03_scan.bin", b"", "station 3 has two files for its scan, 03_scan.bin and 3_scan.bin"),

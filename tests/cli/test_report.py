@@ -66,6 +66,8 @@ def test_report_of_a_laser_alone_leaves_out_the_rest(folder, capsys):
     page = (folder / "report" / "report.html").read_text(encoding="utf-8")
     assert "the scatter grows with the distance" in page
     assert "filled outlines are things" not in page and "The knobs" not in page
+    assert "run all cells" not in page and re.search(r"report my_rig</code> makes this page\. Whatever needs", page)
+    assert re.findall(r"word-break: ?([\w-]+)", page.partition("</head>")[0])[-1] == "normal"  # of what was printed
     assert not re.findall(r"<(?:script|link|img)[^>]*(?:src|href)=\"?https?:", page)
     assert run("report", folder) == 2
     assert "report.html, " in (error := capsys.readouterr().err) and "would be overwritten" in error

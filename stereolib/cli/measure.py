@@ -168,7 +168,7 @@ def between(
     told += "\nfrom pixel to pixel: what lies between a pixel and the thing's edge is not in it"
     told += "; without --between, things are told from edge to edge"
     told += f"\nthe pixels were taken for those of this picture: {frame}"
-    drawn = f"{found.length_mm:.1f} mm (std {found.std_mm:.1f})"  # OpenCV 4 cannot write a ±
+    drawn = f"{found.length_mm:.1f}+-{found.std_mm:.1f} mm"  # OpenCV 4 cannot write a ±
     return draw_length(left, pixels, drawn), facts, told
 
 

@@ -230,8 +230,8 @@ class CaptureSession:
         self._note(is_exchanged=True)
         raise ValueError(
             f"left and right are exchanged: by {counted(self.taken, 'pair')} of the board, {left} stands some "
-            f"{off_mm:.0f} mm to the right of {right} (or both hang upside down, or mirror). Name {right} first, and another "
-            f"folder than {self.folder}; or let {folders[0]} and {folders[1]} change names, and it goes on"
+            f"{off_mm:.0f} mm to the right of {right} (or both hang upside down, or mirror). Name {right} first, and "
+            f"another folder than {self.folder}; or let {folders[0]} and {folders[1]} change names, and it goes on"
         )
 
     def _write(self, pair: LivePair) -> str:

@@ -192,7 +192,7 @@ def _measure(ax: Axes, begin: tuple[float, float], end: tuple[float, float], nam
 
 @default_style
 def plot_camera_and_cube(view: CubeView, setup: CubeSetup, half_view_rad: float, axes: Any) -> None:
-    """Draw a camera before a cube that stands edge-on, to scale: from above, then from the side.
+    """Draw a camera before a cube that stands edge-on, to scale: from above, as if level, then from the side.
 
     Parameters
     ----------
@@ -215,7 +215,8 @@ def plot_camera_and_cube(view: CubeView, setup: CubeSetup, half_view_rad: float,
     _measure(above, (0, -half - 9), (middle, -half - 9), "Z")
     _measure(above, (pane - 2, -pane * half / middle), (pane - 2, pane * half / middle), "w")
     _measure(above, (0, pane / 2), (pane, pane / 2), "f")
-    above.set(title="from above", xlabel="forward (cm)", ylabel="to the left (cm)", aspect="equal")
+    above.set(title="from above, as for a level camera", aspect="equal")
+    above.set(xlabel="forward (cm)", ylabel="to the left (cm)")
     above.set(xlim=(-20, near + 2 * half + 3), ylim=(-half - 13, half + 4))
     height, reach = view.camera_height_mm / 10, near + 2 * half
     border = view.pitch_rad + half_view_rad * np.array([-1, 1])

@@ -76,6 +76,7 @@ def test_camera_and_cube_are_drawn_to_scale():
     view = paper.solve_pitch(recordings.rectified(), setup)
     above, aside = plotting.panels(1, 2)[1]
     plotting.plot_camera_and_cube(view, setup, 0.3, (above, aside))
+    assert above.get_title() == "from above, as for a level camera"
     half_cm = setup.side_mm / np.sqrt(200)
     np.testing.assert_allclose(above.lines[0].get_xydata()[1], [70 + half_cm, -half_cm])  # a side corner
     ray = [line.get_xydata() for line in aside.lines][-2]

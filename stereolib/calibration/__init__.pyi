@@ -11,7 +11,7 @@ from .findings import Check
 from .first_boards import check_first_boards, check_sides
 from .fresh_check import CalibrationCheck, Estimate, check_calibration
 from .laser_boards import LaserBoardView, find_board_in_scan, find_laser_boards_in_files
-from .laser_pose import LASER_SCALE_STD, LidarCamera, calibrate_lidar_to_camera
+from .laser_pose import LASER_SCALE_STD, LidarCamera, ViewsDisagree, calibrate_lidar_to_camera
 from .lens_choice import HoldOut, choose_lens_model, hold_out_errors, hold_out_rigs, hold_out_splits
 from .lens_models import LENS_MODELS, LensFold, fold_inside
 from .movement import MOVEMENTS, Moved, Movement
@@ -87,6 +87,7 @@ __all__ = [
     "RigFit",
     "RigStd",
     "StereoCalibration",
+    "ViewsDisagree",
     "board_pose",
     "board_size_error_pct",
     "board_text",

@@ -38,6 +38,25 @@ _UNHELD = 1e-6  # share of the firmest direction below which the boards hold non
 _TILT_DEG = 10.0  # boards that lean by less say nothing of the height
 _LEAST_TILTED = 3  # boards that must lean
 _SPREAD_DEG = 50.0  # boards that face ways nearer together hold no place
+_IF_TOLD_RIGHT = (
+    "if they are as they were told, it is taken off, and all is well; else run calibrate-laser again, and till then "
+    "use no scan"
+)
+
+
+class ViewsDisagree(ValueError):
+    """What some views of the board say of the laser's pose cannot be true together.
+
+    Parameters
+    ----------
+    text : str
+    view : int, optional
+        Number of the one without which the others agree, if there is one.
+    """
+
+    def __init__(self, text: str, view: int | None = None) -> None:
+        super().__init__(text if view is None else f"view {view + 1} {text}")
+        self.text, self.view = text, view
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,19 +81,31 @@ class LidarCamera:
     view_misses: Float64
 
     @property
-    def warning(self) -> str:
-        """What to tell of a scale that the boards leave open, or that is more than such a laser errs; "" of others."""
-        if self.std_scale > _VAGUE_SCALE:
+    def is_vague(self) -> bool:
+        """The boards leave open whether the laser reads too far."""
+        return self.std_scale > _VAGUE_SCALE
+
+    @property
+    def is_beyond_lasers(self) -> bool:
+        """It reads surely too far, or too near, by more than such a laser errs."""
+        return not self.is_vague and abs(self.scale) >= _MOST_SCALE + _SURE_STDS * self.std_scale
+
+    @property
+    def doubt(self) -> str:
+        """What is doubtful of a scale that the boards leave open, or that is beyond such a laser; "" of others."""
+        if self.is_vague:
             why = "the boards stand too close together to tell whether the laser reads too far"
             return f"{why}, which is known to {100 * self.std_scale:.1f} % only: hold some nearer and some farther"
-        if abs(self.scale) < _MOST_SCALE + _SURE_STDS * self.std_scale:
+        if not self.is_beyond_lasers:
             return ""
         how = f"the laser reads {100 * abs(self.scale):.1f} % {'longer' if self.scale > 0 else 'shorter'}"
         why = "more than such a laser errs: measure the squares of its board over many of them"
-        then = "if they are as they were told, it is taken off, and all is well"
-        return (
-            f"{how} than the boards have it, {why}; {then}; else run calibrate-laser again, and till then use no scan"
-        )
+        return f"{how} than the boards have it, {why}"
+
+    @property
+    def warning(self) -> str:
+        """The same, and what to do with scans until it is settled."""
+        return f"{self.doubt}; {_IF_TOLD_RIGHT}" if self.is_beyond_lasers else self.doubt
 
     @property
     def std_rad(self) -> Float64:
@@ -135,7 +166,9 @@ def calibrate_lidar_to_camera(
     ------
     ValueError
         If the poses do not determine the laser's pose (the text names the direction that they leave open, and the
-        board pose that is missing), or if a view contradicts the others.
+        board pose that is missing).
+    ViewsDisagree
+        If a view contradicts the others, or nobody knows which one does.
 
     Notes
     -----
@@ -156,7 +189,7 @@ def calibrate_lidar_to_camera(
     _check_observable(views, found, max_std_mm)
     misses = _of_views(views, found.misses)
     if misses.max() > _CONTRADICTS:
-        raise ValueError(_contradiction(views, found.pose, board_std_mm, bias_mm))
+        raise _contradiction(views, found.pose, board_std_mm, bias_mm)
     e = np.append(found.misses, found.scale / LASER_SCALE_STD)
     scatter = max(1.0, float(np.sqrt(e @ e / max(len(e) - len(_STEP_SCALE), 1))))
     covariance = np.asarray(np.linalg.inv(found.precision) * scatter**2, np.float64)
@@ -186,7 +219,9 @@ def _of_views(views: Sequence[LaserBoardView], e: Float64) -> Float64:
     return np.array([abs(part.mean()) * np.sqrt(len(part)) for part in np.split(e, ends)])
 
 
-def _contradiction(views: Sequence[LaserBoardView], pose: Float64, board_std_mm: float, bias_mm: float) -> str:
+def _contradiction(
+    views: Sequence[LaserBoardView], pose: Float64, board_std_mm: float, bias_mm: float
+) -> ViewsDisagree:
     """Which view is wrong: one bad view bends the whole fit, so each is left out in turn."""
     left = []
     for k in range(len(views)):
@@ -195,9 +230,10 @@ def _contradiction(views: Sequence[LaserBoardView], pose: Float64, board_std_mm:
     k = int(np.argmin(left))
     if left[k] > _CONTRADICTS:
         remedy = "see that pictures and scans belong together, and that the readings lie on the board"
-        return f"the {len(views)} views contradict each other, and leaving out any one does not mend it: {remedy}"
+        why = f"the {len(views)} views contradict each other, and leaving out any one does not mend it: {remedy}"
+        return ViewsDisagree(why)
     why = "the board moved between picture and scan, or the readings lie on something else; leave it out"
-    return f"view {k + 1} of {len(views)} contradicts the others, which agree without it: {why}"
+    return ViewsDisagree(f"contradicts the other {len(views) - 1}, which agree without it: {why}", k)
 
 
 def _toward(views: Sequence[LaserBoardView]) -> Float64:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,9 +17,9 @@ if TYPE_CHECKING:
     from stereolib.calibration import LidarCamera
 
 _MANY = 6  # poses: enough, if they are held as they should be
-_OR_MIXED = (
-    ". If they were held so: does each scan belong to its picture (a missing one shifts all that follow)? Are the "
-    "pictures upside down, or pictures or scans mirrored?"
+_MIXED = (
+    "Does each scan belong to its picture (a missing one shifts all that follow)? Are the pictures upside down, or "
+    "pictures or scans mirrored?"
 )
 _MOVED_STDS, _LEAST_MOVED_MM, _LEAST_MOVED_DEG = 4.0, 5.0, 0.5  # by which a pose is another one
 _CLOCKWISE = (
@@ -58,7 +57,7 @@ def _configure(parser: argparse.ArgumentParser) -> None:
 def _run(arguments: argparse.Namespace) -> int:
     import numpy as np
 
-    from stereolib.calibration import calibrate_lidar_to_camera, find_laser_boards_in_files
+    from stereolib.calibration import ViewsDisagree, calibrate_lidar_to_camera, find_laser_boards_in_files
     from stereolib.mapping import read_scan
     from stereolib.measurement import save_laser_pose
     from stereolib.rig import StereoRig
@@ -71,11 +70,12 @@ def _run(arguments: argparse.Namespace) -> int:
     views = find_laser_boards_in_files(pictures, scans, board, rig.left, read_scan, margin_mm=arguments.margin_mm)
     try:
         pose = calibrate_lidar_to_camera(views)
+    except ViewsDisagree as error:
+        if error.view is None:
+            raise ValueError(f"{error}. {_MIXED}") from error
+        raise ValueError(f"{pictures[error.view]} with {scans[error.view]} {error.text}") from error
     except ValueError as error:
-        if odd := re.match(r"view (\d+) of \d+ ", str(error)):
-            picture, scan = (files[int(odd[1]) - 1] for files in (pictures, scans))
-            raise ValueError(f"{picture} with {scan} {str(error)[odd.end() :]}") from error
-        raise ValueError(f"{error}{_OR_MIXED if len(views) >= _MANY else ''}") from error
+        raise ValueError(f"{error}. If they were held so: {_MIXED}" if len(views) >= _MANY else str(error)) from error
     if before is not None and not arguments.force:
         _check_replaced(before, pose, arguments.calibration)
     save_laser_pose(arguments.calibration, pose)
@@ -108,9 +108,8 @@ def _check_replaced(before: LidarCamera, pose: LidarCamera, calibration: Path) -
 
     kept = f"the pose that stands in {calibration} is kept"
     if pose.warning:
-        why, is_scale, _ = pose.warning.partition("; if they are as they were told")
-        order = " and give that as --square-mm" if is_scale else ""
-        raise Refused(f"{why}{order}; {kept}; to replace it all the same, add --force")
+        order = " and give that as --square-mm" if pose.is_beyond_lasers else ""
+        raise Refused(f"{pose.doubt}{order}; {kept}; to replace it all the same, add --force")
     moved_mm, turned_deg = apart(before.T_left_lidar, pose.T_left_lidar)
     std_mm = float(np.hypot(before.std_mm.max(), pose.std_mm.max()))
     std_rad = float(np.hypot(before.std_rad.max(), pose.std_rad.max()))

@@ -102,18 +102,16 @@ def _run(arguments: argparse.Namespace) -> int:
 
 def _stations(folder: Path, poses: Path | None) -> tuple[StationFolder, tuple[str, ...]]:
     """The stations of a folder; of a rig's folder those that its file names, and what lacks; else those in it."""
-    from stereolib.mapping import RIG_FILE, StationFolder, list_stations, load_rig_folder
+    from stereolib.mapping import RIG_FILE, NoStation, StationFolder, list_stations, load_rig_folder
 
     is_rig = (folder / RIG_FILE).is_file()
     if poses is None and is_rig and (own := load_rig_folder(folder, with_boards=False)).stations:
         return StationFolder(own.stations), own.absent
     try:
         found = list_stations(folder, poses)
-    except ValueError as error:
-        if is_rig and "holds no station" in str(error):
-            elsewhere = f"nor are there any where its {RIG_FILE} says"
-            raise ValueError(f"{error}; {elsewhere}") from None
-        raise
+    except NoStation as error:
+        elsewhere = f"; nor are there any where its {RIG_FILE} says" if is_rig else ""
+        raise ValueError(f"{error}{elsewhere}") from None
     return StationFolder(found.stations, tuple(name for name in found.unused if name != RIG_FILE)), ()
 
 
@@ -198,12 +196,8 @@ def map_text(recorded: RecordedMap) -> str:
         alone = recorded.apart[name].objects if name in recorded.apart else ()
         for item in (item for item in alone if np.isfinite(item.size_mm).any()):
             lines.append(object_title("   measured there, not in the map:", item))
-    said = {
-        f"{name}: its {size}" for name, item in zip(room.names, room.measured, strict=True) for size in item.reasons
-    }
-    said_there = _said_at_stations(recorded)
-    more = [text for text in room.warnings if not any(text.startswith(each) for each in said)]
-    return wrapped([*lines, *(f"warning: {text}" for text in (*more, *recorded.warnings, *said_there))])
+    warnings = *room.said, *recorded.warnings, *_said_at_stations(recorded)
+    return wrapped([*lines, *(f"warning: {text}" for text in warnings)])
 
 
 def _said_at_stations(recorded: RecordedMap) -> list[str]:
@@ -211,7 +205,7 @@ def _said_at_stations(recorded: RecordedMap) -> list[str]:
     at = dict[str, list[str]]()
     for station in recorded.room.stations:
         for text in recorded.said_of(station.name):
-            at.setdefault(text.partition(": ")[2], []).append(station.name)
+            at.setdefault(text, []).append(station.name)
     return [f"station{'s' * (len(names) > 1)} {listed(names)}: {text}" for text, names in at.items()]
 
 

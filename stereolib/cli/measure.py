@@ -127,7 +127,7 @@ def _run(arguments: argparse.Namespace) -> int:
         if not isinstance(error.__cause__ or error, CannotMeasure):
             raise
         raise Refused(str(error)) from error
-    measured = replace(measured, warnings=(*first, *measured.warnings))
+    measured = replace(measured, said=(*first, *measured.said))
     key = [_READINGS, _HIDDEN] if len(measured.scan_mm) else [_HIDDEN]
     about = [*_size_lines(measured), *_warning_lines(measured.warnings)]
     lines = [*about, *((text, _BLACK) for text in (SIZES, "; ".join(key), _RECTIFIED))]

@@ -19,6 +19,7 @@ from .shapes import COLORS, Cloud, Solid, colored_cloud, join_clouds, map_solids
 from .sightings import MapObject
 from .station_folder import (
     CALIBRATION,
+    NoStation,
     RecordedStation,
     StationFolder,
     list_stations,
@@ -43,6 +44,7 @@ __all__ = [
     "Map",
     "MapObject",
     "MapWall",
+    "NoStation",
     "NothingToMap",
     "OccupancyGrid",
     "Placing",

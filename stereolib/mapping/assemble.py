@@ -40,14 +40,25 @@ class Map:
     walls : tuple of MapWall
         The one with the most readings first.
     stations : tuple of Station
-    warnings : tuple of str
-        Sightings that disagree, sizes that nobody saw.
+    said : tuple of str
+        Sightings that disagree, and what was left out.
     """
 
     objects: tuple[MapObject, ...]
     walls: tuple[MapWall, ...]
     stations: tuple[Station, ...]
-    warnings: tuple[str, ...]
+    said: tuple[str, ...]
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """All that is to be said of it: what did not fit together, then the sizes that nobody saw."""
+        unknown = (
+            f"{name}: its {size} is unknown, {each.reasons[size]}"
+            for name, each in zip(self.names, self.measured, strict=True)
+            for size in SIZE_NAMES
+            if size in each.reasons
+        )
+        return *self.said, *unknown
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -152,12 +163,9 @@ def merge_stations(
             f"scans make no wall of {least_wall_mm:g} mm. See the warnings of the single measurements, or go nearer"
         )
     result = Map(tuple(objects), tuple(walls), tuple(stations), ())
-    warnings = [] if objects else [f"no object: {counted(len(stations), 'station')} measured none"]
-    for name, each in zip(result.names, objects, strict=True):
-        warnings += [f"{name}: {text}" for text in each.conflicts]
-        reasons = each.fused.reasons
-        warnings += [f"{name}: its {size} is unknown, {reasons[size]}" for size in SIZE_NAMES if size in reasons]
-    return replace(result, warnings=tuple(warnings + lost))
+    none = [] if objects else [f"no object: {counted(len(stations), 'station')} measured none"]
+    apart = [f"{name}: {text}" for name, each in zip(result.names, objects, strict=True) for text in each.conflicts]
+    return replace(result, said=(*none, *apart, *lost))
 
 
 def _objects(

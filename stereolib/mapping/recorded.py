@@ -19,6 +19,7 @@ from stereolib.mapping.stations import Station
 from stereolib.measurement import (
     CannotMeasure,
     Instrument,
+    MeasuredObject,
     Measurement,
     Reason,
     ScanFit,
@@ -77,18 +78,17 @@ class RecordedMap:
         """
         found = self.measured[name]
         station = next(each for each in self.room.stations if each.name == name)
-        about = {
-            disagreement(item): f"{disagreement(item)} ({letter})"
-            for letter, each in zip(self.room.names, self.room.objects, strict=True)
-            for seen in each.sightings
-            for item in found.objects
-            if seen.name == name and np.allclose(seen.measured.position_mm, station.to_map(item.position_mm))
-        }
-        said = []
-        for text in found.warnings:
-            start, colon, rest = text.partition(":")
-            said.append(f"station {name}: {about.get(start, start)}{colon}{rest}")
-        return said
+        apart = [item for item in found.objects if item.disagrees]
+        return [*found.said, *(disagreement(item, self._name_of(item, station)) for item in apart)]
+
+    def _name_of(self, item: MeasuredObject, station: Station) -> str:
+        """What the map calls an object that a station measured; "" if it has none of it."""
+        place_mm = station.to_map(item.position_mm)
+        for letter, each in zip(self.room.names, self.room.objects, strict=True):
+            seen = [it.measured.position_mm for it in each.sightings if it.name == station.name]
+            if any(np.allclose(position_mm, place_mm) for position_mm in seen):
+                return letter
+        return ""
 
     def cloud(self) -> Cloud | None:
         """Make coloured points of all pairs that show the floor.
@@ -220,7 +220,7 @@ def measure_station(pair: tuple[UInt8, UInt8] | None, scan: LaserScan | None, in
     black = np.zeros((*instrument.rectified.size[::-1], 3), np.uint8)  # shows nothing: what is left is the scan's
     measured = measure_objects(black, black, scan, instrument)
     objects = [replace(item, reasons=_without_pictures(item.reasons)) for item in measured.objects]
-    return replace(measured, objects=tuple(objects), warnings=())
+    return replace(measured, objects=tuple(objects), said=())
 
 
 def _without_pictures(reasons: Mapping[str, Why]) -> dict[str, Why]:

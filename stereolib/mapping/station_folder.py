@@ -35,6 +35,10 @@ _LEAST_TURNS = 3  # that may stand for a whole one, if each of them lost a packe
 _UNEVEN = 0.01  # share of a step by which beams of a file may stand off their even places
 
 
+class NoStation(ValueError):
+    """A folder holds no recordings of a station."""
+
+
 @dataclass(frozen=True)
 class RecordedStation:
     """The files of one station.
@@ -190,7 +194,7 @@ def list_stations(folder: Path, poses: Path | None = None) -> StationFolder:
         pairs = find_pairs(folder)
     stations, _ = pair_stations(pairs, name_scans([*scans, *_files(folder / SCANS)]))
     if not stations:
-        raise ValueError(
+        raise NoStation(
             f"{folder} holds no station: expected 1_left.png and 1_right.png (a pair), 1_scan.bin or 1_scan.csv (a "
             f"scan), then 2_left.png, and so on"
         )

@@ -299,6 +299,8 @@ def other_inside_mm(views: Views, world: World, own: Float64, side: Side) -> flo
         whole height, beside the end from 4 px on, farther in from 8 px on: be it a stripe on the face, or the gap
         between two things, no picture tells. The one that shows the face wider is looked at.
     """
+    from scipy.ndimage import find_objects, label
+
     size_mm = float(own[side.extent])
     per_px = _mm_per_px(world, own, side, side.end, -0.9 * size_mm)
     count = int(size_mm / per_px - _SPILL_PX)  # beside the corner the other face may show
@@ -315,9 +317,10 @@ def other_inside_mm(views: Views, world: World, own: Float64, side: Side) -> flo
     if not len(face):
         return 0.0
     other = _has_colors_of(face, _colors(views, world, inside, right)).mean(axis=1) < _ALIKE
-    runs = np.flatnonzero(np.diff(np.concatenate([[False], other, [False]]).astype(int))).reshape(-1, 2)
-    least = np.where(runs[:, 0] < _SPILL_PX, _LEAST_OTHER_PX, _LEAST_GAP_PX)
-    return float(per_px * runs[np.diff(runs)[:, 0] >= least, 1].max(initial=0))
+    stripes = [stripe for (stripe,) in find_objects(label(other)[0])]
+    least = [_LEAST_OTHER_PX if stripe.start < _SPILL_PX else _LEAST_GAP_PX for stripe in stripes]
+    wide = [stripe.stop for stripe, px in zip(stripes, least, strict=True) if stripe.stop - stripe.start >= px]
+    return float(per_px * max(wide, default=0))
 
 
 def _colors(views: Views, world: World, points_mm: Float64, right: bool = False) -> Float64:

@@ -144,7 +144,7 @@ def attempt_standing(standing: Standing) -> HeightAttempt:
 
 
 def _said(attempt: HeightAttempt, error: CannotMeasure) -> HeightAttempt:
-    return replace(attempt, refused=error.reason, why=str(error).removeprefix(f"{error.reason}: "))
+    return replace(attempt, refused=error.reason, why=error.text)
 
 
 def _refused(attempt: HeightAttempt, box: Pictured) -> tuple[str, str]:

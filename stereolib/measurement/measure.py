@@ -41,8 +41,8 @@ class Measurement:
     ----------
     objects : tuple of MeasuredObject
         Nearest first.
-    warnings : tuple of str
-        What did not fit together, or was not found.
+    said : tuple of str
+        What did not fit together, or was not found, besides objects about which scan and pair disagree.
     floor : Floor or None
         None if it was not seen: then all comes from the scan, in the frame of a floor below its plane.
     laser : LaserOnFloor
@@ -58,7 +58,7 @@ class Measurement:
     """
 
     objects: tuple[MeasuredObject, ...]
-    warnings: tuple[str, ...]
+    said: tuple[str, ...]
     floor: Floor | None
     laser: LaserOnFloor
     scan_mm: Float64
@@ -66,6 +66,11 @@ class Measurement:
     right: UInt8
     disparity_px: Float32
     scan_fit: ScanFit = ScanFit.UNTOLD
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """All that is to be said of it: of single objects last."""
+        return *self.said, *(disagreement(item) for item in self.objects if item.disagrees)
 
 
 def measure_objects(
@@ -135,31 +140,33 @@ def measure_standing(standing: Standing, scan: LaserScan | None) -> Measurement:
     fit, everything = scan_fit(things), len(things)
     judged, things = scene.without_phantoms(judged, things, fit)
     elsewhere = [f"{fit.value} What it alone shows is left out"] if len(things) < everything else []
-    found = scene.measured(judged, things)
-    apart = [f"{disagreement(item)}: {_LEFT_OUT}" for item, t in zip(found, things, strict=True) if t.disagrees]
-    objects = sorted(found, key=lambda thing: float(np.hypot(*thing.position_mm)))
+    objects = sorted(scene.measured(judged, things), key=lambda thing: float(np.hypot(*thing.position_mm)))
     if not objects:
         reach = f"{OBJECTS_WITHIN_MM / 1000:g} m of the cameras or {SCAN_REACH_M} m of the laser"
         warnings.append(f"nothing stands on the floor within {reach}")
     laser = judged.solution.on_floor(priors.laser)
     readings = NOWHERE if scan is None else laser.points_mm(points_mm(scan))
-    warnings += [*unlike, *apart, *elsewhere, *_said_of_the_rig(views, judged, nearest_mm(judged, things), instrument)]
+    warnings += [*unlike, *elsewhere, *_said_of_the_rig(views, judged, nearest_mm(judged, things), instrument)]
     pictures = views.left, views.right, views.disparity_px
     return Measurement(tuple(objects), tuple(warnings), standing.floor, laser, readings, *pictures, fit)
 
 
-def disagreement(item: MeasuredObject) -> str:
+def disagreement(item: MeasuredObject, name: str = "") -> str:
     """Say that scan and pair disagree about an object, told by its place.
 
     Parameters
     ----------
     item : MeasuredObject
+    name : str
+        What it is called.
 
     Returns
     -------
     str
     """
-    return f"scan and pair disagree about the object {np.hypot(*item.position_mm):.0f} mm away"
+    called = f" ({name})" if name else ""
+    away = f"{np.hypot(*item.position_mm):.0f} mm away"
+    return f"scan and pair disagree about the object {away}{called}: {_LEFT_OUT}"
 
 
 def _as_cameras_tell(scan: LaserScan, lidar: LidarCamera | None) -> LaserScan:

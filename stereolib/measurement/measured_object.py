@@ -66,6 +66,8 @@ class MeasuredObject:
     unsure : dict of str
         Of ``"length"``, ``"width"`` and ``"height"`` those that are known to 5 mm only, or worse: what makes most of
         that, and what helps; missing where no one thing does.
+    disagrees : bool
+        Scan and pair disagree about it: what is told of it comes from the pair.
     """
 
     shape: str
@@ -81,6 +83,7 @@ class MeasuredObject:
     scan_share: float = 0.0
     common_mm: Float64 = field(default_factory=lambda: np.zeros((len(SIZE_NAMES), COMMON_ERRORS)))
     unsure: dict[str, str] = field(default_factory=dict)
+    disagrees: bool = False
 
     @property
     def std_mm(self) -> Float64:

@@ -41,7 +41,7 @@ class CannotMeasure(ValueError):
 
     def __init__(self, reason: str, text: str) -> None:
         super().__init__(f"{reason}: {text}")
-        self.reason = reason
+        self.reason, self.text = reason, text
 
 
 @dataclass(frozen=True, eq=False)

@@ -128,12 +128,9 @@ def reads_otherwise(ends_mm: Float64, height_mm: float, laser: LaserOnFloor, rea
     if laser.lean is None:
         return False
     ends, seen = ends_mm - laser.t, readings_mm - laser.t
-    middle_mm = ends.mean(axis=0)
-    if height_mm < _HIGHER * (laser.lean.height_mm + float(laser.lean.slope @ laser.R.T @ middle_mm)):
+    if height_mm < _HIGHER * (laser.lean.height_mm + float(laser.lean.slope @ laser.R.T @ ends.mean(axis=0))):
         return False
-    bearings, off = (
-        wrap_rad(np.arctan2(points[:, 1], points[:, 0]) - np.arctan2(*middle_mm[::-1])) for points in (ends, seen)
-    )
+    bearings, off = _bearings(ends, ends), _bearings(seen, ends)
     there = np.abs(off - (bearings.max() + bearings.min()) / 2) < _INNER * np.ptp(bearings) / 2
     order = np.argsort(bearings)
     expected = np.interp(off[there], bearings[order], 1 / np.linalg.norm(ends, axis=1)[order])
@@ -158,19 +155,28 @@ def is_seen_through(ends_mm: Float64, laser: LaserOnFloor, readings_mm: Float64)
         Beams side by side read more than 15 % too far, and those next to them on either side meet it to 7 %: in all
         three, or two beams on either side of a single one.
     """
-    (first, last), seen = ends_mm - laser.t, readings_mm - laser.t
-    middle = float(np.arctan2(*((first + last) / 2)[::-1]))
-    bearings, off = (wrap_rad(np.arctan2(p[:, 1], p[:, 0]) - middle) for p in (np.stack([first, last]), seen))
+    from scipy.ndimage import find_objects, label
+
+    ends, seen = ends_mm - laser.t, readings_mm - laser.t
+    bearings, off = _bearings(ends, ends), _bearings(seen, ends)
     there = np.flatnonzero((off > bearings.min()) & (off < bearings.max()))
+    if not len(there):
+        return False
     seen = seen[there[np.argsort(off[there])]]
-    along = last - first
+    along = ends[1] - ends[0]
     normal = np.array([-along[1], along[0]])
-    apart = seen @ normal / float(first @ normal) - 1  # of the face's distance, along each beam
+    apart = seen @ normal / float(ends[0] @ normal) - 1  # of the face's distance, along each beam
     meets = np.abs(apart) < _ON
-    gaps = np.flatnonzero(np.diff(np.concatenate([[False], apart > _OFF, [False]]).astype(int))).reshape(-1, 2)
     return any(
-        min(_run(meets[:start][::-1]), _run(meets[stop:])) >= max(1, _GAP - (stop - start)) for start, stop in gaps
+        min(_run(meets[: gap.start][::-1]), _run(meets[gap.stop :])) >= max(1, _GAP - (gap.stop - gap.start))
+        for (gap,) in find_objects(label(apart > _OFF)[0])
     )
+
+
+def _bearings(points_mm: Float64, around_mm: Float64) -> Float64:
+    """Directions of points (N, 2) from the laser, from that of the middle of others. (N,) rad."""
+    middle = np.arctan2(*around_mm.mean(axis=0)[::-1])
+    return np.asarray(wrap_rad(np.arctan2(points_mm[:, 1], points_mm[:, 0]) - middle))
 
 
 def _run(flags: Bools) -> int:

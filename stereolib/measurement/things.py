@@ -196,7 +196,8 @@ class Scene:
         """Make the measured objects."""
         numbers = _numbers(things)
         every = [self._measured(judged.solution, thing, numbers.get(id(thing))) for thing in things]
-        return without_shared_places(every)
+        told = [replace(found, disagrees=thing.disagrees) for found, thing in zip(every, things, strict=True)]
+        return without_shared_places(told)
 
     def _measured(self, solution: Solution, thing: Thing, number: int | None) -> MeasuredObject:
         facts = self._facts(solution, thing, number)

@@ -12,7 +12,7 @@ import pytest
 from support.box_scenes import reading_too_far
 
 from stereolib import laser, paper
-from stereolib.calibration import LaserBoardView, calibrate_lidar_to_camera, find_board_in_scan
+from stereolib.calibration import LaserBoardView, ViewsDisagree, calibrate_lidar_to_camera, find_board_in_scan
 from stereolib.calibration.laser_pose import _check_observable, _Fit
 from stereolib.rig import pose_left_world, rigid
 from stereolib.virtual import Scene, VirtualLidar, board_box, room
@@ -171,8 +171,20 @@ def test_a_board_that_moved_is_named():
     good = views(GOOD, 4)
     moved = good[4].T_left_board.copy()
     moved[:3, 3] += 40 * moved[:3, 2]
-    with pytest.raises(ValueError, match="view 5 of 10 contradicts"):
+    with pytest.raises(ViewsDisagree, match="view 5 contradicts the other 9") as refused:
         calibrate_lidar_to_camera([*good[:4], LaserBoardView(moved, good[4].points_mm, good[4].sigma_mm), *good[5:]])
+    assert refused.value.view == 4
+
+
+def test_boards_that_moved_are_told_without_a_name():
+    good = views(GOOD, 4)
+    moved = [view.T_left_board.copy() for view in good]
+    for k, off_mm in ((2, 60.0), (4, 40.0), (7, -50.0)):
+        moved[k][:3, 3] += off_mm * moved[k][:3, 2]
+    told = [LaserBoardView(T, view.points_mm, view.sigma_mm) for T, view in zip(moved, good, strict=True)]
+    with pytest.raises(ViewsDisagree, match="leaving out any one does not mend it") as refused:
+        calibrate_lidar_to_camera(told)
+    assert refused.value.view is None
 
 
 def test_board_must_be_the_only_candidate():

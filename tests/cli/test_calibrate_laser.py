@@ -73,7 +73,7 @@ def test_the_picture_that_contradicts_is_named(boards: Path, capsys: pytest.Capt
     cv2.imwrite(path, cv2.warpAffine(cv2.imread(path), nearer, (640, 480)))
     assert run(boards) == 2
     said = capsys.readouterr().err
-    assert f"{boards / 'laser' / '10.jpg'} with {boards / 'laser' / '10.bin'} contradicts the others" in said
+    assert f"{boards / 'laser' / '10.jpg'} with {boards / 'laser' / '10.bin'} contradicts the other " in said
     assert "view" not in said and "If they were held so" not in said
 
 

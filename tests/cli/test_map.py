@@ -180,7 +180,7 @@ def test_text_names_sizes_stations_and_what_is_unknown(made, capsys):
 
 
 def test_what_is_said_of_several_stations_is_said_once():
-    texts = {"1": ["station 1: a: b", "station 1: c"], "2": ["station 2: a: b"]}
+    texts = {"1": ["a: b", "c"], "2": ["a: b"]}
     stations = [SimpleNamespace(name=name) for name in texts]
     recorded = SimpleNamespace(room=SimpleNamespace(stations=stations), said_of=texts.__getitem__)
     assert map_command._said_at_stations(recorded) == ["stations 1, 2: a: b", "station 1: c"]

@@ -165,12 +165,14 @@ def test_a_warning_of_an_object_has_its_station_and_what_the_map_calls_it():
     rng = np.random.default_rng(0)
     room = merge_stations([replace(walks.station(k, rng), name=f"at {k}") for k in walks.SEEN], rng=rng)
     seen = room.stations[2].objects
-    said = (f"{disagreement(seen[1])}: why not", "rows are off")
     nothing = np.zeros((1, 1), np.uint8)
     here = LaserOnFloor(np.eye(2), np.zeros(2), np.eye(4))
-    found = Measurement(seen, said, None, here, np.zeros((0, 2)), nothing, nothing, nothing.astype(np.float32))
+    told = seen[0], replace(seen[1], disagrees=True), *seen[2:]
+    found = Measurement(
+        told, ("rows are off",), None, here, np.zeros((0, 2)), nothing, nothing, nothing.astype(np.float32)
+    )
     letter = room.names[(3, 0, 1, 4, 2).index(list(walks.SEEN[3])[1])]  # boxes by their distance from the origin
     assert RecordedMap(room, {"at 3": found}, {}, (), {}).said_of("at 3") == [
-        f"station at 3: {disagreement(seen[1])} ({letter}): why not",
-        "station at 3: rows are off",
+        "rows are off",
+        disagreement(seen[1], letter),
     ]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import textwrap
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from stereolib.base import plus_minus
@@ -62,8 +62,17 @@ def object_details(item: MeasuredObject, place: str) -> list[str]:
         lines.append(f"volume {plus_minus(volume, std)} l, surface {plus_minus(area, area_std)} m2 (sides and top)")
     if item.sources:
         lines.append("; ".join(f"{what}: {who}" for what, who in item.sources.items()))
-    lines += [f"{what} unsure: {why}" for what, why in item.unsure.items()]
-    return lines + [f"no {what}: {why}" if what != "object" else str(why) for what, why in item.reasons.items()]
+    lines += [f"{what} unsure: {why}" for what, why in _together(item.unsure)]
+    whole, sizes = item.reasons.get("object"), {what: why for what, why in item.reasons.items() if what != "object"}
+    return lines + [f"no {what}: {why}" for what, why in _together(sizes)] + ([str(whole)] if whole else [])
+
+
+def _together(whys: Mapping[str, object]) -> list[tuple[str, str]]:
+    """Sizes of which the same is said, as "length and width", and that."""
+    of = dict[str, list[str]]()
+    for what, why in whys.items():
+        of.setdefault(str(why), []).append(what)
+    return [(" and ".join(whats), why) for why, whats in of.items()]
 
 
 def wrapped(lines: Iterable[str]) -> str:

@@ -76,7 +76,10 @@ class ScanFit(Enum):
     """Whether a scan is of what the pictures show."""
 
     AGREES = "the scan shows an object where the pictures do"
-    OPPOSES = "the scan agrees with nothing that the pictures show: is it of this place and moment?"
+    OPPOSES = (
+        "the scan agrees with nothing that the pictures show: is it of this place and moment, its distances in mm, its "
+        "angles in degrees, counter-clockwise?"
+    )
     UNTOLD = "no object is shown by both"
 
 

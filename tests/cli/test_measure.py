@@ -15,8 +15,18 @@ from support.instruments import LIDAR, RECT, SENSOR
 from stereolib.base import data_path
 from stereolib.cli import commands
 from stereolib.cli.calibrate_laser import _paired, apart, place_text, turn_text
+from stereolib.cli.told import object_details
 from stereolib.mapping import read_scan
-from stereolib.measurement import Instrument, ScanFit, draw_objects, floor_from_pose, measure_objects, save_laser_pose
+from stereolib.measurement import (
+    Instrument,
+    Reason,
+    ScanFit,
+    Why,
+    draw_objects,
+    floor_from_pose,
+    measure_objects,
+    save_laser_pose,
+)
 from stereolib.measurement.overlay import why_text
 from stereolib.paper import paper_rig
 from stereolib.rig import StereoRig
@@ -320,6 +330,19 @@ def measure_room(rig, out, pair, scan, *more):
     return commands.main([str(word) for word in words])
 
 
+def test_the_same_of_several_sizes_is_told_once(room):
+    _, second, *_ = measure_objects(
+        *recordings.load_pair("room/2"), recordings.scan("room/2"), Instrument.load(room)
+    ).objects
+    assert second.unsure["length"] == second.unsure["width"] and second.reasons["height"]
+    told = object_details(replace(second, reasons={"object": Why(Reason.NO_FACE)} | second.reasons), "here")
+    assert told[-3:] == [
+        f"length and width unsure: {second.unsure['width']}",
+        f"no height: {second.reasons['height']}",
+        str(Why(Reason.NO_FACE)),
+    ]
+
+
 @pytest.mark.parametrize("pair", range(1, 6))
 def test_a_scan_is_told_to_be_of_another_place(room, pair):
     known, shown = Instrument.load(room), recordings.load_pair(f"room/{pair}")
@@ -341,7 +364,10 @@ def test_a_scan_of_another_place_adds_no_sizes(room, tmp_path, capsys, other):
     facts = json.loads(capsys.readouterr().out)
     sized = [thing for thing in facts["objects"] if thing["width_mm"]]
     assert sorted(round(thing["length_mm"], -1) for thing in sized) == [300, 400]
-    assert any("is it of this place and moment? What it alone shows is left out" in text for text in facts["warnings"])
+    assert any(
+        "is it of this place and moment, its distances in mm, " in text and text.endswith("is left out")
+        for text in facts["warnings"]
+    )
 
 
 @pytest.mark.parametrize("turn_deg", [30, 90, 180, 210, 300])

@@ -257,7 +257,7 @@ def draw_motorcycle(num_disparities: int, block_size: int, uniqueness_ratio: int
     num_disparities : int
         How many disparities are searched; near parts need many.
     block_size : int
-        Edge of the compared blocks (px); large ones fill bare walls and eat the spokes.
+        Edge of the compared blocks (px); large ones make near things wider.
     uniqueness_ratio : int
         By how much (%) the best match must beat the second.
 

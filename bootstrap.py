@@ -109,7 +109,7 @@ def why() -> str:
 def setup() -> None:
     """Make the environment and write the stamp last, so that an interrupted set-up is taken up again."""
     check_python()
-    print("Setting up .venv (the first time some minutes; 200 MB to load, 1.2 GB on the disk) ...", flush=True)
+    print("Setting up .venv (the first time some minutes; 300 MB to load, 1.2 GB on the disk) ...", flush=True)
     base = getattr(sys, "_base_executable", sys.executable)  # not the Python inside another environment
     made = subprocess.call([base, "-m", "venv", "--clear", str(VENV)], env=ENVIRON) == 0
     if not (made and install("-r", "requirements.txt") and install("--no-deps", "--no-build-isolation", "-e", ".")):

@@ -19,8 +19,9 @@ from stereolib.cli.errors import DONE
 from stereolib.cli.outputs import check_ending, check_outputs
 
 FOLDER = "stereolib-class"  # all of the archive is in it
+_PINS = "requirements.txt", "requirements-explore.txt"  # of the notebooks, and of the page of `make explore`
 _PARTS = (
-    *("bootstrap.py", "Makefile", "pyproject.toml", "requirements.txt"),
+    *("bootstrap.py", "Makefile", "pyproject.toml", *_PINS),
     *("README.md", "CONVENTIONS.md", "LICENSE", "LICENSE-text"),
     *("stereolib", "notebooks", "data", "docs", "figures"),
 )
@@ -71,9 +72,10 @@ def _run(arguments: argparse.Namespace) -> int:
 
 def _fetch(root: Path, folder: Path, platforms: list[str], python: str) -> list[Path]:
     """Fetch the pinned packages as wheels, with pip's own progress."""
-    print("Fetching the packages (some minutes and 200 MB) ...", flush=True)
+    print("Fetching the packages (some minutes and 300 MB) ...", flush=True)
     choice = [word for name in platforms for word in ("--platform", name)] + ["--python-version", python]
-    wanted = ["--requirement", str(root / "requirements.txt"), "--dest", str(folder), "--only-binary", ":all:"]
+    wanted = [word for name in _PINS for word in ("--requirement", str(root / name))]
+    wanted += ["--dest", str(folder), "--only-binary", ":all:"]
     command = [sys.executable, "-m", "pip", "download", "--no-deps", *wanted, *choice]
     if subprocess.call(command, cwd=root) != 0:
         raise ValueError(

@@ -19,6 +19,7 @@ from stereolib.base import Float64, listed
 Mistakes: TypeAlias = Mapping[str, Any]
 #: Between mistakes that lead to the same answer.
 OR = " Or: "
+_ROUNDED = "It is rounded too much. Give four digits."
 _FACTORS = {"mm": (10, 1000), "cm": (10, 100), "m": (100, 1000), "litres": (10, 1000)}  # to units that are in use
 
 
@@ -77,6 +78,33 @@ def mistaken(mistake: str) -> Verdict:
     return Verdict(False, f"Not yet. {mistake}", mistake)
 
 
+def misshapen(wanted: tuple[int, ...], given: tuple[int, ...]) -> Verdict:
+    """Say that an answer has another shape than what is asked for.
+
+    Parameters
+    ----------
+    wanted, given : tuple of int
+
+    Returns
+    -------
+    Verdict
+
+    Examples
+    --------
+    >>> misshapen((3,), ())
+    Not yet. The shape (3,) is asked for, yours is a single number.
+    """
+    asked = f"The shape {wanted}" if wanted else "A single number"
+    return Verdict(False, f"Not yet. {asked} is asked for, yours is {given or 'a single number'}.")
+
+
+def _floats(given: Any) -> Float64:
+    """Numbers as an array; a text raises, also if it holds a number."""
+    if np.asarray(given).dtype.kind in "SU":
+        raise TypeError("a text")
+    return np.asarray(given, float)
+
+
 def _named(given: Any, own: Mistakes, usual: Iterator[tuple[str, Any]], near: Callable[[Any, Any], bool]) -> Verdict:
     """All of the exercise's own mistakes that lead to the given answer; else the first usual one that does."""
     if found := [mistake for mistake, result in own.items() if near(given, result)]:
@@ -129,6 +157,10 @@ class Number:
     def _near(self, given: float, wanted: float) -> bool:
         return abs(given - wanted) <= max(self.off, self.within * abs(wanted))
 
+    def _is_rounded(self, given: float) -> bool:
+        """Whether it is the right answer to two or three digits, where these are too few."""
+        return self.within > 0 and any(np.isclose(given, float(f"{self.right:.{k}g}"), rtol=1e-9) for k in (2, 3))
+
     def judge(self, given: Any) -> Verdict:
         """Judge a number.
 
@@ -146,14 +178,15 @@ class Number:
         Not yet. It is 10 times too small. Is it in mm?
         """
         try:
-            number = float(np.asarray(given, float))  # also an array of one number; a text raises
-        except (TypeError, ValueError):
+            number = _floats(given).item()  # also an array of one number
+        except (TypeError, ValueError, OverflowError):
             return Verdict(False, f"A number is asked for, not {type(given).__name__}.")
         if not np.isfinite(number):
             return Verdict(False, "Your number is not finite: something was divided by zero, or is missing.")
         if self._near(number, self.right):
             return Verdict(True, "Right.")
-        return _named(number, self.mistakes, _usual(self.right, self.unit), self._near)
+        verdict = _named(number, self.mistakes, _usual(self.right, self.unit), self._near)
+        return mistaken(_ROUNDED) if not verdict.mistake and self._is_rounded(number) else verdict
 
     def right_answer(self) -> float:
         """Return the right number.
@@ -217,11 +250,11 @@ class Array:
         """
         right = np.asarray(self.right, float)
         try:
-            numbers = np.asarray(given, float)
-        except (TypeError, ValueError):
+            numbers = _floats(given)
+        except (TypeError, ValueError, OverflowError):
             return Verdict(False, f"Numbers are asked for, not {type(given).__name__}.")
         if numbers.shape != right.shape:
-            return Verdict(False, f"Not yet. The shape {right.shape} is asked for, yours is {numbers.shape}.")
+            return misshapen(right.shape, numbers.shape)
         if not np.isfinite(numbers).all():
             return Verdict(False, "Not yet. Some of your numbers are not finite.")
         if self._near(numbers, right):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import hashlib
 import unicodedata
 from functools import cache
@@ -43,15 +44,15 @@ class Exercise:
     unnamed : bool
         Whether to tell the student that these are nobody's numbers.
 
-    Attributes
-    ----------
-    given : namespace
-        The numbers of the question, by name.
     """
 
     def __init__(self, number: str, recipe: Recipe, task: Task, *, unnamed: bool = False) -> None:
-        self.number, self.given = number, SimpleNamespace(**task.given)
-        self._recipe, self._task, self._told, self._unnamed = recipe, task, 0, unnamed
+        self.number, self._recipe, self._task, self._told, self._unnamed = number, recipe, task, 0, unnamed
+
+    @property
+    def given(self) -> SimpleNamespace:
+        """The numbers of the question, by name; a copy, so that nothing spoils them for the next try."""
+        return SimpleNamespace(**copy.deepcopy(dict(self._task.given)))
 
     def __repr__(self) -> str:
         return f"{self.number} {self._recipe.title}\n\n{self._task.question}"

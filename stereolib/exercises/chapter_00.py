@@ -173,7 +173,8 @@ def _baseline(rng: np.random.Generator) -> Task:
         f"{worth_mm:g} mm. **Which baseline do they need, in mm?**"
     )
     given = {"f_px": f_px, "worth_mm": worth_mm, "Z_m": Z_m}
-    return Task(question, given, Number(baseline_mm, "mm", mistakes=mistakes))
+    number = Number(baseline_mm, "mm", 0.03, mistakes)  # holds the way by two depths a pixel apart, too
+    return Task(question, given, number)
 
 
 @task(

@@ -44,6 +44,10 @@ def _jackknife(rng: np.random.Generator) -> Task:
             np.sqrt(np.mean(off**2))
         ),
         "You divided by n - 1. The factor of the jackknife is (n - 1) / n.": float(np.std(moves_px, ddof=1)),
+        "You left out the factor (n - 1) / n.": float(np.sqrt(np.sum(off**2))),
+        "You counted the moves from zero. Take away their mean first.": float(
+            np.sqrt((n - 1) / n * np.sum(moves_px**2))
+        ),
         "This is the square of it: take the root.": std_px**2,
         "This is the half-width of the interval. The standard deviation is asked for.": 1.96 * std_px,
         "This is the largest move.": float(np.abs(moves_px).max()),
@@ -221,6 +225,7 @@ def _write_bend(rng: np.random.Generator) -> Task:
         inputs,
         mistakes={
             "The order is that of Table I. Here p1 and p2 come before k3.": paper_order,
+            "p1 and p2 are exchanged.": lambda xy, d: _bend(xy, np.asarray(d)[[0, 1, 3, 2, 4]]),
             "Two squares are lost, as in the paper's print: it is r² + 2x², and r² + 2y².": lambda xy, d: _bent(
                 xy, d, square=1
             ),

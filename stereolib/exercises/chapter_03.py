@@ -89,7 +89,8 @@ def _count(rng: np.random.Generator) -> Task:
     d_px = f_px * B_mm / Z_mm
     wanted = 16 * (np.floor(d_px / 16) + 1)
     mistakes = {
-        "This is the disparity itself. The matcher takes multiples of 16 only.": round(d_px),
+        "This is the disparity itself. The matcher takes multiples of 16 only.": d_px,
+        "This is the disparity, rounded. The matcher takes multiples of 16 only.": round(d_px),
         "You rounded down: the nearest thing would be lost. Round up.": wanted - 16,
         "This is more than is needed, and costs time and columns at the left.": wanted + 16,
     }
@@ -318,8 +319,9 @@ def _write_check(rng: np.random.Generator) -> Task:
     )
     question = (
         "**Write a function `check_both(left_px, right_px, tolerance_px)`** that keeps a left disparity if the right "
-        "map has the same one at the partner, and returns NaN elsewhere. Both maps hold positive disparities. It is "
-        "tried on random maps with steps, holes and false matches."
+        "map has the same one at the partner, and returns NaN elsewhere. The partner's column is rounded, and the same "
+        "means: apart by `tolerance_px` at most. Both maps hold positive disparities. It is tried on random maps with "
+        "steps, holes and false matches."
     )
     return Task(question, {}, answer)
 

@@ -78,7 +78,7 @@ def _dilate_one(rng: np.random.Generator) -> Task:
     "And eroded again: closing",
     "close a disparity map by hand",
     minutes=8,
-    start="value = None  # value of the pixel after closing",
+    start="closed = None  # value of the pixel after closing",
     hints=(
         "Closing is dilation, then erosion: the smallest of the nine *dilated* values around the pixel.",
         "Dilate the nine pixels around it one by one, then take the smallest of these nine results.",

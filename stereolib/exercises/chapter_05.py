@@ -146,7 +146,7 @@ def _noise(rng: np.random.Generator) -> Task:
 )
 def _turns(rng: np.random.Generator) -> Task:
     one_mm, wanted_mm = drawn(rng, 3, 9, 0.1), drawn(rng, 1, 2.9, 0.1)
-    exact = (one_mm / wanted_mm) ** 2
+    exact = round((one_mm / wanted_mm) ** 2, 9)  # a whole number stays one
     mistakes = {
         "You forgot the square: the noise falls with the root of n.": float(np.ceil(one_mm / wanted_mm)),
         "You rounded down: with so few the noise is still too large.": float(np.floor(exact)),

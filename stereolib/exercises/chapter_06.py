@@ -24,11 +24,12 @@ from stereolib.exercises.tasks import Task, drawn, task
     has_picture=True,
 )
 def _read_height(rng: np.random.Generator) -> Task:
-    from stereolib.paper import height_by_maximum, printed_value
+    from stereolib.paper import height_by_maximum, paper_setup, printed_value
     from stereolib.virtual import recordings
 
     scale = printed_value("scale.cm_per_px")
-    name = f"series/medium_{int(rng.choice(recordings.DISTANCES_MM))}"
+    others_mm = [mm for mm in recordings.DISTANCES_MM if mm != paper_setup().distance_mm]
+    name = f"series/medium_{int(rng.choice(others_mm))}"
     truth = recordings.load_truth(name)
     disparity = np.asarray(truth.disparity_px)
     foot_row = int(np.flatnonzero((truth.box == 1).any(axis=1))[-1])
@@ -185,6 +186,7 @@ def _interval(rng: np.random.Generator) -> Task:
         "You added the parts. Independent errors add as squares.": 1.96 * float(values.sum()),
         "You added the parts, and forgot the 1.96.": float(values.sum()),
         "You forgot the root.": 1.96 * std_mm**2,
+        "For 95 % the factor is 1.96, not 2.": 2 * std_mm,
         "This is the whole width. One side is asked for.": 2 * 1.96 * std_mm,
     }
     listing = ", ".join(f"{name} {value:g} mm" for name, value in parts.items())
@@ -201,7 +203,14 @@ def _recipe(disparity_px: Any, tolerance_px: float, cut_rows: int, cm_per_px: fl
     return height_by_maximum(disparity_px, cm_per_px, cut_rows, tolerance_px=tolerance_px).height_mm / 10
 
 
-def _mistaken(*, cuts: bool = True, below_px: float | None = None, first: bool = True, from_top: bool = False) -> Any:
+def _mistaken(
+    *,
+    cuts: bool = True,
+    below_px: float | None = None,
+    first: bool = True,
+    from_top: bool = False,
+    to_mark: bool = False,
+) -> Any:
     """The recipe with a mistake in it."""
 
     def recipe_cm(disparity_px: Any, tolerance_px: float, cut_rows: int, cm_per_px: float) -> float:
@@ -210,6 +219,7 @@ def _mistaken(*, cuts: bool = True, below_px: float | None = None, first: bool =
         below = tolerance_px if below_px is None else below_px
         rows = np.flatnonzero((above >= np.nanmax(above) - below).any(axis=1))
         row = rows[0] if first else rows[-1]
+        foot = rows[-1] if to_mark else foot
         return float(cm_per_px * (row if from_top else foot - row))
 
     return recipe_cm
@@ -258,6 +268,7 @@ def _write_recipe(rng: np.random.Generator) -> Task:
                 below_px=0.0
             ),
             "Your tolerance is always the same. Take `tolerance_px`.": _mistaken(below_px=5.0),
+            "You count down to the last mark. Count down to the cut.": _mistaken(to_mark=True),
             "You take the last marked row. The top is the first one.": _mistaken(first=False),
             "You count from the top of the picture. Count from the cut up to the top of the cube.": _mistaken(
                 from_top=True

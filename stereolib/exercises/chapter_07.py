@@ -17,7 +17,7 @@ from stereolib.exercises.tasks import Task, drawn, task
     minutes=6,
     start="scale_cm = None  # centimetres a pixel",
     hints=(
-        "Run `task.picture()`. Read the columns of the left and of the right side corner of the cube.",
+        "Run `task.picture()`. Read the columns of the left and of the right side corner, on the floor.",
         "The cube stands edge-on: between these corners lies its diagonal, 30 cm times the root of 2.",
     ),
     has_picture=True,
@@ -26,10 +26,12 @@ def _read_scale(rng: np.random.Generator) -> Task:
     from stereolib.paper import paper_setup
     from stereolib.virtual import recordings
 
-    name = f"series/medium_{int(rng.choice([mm for mm in recordings.DISTANCES_MM if mm >= 600]))}"
+    setup = paper_setup()
+    others_mm = [mm for mm in recordings.DISTANCES_MM if mm >= 600 and mm != setup.distance_mm]
+    name = f"series/medium_{int(rng.choice(others_mm))}"
     truth = recordings.load_truth(name)
     columns = np.flatnonzero((truth.box == 1).any(axis=0))
-    width_px, side_cm = float(columns[-1] - columns[0]), paper_setup().side_mm / 10
+    width_px, side_cm = float(columns[-1] - columns[0]), setup.side_mm / 10
     scale = side_cm * np.sqrt(2) / width_px
 
     def draw() -> tuple[Any, str]:
@@ -50,7 +52,8 @@ def _read_scale(rng: np.random.Generator) -> Task:
     }
     question = (
         f"The cube of {side_cm:g} cm stands edge-on, at a distance that is not told. **How many centimetres is a pixel "
-        "worth at its side corners?** An error of 3 % is allowed."
+        "worth at its side corners on the floor?** An error of 3 % is allowed. (The corners above are deeper: the "
+        "camera looks up a little.)"
     )
     return Task(question, {"side_cm": side_cm}, Number(float(scale), "cm", 0.03, mistakes), draw)
 
@@ -118,7 +121,7 @@ def _edge_on(rng: np.random.Generator) -> Task:
 )
 def _foot(rng: np.random.Generator) -> Task:
     H, cy, f_px = 480.0, drawn(rng, 215, 245), drawn(rng, 650, 800, 5)
-    h_mm, D_mm, pitch_deg = drawn(rng, 60, 150, 5), drawn(rng, 700, 1100, 10), drawn(rng, 1, 6, 0.5)
+    h_mm, D_mm, pitch_deg = drawn(rng, 60, 150, 5), drawn(rng, 750, 1100, 10), drawn(rng, 1, 5, 0.5)
     down, pitch = np.arctan(h_mm / D_mm), np.radians(pitch_deg)
 
     def rows(angle: float) -> float:
@@ -175,7 +178,7 @@ def _write_fit(rng: np.random.Generator) -> Task:
         _fit,
         inputs,
         rules={
-            "Scales that are all 1 % larger belong to a focal length that is 1 % smaller.": lambda out, Z, s: bool(
+            "It is far from Z / s of the measurements, with both in one unit.": lambda out, Z, s: bool(
                 0.8 < out * np.mean(10 * s / Z) < 1.25
             )
         },
@@ -189,6 +192,7 @@ def _write_fit(rng: np.random.Generator) -> Task:
                 np.sum(10 * s * Z) / np.sum((10 * s) ** 2)
             ),
         },
+        off=1e-3,  # what iterates ends near the right one, not at it
     )
     question = (
         "**Write a function `fit_f(depth_mm, scale_cm)`** that returns the focal length for which $s = Z / f$ has the "

@@ -135,6 +135,7 @@ def _joined_std(rng: np.random.Generator) -> Task:
             np.sqrt(np.sum(sigmas**2))
         ),
         "This is the mean of both.": float(sigmas.mean()),
+        "This is that of the plain mean. The surer one counts more.": float(np.hypot(*sigmas)) / 2,
         "You forgot the root.": std_mm**2,
         "This is the sum of the weights.": std_mm**-2,
         "This is the better of the two. Both together are surer.": float(sigmas.min()),

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from stereolib.base import Float64
-from stereolib.exercises.answers import Mistakes, Verdict, mistaken
+from stereolib.exercises.answers import Mistakes, Verdict, misshapen, mistaken
 
 _TRIALS = 12  # random inputs on which a function is tried
 
@@ -79,10 +79,11 @@ class Function:
             return Verdict(False, "No answer yet: your function returns nothing.")
         if not all(_is_numbers(output) for output in outputs):
             return Verdict(False, f"Not yet. Your function returns {type(outputs[0]).__name__}, not numbers.")
+        numbers = [_as_number(output, self.twin(*one)) for output, one in zip(outputs, inputs, strict=True)]
         for mistake, function in {"": self.twin, **self.mistakes}.items():
-            if all(self._same(mine, function(*one)) for mine, one in zip(outputs, inputs, strict=True)):
+            if all(self._same(mine, function(*one)) for mine, one in zip(numbers, inputs, strict=True)):
                 return mistaken(mistake) if mistake else Verdict(True, "Right.")
-        return self._unnamed([np.asarray(output, float) for output in outputs], inputs)
+        return self._unnamed(numbers, inputs)
 
     def inputs(self, rng: np.random.Generator) -> list[tuple[Any, ...]]:
         """Draw the inputs of one trial, anew until each mistake shows on some of them.
@@ -110,9 +111,9 @@ class Function:
 
     def _unnamed(self, outputs: list[Float64], inputs: list[tuple[Any, ...]]) -> Verdict:
         """Say of a wrong function which rule it breaks, or what it should have returned."""
-        wanted = np.asarray(self.twin(*inputs[0]))
-        if outputs[0].shape != wanted.shape:
-            return Verdict(False, f"Not yet. The shape {wanted.shape} is asked for, yours is {outputs[0].shape}.")
+        for mine, one in zip(outputs, inputs, strict=True):
+            if mine.shape != (wanted := np.shape(self.twin(*one))):
+                return misshapen(wanted, mine.shape)
         for rule, holds in self.rules.items():
             if not all(holds(mine, *one) for mine, one in zip(outputs, inputs, strict=True)):
                 return Verdict(False, f"Not yet. {rule}")
@@ -157,6 +158,12 @@ def _is_numbers(output: Any) -> bool:
         return np.asarray(output, float) is not None
     except (TypeError, ValueError):
         return False
+
+
+def _as_number(mine: Any, wanted: Any) -> Float64:
+    """An output as an array; where one number is asked for, an array of one is that number."""
+    output = np.asarray(mine, float)
+    return output.reshape(()) if output.size == 1 and not np.ndim(wanted) else output
 
 
 def _call(function: Callable[..., Any], inputs: tuple[Any, ...]) -> tuple[Any, bool]:

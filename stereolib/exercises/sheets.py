@@ -28,9 +28,10 @@ These belong to chapter {chapter:02d}, the notebook `{name}`: {count} exercises,
 minutes.
 
 Write your name below, as the teacher has it, and run the cells from the top (Shift and Enter). **Your name draws your \
-numbers**: those of your neighbour are other ones. Put each answer into its cell, run it, and then run the cell below \
-it, which says whether the answer is right and what the mistake may have been. Try as often as you like. Are you \
-stuck? `task.hint()` gives a hint, and a second one when asked again."""
+numbers**: those of your neighbour are other ones. Your code finds yours in `task.given`. Put each answer into its \
+cell, run it, and then run the cell below it, which says whether the answer is right and what the mistake may have \
+been. Do not round on the way, and give four digits; where fewer will do, the question says so. Try as often as you \
+like. Are you stuck? `task.hint()` gives a hint, and a second one when asked again."""
 _CHECK = """\
 from stereolib.exercises import exercise
 

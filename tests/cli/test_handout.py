@@ -39,6 +39,7 @@ def packed(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_it_has_what_a_class_needs_and_nothing_hidden(packed: Path) -> None:
     names = {name.removeprefix(f"{handout.FOLDER}/") for name in zipfile.ZipFile(packed).namelist()}
     assert {"START.txt", "bootstrap.py", "requirements.txt", "notebooks/00_two_pictures.ipynb"} <= names
+    assert "requirements-explore.txt" in names  # `make explore` asks for it
     assert {f"notebooks/exercises/{name}.ipynb" for name in SHEETS.values()} <= names
     listed = (ROOT / "data" / "virtual" / "SHA256SUMS").read_text(encoding="utf-8").splitlines()
     assert {f"data/virtual/{line.split(maxsplit=1)[1]}" for line in listed} <= names
@@ -89,7 +90,7 @@ def test_packages_are_those_of_the_pins(
     words = ["--platform", "win_amd64", "--python", "3.12"]
     assert commands.main(["handout", "--out", str(target), *words]) == 0
     (command,) = called
-    assert str(ROOT / "requirements.txt") in command
+    assert {str(ROOT / "requirements.txt"), str(ROOT / "requirements-explore.txt")} < set(command)
     assert command[-4:] == ["--platform", "win_amd64", "--python-version", "3.12"]
     with zipfile.ZipFile(target) as archive:
         assert archive.read(f"{handout.FOLDER}/wheels/numpy-2.0-any.whl") == b"wheel"

@@ -21,7 +21,10 @@ from stereolib.exercises import Array, Choice, Number
         (793.0, "off by the baseline"),
         (123.0, "none of the usual mistakes"),
         (float("nan"), "not finite"),
+        (710.0, "none of the usual mistakes"),
         ("far", "A number is asked for, not str"),
+        ("700", "A number is asked for, not str"),
+        (10**400, "A number is asked for, not int"),
         ([1, 2], "A number is asked for, not list"),
         (len, "A number is asked for"),
     ],
@@ -31,9 +34,20 @@ def test_a_wrong_number_is_told_what_it_came_from(given: Any, said: str) -> None
     assert not verdict and said in verdict.text
 
 
-@pytest.mark.parametrize("given", [700, 705.0, np.float32(698), np.array([[700.0]])[0, 0], np.array(700)])
+@pytest.mark.parametrize("given", [700, 705.0, np.float32(698), np.array([[700.0]])[0, 0], np.array(700), [700]])
 def test_a_right_number_may_be_rounded_and_of_any_kind(given: Any) -> None:
     assert Number(700.0, "mm").judge(given)
+
+
+@pytest.mark.parametrize("given", [0.14, 0.145])
+def test_too_few_digits_are_told_from_a_mistake(given: float) -> None:
+    assert "Give four digits" in Number(0.14459, "mm", 0.002).judge(given).text
+    assert "Give four digits" not in Number(0.14459, "mm", 0.002, {"The half.": given}).judge(given).text
+    assert Number(0.14459, "mm", 0.002).judge(0.1446)
+
+
+def test_a_count_is_not_rounded() -> None:
+    assert "usual" in Number(112.0, "", 0.0, off=0.01).judge(110).text
 
 
 def test_a_count_has_no_unit_to_mistake() -> None:
@@ -48,6 +62,8 @@ def test_a_count_has_no_unit_to_mistake() -> None:
         ([0, 1, 2, 0], r"shape (2, 2) is asked for, yours is (4,)"),
         ([[0, 1], [np.inf, 0]], "not finite"),
         ("E", "Numbers are asked for"),
+        (["0", "1"], "Numbers are asked for"),
+        (1.0, "yours is a single number"),
         ([[5, 5], [5, 5]], "none of the usual"),
     ],
 )

@@ -16,6 +16,7 @@ from stereolib.exercises.answers import OR
 from stereolib.exercises.asking import CHAPTERS, recipe_of, recipes
 from stereolib.exercises.chapter_05 import decoding
 from stereolib.matching import disparity_to_depth
+from stereolib.paper import printed_value
 from stereolib.virtual import recordings
 
 READ_OFF = {"05.1", "06.1", "07.1"}  # some of their numbers stand in the picture alone
@@ -89,6 +90,10 @@ SLIPS = {
     ),
     "03.3": lambda g: abs(int(darker(g.left, g.left[1, 1]).sum()) - int(darker(g.right, g.right[1, 1]).sum())),
     "03.4": lambda g: cheapest_ways(SimpleNamespace(**vars(g) | {"P1": g.P2})),  # a step then costs as much as a jump
+    "01.1": lambda g: float(np.sqrt((len(g.moves_px) - 1) / len(g.moves_px) * np.sum(g.moves_px**2))),
+    "03.2": lambda g: g.f_px * g.B_mm / g.Z_mm,
+    "06.5": lambda g: 2 * float(np.linalg.norm(g.parts_mm)),
+    "08.4": lambda g: float(np.hypot(*g.stds_mm)) / 2,
     "06.3": lambda g: g.B_mm / abs(np.linalg.solve(np.column_stack([g.places_px, np.ones(3)]), g.d_px)[1]),
 }
 
@@ -106,6 +111,43 @@ def test_students_get_other_numbers(number: str) -> None:
     questions = {repr(exercise(number, student)) + str(exercise(number, student).given) for student in STUDENTS}
     answers = {str(answer_of(number, student).right_answer()) for student in STUDENTS}
     assert len(questions | answers) > 2 or isinstance(answer_of(number), Function)
+
+
+def test_a_whole_class_gets_numbers_that_can_be() -> None:
+    """Of 05.5 the least whole number, also where the ratio is one; of 07.4 a foot that is inside the picture."""
+    for k in range(400):
+        turns = exercise("05.5", f"turns {k}")
+        one, wanted = (round(10 * mm) for mm in (turns.given.one_mm, turns.given.wanted_mm))
+        assert turns.check(-(-one * one // (wanted * wanted)))
+        assert answer_of("07.4", f"foot {k}").right_answer() > 0
+
+
+def test_paper_distance_is_not_asked_for() -> None:
+    """There the chapter prints what is to be read."""
+    for student in CLASS:
+        assert abs(answer_of("07.1", student).right_answer() / printed_value("scale.cm_per_px") - 1) > 0.03, student
+
+
+def test_way_by_two_depths_is_right_too() -> None:
+    """The worth of a pixel by two disparities a pixel apart, and not by the slope."""
+    for student in CLASS:
+        one, far = exercise("00.4", student), exercise("02.3", student)
+        Z_mm, worth_mm = 1000 * one.given.Z_m, one.given.worth_mm
+        assert one.check(Z_mm * (Z_mm + worth_mm) / (one.given.f_px * worth_mm))
+        f_B, off_mm, off_px = far.given.f_px * far.given.B_mm, far.given.off_mm, far.given.off_px
+        assert far.check((off_mm + np.sqrt(off_mm**2 + 4 * off_mm * f_B / off_px)) / 2000)
+
+
+def test_what_is_given_cannot_be_spoilt() -> None:
+    one = exercise("03.4", "spoiler")
+    one.given.costs[:] = 0
+    assert one.given.costs.any() and exercise("03.4", "spoiler").given.costs.any()
+
+
+def test_each_answer_of_a_sheet_has_its_own_name() -> None:
+    for chapter in CHAPTERS:
+        names = [recipe.answer_name for recipe in recipes(chapter)]
+        assert len(names) == len(set(names)), names
 
 
 @each_exercise

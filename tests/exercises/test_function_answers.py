@@ -39,6 +39,10 @@ def breaks(values: Any, by: float) -> Any:
         (lambda values, by: values * 0, "All must be larger"),
         (lambda values, by: values + by + 1, "none of the usual"),
         (lambda values, by: values.ravel() + by, "The shape (3, 3) is asked for, yours is (9,)"),
+        (
+            lambda values, by: values + by if by < 1.5 else 3.0,
+            "The shape (3, 3) is asked for, yours is a single number",
+        ),
         (lambda values, by: None, "returns nothing"),
         (lambda values, by: {"a": 1}, "returns dict, not numbers"),
         (lambda values: values, "stops with TypeError"),
@@ -59,6 +63,13 @@ def test_a_right_function_may_warn_and_answer_in_lists() -> None:
         return (values + by).tolist()
 
     assert ANSWER.judge(mine)
+
+
+def test_one_number_may_come_in_an_array() -> None:
+    answer = Function(lambda x: x / 2, lambda rng: (rng.uniform(1, 2),))
+    assert answer.judge(lambda x: np.array([x / 2]))
+    assert answer.judge(lambda x: [x]).text.startswith("Not yet, and it is none")
+    assert "A single number is asked for, yours is (2,)" in answer.judge(lambda x: [x, x]).text
 
 
 def test_a_function_that_knows_only_some_inputs_is_found_out() -> None:

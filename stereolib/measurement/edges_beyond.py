@@ -106,13 +106,58 @@ def uprights_beyond(light: Light, world: World, own: Float64, ends: Iterable[Edg
     As `upper_edge_beyond`, of all edges together, and of both pictures the one that speaks for it less: what lies in
     line with an edge in one of them, farther away, does not in the other.
     """
-    eye_mm = np.array([0.0, 0.0, float(world.camera_height)])
-    votes = list[Float64]()
-    per_px = float((np.array([*own[[Own.X, Own.Y]], own[Own.HEIGHT]]) - eye_mm) @ world.axes[:, 2]) / float(world.focal)
+    per_px = _mm_per_row(world, own)
     known = int(own[Own.HEIGHT] / max(per_px, _LEAST)) if per_px > 0 else 0
     if known < _LEAST_PX:
         return None
     heights = own[Own.HEIGHT] + per_px * np.arange(1 - known, 1 + int(_BEYOND_PX))
+    total = _uprights_go_on(light, world, own, ends, heights, known)
+    best = 0 if total is None else int(total.argmax())
+    return None if total is None or best == len(total) - 1 else (float(heights[known - 1 + best]), float(total[best]))
+
+
+def uprights_below(
+    light: Light, world: World, own: Float64, ends: Iterable[Edge], followed_mm: float
+) -> tuple[float, float] | None:
+    """How far down the upright edges of a box go, below where its faces could be followed.
+
+    Parameters
+    ----------
+    light, world, own, ends
+        As of `uprights_beyond`.
+    followed_mm : float
+        Height down to which they were followed.
+
+    Returns
+    -------
+    (height_mm, log_odds) or None
+        Where they likeliest end, 0 being the floor, and the logarithm of the odds for that against the height to which
+        they were followed; None where none stands out above in both pictures.
+    """
+    per_px = _mm_per_row(world, own)
+    known, below = (int(mm / max(per_px, _LEAST)) for mm in (own[Own.HEIGHT] - followed_mm, followed_mm))
+    if per_px <= 0 or known < _LEAST_PX:
+        return None
+    heights = followed_mm + per_px * np.arange(known - 1, -1 - below, -1.0)
+    total = _uprights_go_on(light, world, own, ends, heights, known)
+    best = 0 if total is None else int(total.argmax())
+    return None if total is None else (float(heights[known - 1 + best]), float(total[best]))
+
+
+def _mm_per_row(world: World, own: Float64) -> float:
+    """How many millimetres a box's corner is high where a row of the picture shows it; not positive behind it."""
+    off_mm = np.array([*own[[Own.X, Own.Y]], own[Own.HEIGHT]]) - [0.0, 0.0, float(world.camera_height)]
+    return float(off_mm @ world.axes[:, 2]) / float(world.focal)
+
+
+def _uprights_go_on(
+    light: Light, world: World, own: Float64, ends: Iterable[Edge], heights: Float64, known: int
+) -> Float64 | None:
+    """Logarithm of the odds that upright edges go on to each of the heights beyond the first, known ones; from 0 on.
+
+    None where none stands out in both pictures.
+    """
+    eye_mm, votes = np.array([0.0, 0.0, float(world.camera_height)]), list[Float64]()
     for edge in ends:
         line = np.column_stack([np.tile(Box(own).edge(edge)[0, :2], (len(heights), 1)), heights])
         if ((line - eye_mm) @ world.axes[:, 2]).min() < _LEAST_AHEAD_MM:
@@ -129,9 +174,7 @@ def uprights_beyond(light: Light, world: World, own: Float64, ends: Iterable[Edg
     if not votes:
         return None
     n = min(len(each) for each in votes)
-    total = np.concatenate([[0.0], np.cumsum(np.sum([each[:n] for each in votes], axis=0))])
-    best = int(total.argmax())
-    return None if best == n else (float(heights[known - 1 + best]), float(total[best]))
+    return np.concatenate([[0.0], np.cumsum(np.sum([each[:n] for each in votes], axis=0))])
 
 
 def matched_beyond(

@@ -185,7 +185,8 @@ def see_box(views: Views, priors: Priors, region: ObjectRegion) -> Pictured:
     assert solution is not None
     seen = replace(seen, start=solution.boxes[0], shared=solution.shared)  # near what all boxes together will have
     tilts = [upright_line(world, face, 0.0)[1:] for face in faces]
-    refused = why_it_stands_not(views, world, stretch) or why_it_is_no_box(stretch, tilts, rough.open, peaks, solution)
+    refused = why_it_stands_not(views, world, stretch, solution.boxes[0], rough.open)
+    refused = refused or why_it_is_no_box(stretch, tilts, rough.open, peaks, solution)
     doubtful, doubt = weigh_contradictions(priors, seen, solution, followed)
     doubt = doubt + _doubt_of_lines(views, priors.world(solution.shared), region, rough, solution.boxes[0])
     doubtful |= {side.end for side in Side if solution.boxes[0][side.extent] < _LEAST_MM}  # none is narrower

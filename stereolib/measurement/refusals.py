@@ -6,9 +6,11 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from stereolib.base import Float64
 from stereolib.measurement.agreement import Samples
 from stereolib.measurement.box import Edge, Shared, Side, World
 from stereolib.measurement.edges import SHARP_PX, Peak
+from stereolib.measurement.edges_beyond import uprights_below
 from stereolib.measurement.follow import Stretch
 from stereolib.measurement.reasons import Reason, Why
 from stereolib.measurement.scene_solver import Solution
@@ -20,9 +22,10 @@ _BELOW, _PLAIN_SLOPE = 8, 0.6  # samples between a face's end and the floor; gre
 _LEANING_RAD = np.radians(1.5)
 _LEANING_ASIDE_RAD = np.radians(3.0)
 _SURE = 4.0  # standard deviations
+_GO_ON = 3.0  # logarithm of the odds that upright edges go on to the floor, from which on a face stands there
 
 
-def why_it_stands_not(views: Views, world: World, stretch: Stretch) -> Why | None:
+def why_it_stands_not(views: Views, world: World, stretch: Stretch, own: Float64, shown: Sequence[Edge]) -> Why | None:
     """Why a face does not stand on the floor.
 
     Parameters
@@ -32,13 +35,18 @@ def why_it_stands_not(views: Views, world: World, stretch: Stretch) -> Why | Non
         One, real.
     stretch : Stretch
         The face, as it was followed.
+    own : (8,) float64
+        The box, in the order of `Own`.
+    shown : sequence of Edge
+        Those that the pictures show.
 
     Returns
     -------
     Why or None
-        Its foot is cut by the picture, or it ends above the floor.
+        Its foot is cut by the picture, or it ends above the floor, and so do its upright edges.
     """
-    return _cut_below(stretch) or _in_the_air(views, world, stretch)
+    ends = [side.end for side in Side if side.end in shown]
+    return _cut_below(stretch) or _in_the_air(views, world, stretch, own, ends)
 
 
 def why_it_is_no_box(
@@ -96,9 +104,12 @@ def _cut_below(stretch: Stretch) -> Why | None:
     return Why(Reason.FOOT_CUT) if stretch.is_cut_below and stretch.foot_mm >= _gap_mm(stretch) else None
 
 
-def _in_the_air(views: Views, world: World, stretch: Stretch) -> Why | None:
+def _in_the_air(views: Views, world: World, stretch: Stretch, own: Float64, ends: Sequence[Edge]) -> Why | None:
     """A face that ends above the floor, and nothing nearer hides its foot."""
     if stretch.foot_mm < _gap_mm(stretch) or _unfollowed(stretch):
+        return None
+    upright = uprights_below(views.pair.pictures, world, own, ends, stretch.foot_mm)
+    if upright and upright[0] < _gap_mm(stretch) and upright[1] > _GO_ON:
         return None
     along = np.linspace(stretch.left.at, stretch.right.at, 2 * _BELOW + 1)[1:-1]
     below = np.array([

@@ -17,6 +17,7 @@ from stereolib.measurement.edges_beyond import (
     other_inside_mm,
     shown_beyond,
     upper_edge_beyond,
+    uprights_below,
     uprights_beyond,
 )
 from stereolib.measurement.outline import edge_direction
@@ -67,6 +68,21 @@ def test_nothing_goes_on_above_a_true_height(case):
     assert odds < 2
 
 
+@pytest.mark.parametrize("up_mm", [0.0, 30.0, 60.0])
+@pytest.mark.parametrize(
+    "box", [(700.0, (260.0, 260.0, 220.0), 30.0), (900.0, (200.0, 300.0, 200.0), -30.0)], ids=["right", "left"]
+)
+def test_uprights_end_no_lower_than_the_box_does(box, up_mm):
+    """Followed down to a third of its height, or to 1 mm above its foot, whatever its shadow on the floor shows."""
+    shown, own = rendered(*box, up_mm=up_mm), true_box(*box)
+    own[Own.HEIGHT] += up_mm
+    height, odds = uprights_below(shown.views.pair.pictures, shown.world, own, ENDS, own[Own.HEIGHT] / 3)
+    assert up_mm - 3 < height < up_mm + 20 and odds > 5 and (up_mm or height < 6)
+    if up_mm:
+        height, odds = uprights_below(shown.views.pair.pictures, shown.world, own, ENDS, up_mm + 1)
+        assert up_mm - 3 < height and odds < 1
+
+
 def test_what_stands_behind_in_line_with_an_edge_of_one_picture_does_not_raise_it():
     """A dark post far behind, above the right end in the left picture: in the right one it is elsewhere."""
     box, how = CASES["far"]
@@ -99,12 +115,16 @@ def test_what_tells_nothing():
         uprights_beyond(noise, shown.world, own, ENDS) is None
         and uprights_beyond(pictures, shown.world, own, []) is None
     )
+    assert uprights_below(noise, shown.world, own, ENDS, 100.0) is None
+    assert uprights_below(pictures, shown.world, own, [], 100.0) is None
     narrow, high, behind = own.copy(), own.copy(), own.copy()
     narrow[Own.RIGHT], high[Own.HEIGHT], behind[Own.X] = 3.0, 5000.0, -2000.0
     for odd in (narrow, high, behind):
         assert upper_edge_beyond(pictures, shown.world, odd, Side.RIGHT) is None
     for odd in (high, behind):
         assert uprights_beyond(pictures, shown.world, odd, ENDS) is None
+    assert uprights_below(pictures, shown.world, behind, ENDS, 100.0) is None
+    assert uprights_below(pictures, shown.world, own, ENDS, own[Own.HEIGHT] - 1) is None  # hardly anything is known
 
 
 def outer_edges(side):

@@ -261,6 +261,30 @@ def test_what_does_not_stand_is_refused(how, reasons):
         assert re.search(r"\b(59|60|61) mm above the floor", refused.seen)
 
 
+@pytest.mark.parametrize("up_mm", [0.0, 40.0])
+def test_what_is_too_plain_to_be_followed_to_its_foot_stands_if_its_upright_edges_go_down_to_the_floor(up_mm):
+    """The lower part of its faces is painted, but for what lies beside its outline; held above it, it ends there."""
+    case, low_mm = (700.0, (260.0, 260.0, 220.0), 30.0), 60.0
+    shown, own = rendered(*case, up_mm=up_mm), true_box(*case)
+    lower = own.copy()
+    lower[Own.HEIGHT] = up_mm + low_mm
+    plain = []
+    for picture, inside in zip((shown.views.left, shown.views.right), masks(shown, lower), strict=True):
+        foot = own.copy()
+        foot[Own.HEIGHT] = max(up_mm, 1.0)
+        kept = cv2.erode(inside.astype(np.uint8), np.ones((5, 5))) > cv2.dilate(
+            masks(shown, foot)[len(plain)].astype(np.uint8) * (up_mm > 0), np.ones((5, 5))
+        )
+        painted = picture.copy()
+        painted[kept] = np.median(picture[inside], axis=0)
+        plain.append(painted)
+    seen = of_pair(*plain).box()
+    if up_mm:
+        assert seen.refused.reason is Reason.IN_THE_AIR
+    else:
+        assert seen.refused is None and np.abs(seen.own - own)[SIX][3:].max() < 2.0
+
+
 def test_a_box_whose_edges_are_sharp_and_upright_does_not_lean_to_the_side(monkeypatch):
     """However its face was followed at foot and top; one without an upright edge that stands out does not stand."""
     shown = rendered(700.0, (260.0, 260.0, 220.0), 30.0)

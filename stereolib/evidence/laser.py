@@ -262,6 +262,21 @@ def averaging_gain(far_mm: ArrayLike, n: int = 5) -> dict[str, float]:
     return {"noise_times": noise_of_median(far_mm, n) / noise_of_median(far_mm, 1)}
 
 
+def noise_within(within_mm: ArrayLike, beyond_mm: ArrayLike) -> dict[str, float]:
+    """How much one turn of a real sensor scatters within a range, over what it does beyond it.
+
+    Parameters
+    ----------
+    within_mm, beyond_mm : (turns, beams) array_like, mm
+
+    Returns
+    -------
+    dict
+        ``noise_times``
+    """
+    return {"noise_times": noise_of_median(within_mm, 1) / noise_of_median(beyond_mm, 1)}
+
+
 def averaging_of_reflectivity(true_mm: ArrayLike, readings_mm: Sequence[Float64], n: int = 5) -> dict[str, float]:
     """What the median of n readings leaves of the errors that a surface makes.
 

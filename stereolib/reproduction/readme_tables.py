@@ -114,6 +114,7 @@ def ledger_summary(rows: pd.DataFrame) -> str:
     """
     sorted_out, kinds = sort_out(rows), count_kinds(rows)
     tests, failed, part, against = (sorted_out[name] for name in ("tests", "failed", "in_part", "contradictions"))
+    own, own_failed, own_part = (len(sorted_out[name]) for name in ("own", "own_failed", "own_part"))
     bad = [row["id"] for row in (*failed, *part)]
     holding = count_verdicts(rows[(rows["kind"] == "test") & ~rows["id"].isin(bad)])
     causes = [
@@ -124,7 +125,9 @@ def ledger_summary(rows: pd.DataFrame) -> str:
         f"**Of {len(rows)} rows, {len(tests)} could have failed**: measured in pictures or scans whose construction "
         f"does not fix the outcome. **{len(failed)} of them did, of {len(causes)} causes**: {'; '.join(causes)}. "
         f"{len(part)} hold in part, {len(tests) - len(failed) - len(part)} hold "
-        f"({_counted(holding, 0)}). In {len(against)} of the others the paper contradicts itself. "
+        f"({_counted(holding, 0)}). In {own} of the {len(tests)} stereolib's method stands in the paper's place: "
+        f"{own_failed} failed, {own_part} hold in part, {own - own_failed - own_part} hold. "
+        f"In {len(against)} of the others the paper contradicts itself. "
         "[The report](figures/report.html) begins with these, "
         "[the ledger](figures/ledger.csv) has each row with its limits and its reasons.",
         "",

@@ -153,18 +153,29 @@ def sort_out(rows: pd.DataFrame) -> dict[str, list[dict[str, str]]]:
     Returns
     -------
     dict of str to list of rows
-        ``tests`` are of kind *test*; ``failed`` and ``in_part`` are among them; ``contradictions`` among the
-        arguments; ``lost`` are built in and did not come back.
+        ``tests`` are of kind *test*; ``failed`` and ``in_part`` are among them, and so are ``own``, which name
+        stereolib because its method stands in the paper's place, with ``own_failed`` and ``own_part`` of these;
+        ``contradictions`` are among the arguments; ``lost`` are built in and did not come back.
     """
     every = rows.to_dict("records")
     tests = [row for row in every if row["kind"] == "test"]
+    failed = [row for row in tests if row["verdict"] in FAILED]
+    in_part = [row for row in tests if row["verdict"] == "holds in part"]
     return {
         "tests": tests,
-        "failed": [row for row in tests if row["verdict"] in FAILED],
-        "in_part": [row for row in tests if row["verdict"] == "holds in part"],
+        "failed": failed,
+        "in_part": in_part,
+        "own": [row for row in tests if _is_own(row)],
+        "own_failed": [row for row in failed if _is_own(row)],
+        "own_part": [row for row in in_part if _is_own(row)],
         "contradictions": [row for row in every if row["verdict"] == "paper contradicts itself"],
         "lost": [row for row in every if row["kind"] == "built in" and row["verdict"] in FAILED],
     }
+
+
+def _is_own(row: dict[str, str]) -> bool:
+    item = published()[row["id"]]
+    return "stereolib" in (item.what or item.value)
 
 
 def by_cause(rows: list[dict[str, Any]]) -> dict[str, list[dict[str, Any]]]:

@@ -199,6 +199,9 @@ def test_pinhole_and_central_principal_point_hold_for_another_rig():
     K = np.array([[730, 0, 319.5], [0, 730, 239.5], [0, 0, 1.0]])
     ideal = Camera(K, [], rig.left.size)
     assert {verdict_of(id, of(replace(rig, left=ideal, right=ideal))) for id, of in claims.items()} == {"agrees"}
+    straight = evidence.pinhole_misses(replace(rig, left=ideal, right=ideal))
+    needed = [verdict_of("claim.distortion_needed", one) for one in (evidence.pinhole_misses(rig), straight)]
+    assert needed == ["agrees", "does not hold"]
     aside = Camera(K + np.outer([1, 0, 0], [0, 0, 5.0]), [], rig.left.size)
     assert evidence.principal_points_beside(replace(rig, left=aside, right=ideal)) == {"left_px": 5.0, "right_px": 0.0}
 

@@ -98,6 +98,14 @@ def test_averaging():
     assert_turns("claim.lrf_averaging_helps", evidence.averaging_gain(turns_of(8.0)), evidence.averaging_gain(torn))
 
 
+def test_lesser_variance():
+    """Noise that grows with the distance; noise that does not."""
+    beyond = turns_of(8.0, 3200.0)
+    steady, lesser = (evidence.noise_within(turns_of(sigma_mm), beyond) for sigma_mm in (8.0, 4.0))
+    assert_turns("claim.lrf_lesser_variance", lesser, steady)
+    assert lesser["noise_times"] == pytest.approx(0.5, abs=0.02)
+
+
 def test_five_turns():
     """Noise that five turns beat and seven hardly better; noise that no median of a few turns beats."""
     noisy, quiet = turns_of(10.0), turns_of(0.5)

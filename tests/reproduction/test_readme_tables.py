@@ -54,6 +54,7 @@ def test_the_summary_counts_what_could_have_failed() -> None:
     assert (
         "**1 of them did, of 1 causes**: `claim.glare_on_object`. 1 hold in part, 1 hold (meets the truth (1))." in text
     )
-    assert "In 1 of the others the paper contradicts itself" in text
+    own = "In 1 of the 3 stereolib's method stands in the paper's place: 0 failed, 0 hold in part, 1 hold."
+    assert f"{own} In 1 of the others the paper contradicts itself" in text
     assert "| does not hold (1), " not in text
     assert "meets the truth (1), holds in part (1), does not hold (1) |" in text

@@ -241,7 +241,7 @@ class Scene:
 
     def _is_far_wider(self, readings_mm: Float64, thing: Thing, pictured: Pictured) -> bool:
         """Whether the scan shows one thing far wider than what the pictures do, no side of which has two sharp ends."""
-        if thing.pieces or self._reads_otherwise(pictured):
+        if any(piece.is_box for piece in thing.pieces) or self._reads_otherwise(pictured):
             return False
         wider = Place.of(readings_mm).span_rad > _FAR_WIDER * Place.of(_ends_mm(pictured)).span_rad
         return wider and not any({Edge.CORNER, side.end} <= sharp_edges(pictured.seen) for side in Side)

@@ -96,6 +96,11 @@ def test_what_beams_go_through_has_no_outline(found, told):
 
 
 TWICE = readings(2 * FACE_DEG)
+A_BOX = Thing(SimpleNamespace(own=OWN), seen=Seen(OWN, ()))
+
+
+def test_a_plain_part_within_its_outline_does_not_tell_what_it_is_of():
+    assert "width" in judged(TWICE, pieces=(Thing(),)).reasons
 
 
 @pytest.mark.parametrize(
@@ -106,7 +111,7 @@ TWICE = readings(2 * FACE_DEG)
         {"points_mm": TWICE, "disagrees": False},
         {"points_mm": TWICE, "found": BOX},
         {"points_mm": TWICE, "found": FACE.without("width", Why(Reason.CUT))},
-        {"points_mm": TWICE, "pieces": (Thing(),)},  # others within that outline stand alone now
+        {"points_mm": TWICE, "pieces": (A_BOX,)},  # others within that outline stand alone now
         {"points_mm": 2.5 * TWICE, "priors": LOW},  # far behind: something else
     ],
 )

@@ -39,7 +39,7 @@ class BoardLook:
     corners_px : (left, right)
         Each (corners, 2) float32, px, or None where the board was not found.
     speed : float
-        Of the board in the pictures, in widths of a picture a second; NaN at the first sight of it.
+        Of the board in the pictures, in widths of a picture a second; NaN at a camera's first sight of it.
     edge_px : (left, right)
         Width of the edges between its squares, px; NaN where not known.
     place : (5,) float64 or None
@@ -133,7 +133,8 @@ class BoardWatch:
             found = list(both.map(self._quick, (left, right)))
         corners = found[0], found[1]
         then_s, before = self._before
-        speed = max(self._moved(now, earlier) for now, earlier in zip(corners, before, strict=True)) / (at_s - then_s)
+        moved = [self._moved(now, earlier) for now, earlier in zip(corners, before, strict=True)]
+        speed = float(np.max(moved)) / (at_s - then_s)  # NaN if either is
         self._before = at_s, corners
         edges = self._edge_px(left, corners[0]), self._edge_px(right, corners[1])
         place = None if corners[0] is None else self._place(corners[0])

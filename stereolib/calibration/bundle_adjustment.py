@@ -40,8 +40,9 @@ class RigFit:
     turns, shifts : (n, 3, 3) and (n, 3) float64, mm
         Poses of the boards: ``x_left = turn @ x_board + shift``.
     residuals_px : (n, 2, corners, 2) float64
-        Found minus predicted, left then right; 0 where `seen` is False.
-    seen : (n, 2, corners) bool
+        Found minus predicted, left then right; 0 where `known` is False.
+    known : (n, 2, corners) bool
+        The corner was found.
     normal : (n, s, s) float64
         Each pair's part of the normal matrix, its pose eliminated.
     gradient : (n, s) float64

@@ -66,7 +66,8 @@ def find_board_in_scan(
     sigma : callable
         Noise of a reading (see `stereolib.laser.find_segments`).
     expected : (4, 4) array, optional
-        Rough ``T_left_lidar``: decides if several objects could be the board.
+        Rough ``T_left_lidar``: of several objects that could be the board it takes that nearest to the origin of
+        `T_left_board`, which had better be the board's middle then.
 
     Returns
     -------

@@ -42,14 +42,10 @@ def calibration_facts(diagnosis: Diagnosis) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``verdict reasons advice warnings model board rms_px K dist R T baseline_mm std pairs_used pairs_refused groups
-        coverage errors checks lens_models``. K and dist are of ``left`` and ``right``, T is in mm. ``std`` repeats
-        their names; its K are fx fy cx cy, and ``R_rad`` are turns about the right camera's axes. What is not known
-        is None.
-        ``verdict reasons warnings model board rms_px K dist R T baseline_mm std pairs_used pairs_refused groups
-        coverage errors checks lens_models record``. K and dist are of ``left`` and ``right``, T is in mm. ``std``
-        repeats their names; its K are fx fy cx cy, and ``R_rad`` are turns about the right camera's axes. What is
-        not known is None.
+        ``verdict reasons advice warnings model board rms_px K dist R T baseline_mm std pairs_used pairs_refused
+        pairs_repeated pair_rms_px groups coverage errors folds checks lens_models record``. K and dist are of ``left``
+        and ``right``, T is in mm. ``std`` repeats their names; its K are fx fy cx cy, and ``R_rad`` are turns about the
+        right camera's axes. What is not known is None.
     """
     d, rig, std, errors = diagnosis, diagnosis.rig, diagnosis.std, diagnosis.error_map
     matrices = {

@@ -405,7 +405,7 @@ def error_against_n(
     Raises
     ------
     ValueError
-        If no reading is valid, or for an unknown method.
+        If no reading is valid, no number is left, or for an unknown method.
 
     Examples
     --------
@@ -422,6 +422,8 @@ def error_against_n(
     if not len(values):
         raise ValueError("none of the readings is valid; nothing to combine")
     numbers = np.array([k for k in n if 1 <= k <= len(values)], int)
+    if not len(numbers):
+        raise ValueError(f"none of n = {tuple(n)} lies between 1 and the {len(values)} valid readings: record more")
     # sorted in full: a partition's order depends on the processor
     order = np.argsort(rng.random((draws, len(values))), axis=1, kind="stable")
     errors = np.stack([combine(values[order[:, :k]], axis=1) - true_mm for k in numbers])

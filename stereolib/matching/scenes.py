@@ -38,7 +38,7 @@ def near_edge_mask(truth_px: Floats, on_object: Bools, half_width_px: int = 3) -
     array([[0, 1, 1, 1, 0]])
     """
     on_object = check_mask(on_object, np.shape(truth_px), "on_object")
-    nearest = np.where(on_object, truth_px, -np.inf).argmax(axis=1)[:, None]
+    nearest = np.where(on_object & np.isfinite(truth_px), truth_px, -np.inf).argmax(axis=1)[:, None]
     return np.asarray(on_object & (np.abs(np.arange(on_object.shape[1]) - nearest) <= half_width_px))
 
 
@@ -88,7 +88,8 @@ def correlation_length_px(image: UInt8, where: Bools) -> float:
     Raises
     ------
     ValueError
-        If there is nothing to see: an empty mask, or one grey value only.
+        If there is nothing to see: an empty mask, or one grey value only; or if the correlation does not fall so far
+        within half of the picture.
 
     Examples
     --------
@@ -107,5 +108,7 @@ def correlation_length_px(image: UInt8, where: Bools) -> float:
     correlation = product / np.maximum(weight, 1)
     correlation /= correlation[0]
     below = int((correlation < np.exp(-1)).argmax())
+    if not below:
+        raise ValueError(f"the texture is larger than {limit} px along the rows: its correlation does not fall to 1/e")
     step = correlation[below - 1] - correlation[below]
     return float(below - 1 + (correlation[below - 1] - np.exp(-1)) / step)

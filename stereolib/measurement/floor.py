@@ -285,9 +285,10 @@ def fit_floor(
     pixels = _Pixels.of(disparity, rectified)
     plane, weight = pixels.refined(_vote(disparity, rectified, limits), int(_LEAST_SUPPORT * disparity.size / _STEP**2))
     if pair is None:
-        rest = pixels.d - pixels.rays @ plane
+        rest, root = pixels.d - pixels.rays @ plane, np.sqrt(weight)
+        bend = root * (5 * root - 4)  # derivative of the weighted residual
         try:
-            covariance = clustered_covariance(pixels.rays, rest, weight, cell_of(pixels.u, pixels.v))
+            covariance = clustered_covariance(pixels.rays, rest, weight, cell_of(pixels.u, pixels.v), bend)
         except np.linalg.LinAlgError:  # all of it lies in one place
             raise CannotMeasure("no floor", _NO_FLOOR) from None
     else:

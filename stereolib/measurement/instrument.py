@@ -193,7 +193,7 @@ def _lidar(pose: Any, covariance: Any, scale: Any) -> LidarCamera:
     if not (is_rotation and np.linalg.det(T[:3, :3]) > 0 and np.array_equal(T[3], (0, 0, 0, 1))):
         raise ValueError("T_left_lidar must be a rotation (3, 3) and a shift in mm, above the row 0 0 0 1")
     least = float(np.linalg.eigvalsh((C + C.T) / 2)[0])
-    if not np.allclose(C, C.T) or least < -_ROTATION_TOLERANCE * np.trace(C):
-        raise ValueError("covariance must be symmetric, without negative variances")
+    if not np.allclose(C, C.T) or least < -_ROTATION_TOLERANCE * np.trace(C) or not np.diag(C).min() > 0:
+        raise ValueError("covariance must be symmetric, without zero or negative variances")
     C = C if size == 7 else block_diag(C, LASER_SCALE_STD**2)
     return LidarCamera(T, e, C, view_misses=np.zeros(0))

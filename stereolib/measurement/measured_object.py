@@ -314,22 +314,29 @@ def from_scan(footprint: Footprint, laser: LaserOnFloor, height: Height, reasons
     """
     size, covariance = _with_height(height)
     centre, spread = laser.points_mm(footprint.centre_mm), np.full((2, 2), np.nan)
-    outline = laser.points_mm(footprint.segment.points_mm)
+    outline, common = laser.points_mm(footprint.segment.points_mm), np.zeros((len(SIZE_NAMES), COMMON_ERRORS))
     round_std = footprint.length_std_mm if footprint.shape == "circle" else np.nan
     is_circle = bool(round_std < _WORST_STD * footprint.length_mm)
     if is_circle:
-        size[:2] = footprint.length_mm
-        covariance[:2, :2] = footprint.length_std_mm**2
+        share = 1 - laser.scale
+        size[:2] = share * footprint.length_mm
+        covariance[:2, :2] = (share * footprint.length_std_mm) ** 2 + footprint.length_mm**2 * laser.covariance[3, 3]
         covariance[2, :2] = covariance[:2, 2] = 0.0 if np.isfinite(height[0]) else np.nan
-        spread = laser.R @ np.diag(footprint.centre_std_mm**2) @ laser.R.T + laser.covariance[:2, :2]
+        common[:2, : laser.common.shape[1]] = -footprint.length_mm * laser.common[3]
+        x, y = lever = centre - laser.t
+        J = np.column_stack([np.eye(2), [-y, x], -lever / share])  # of the centre, by the laser's place, yaw and scale
+        own = share * laser.R * footprint.centre_std_mm
+        spread = own @ own.T + J @ laser.covariance @ J.T
         angles = np.linspace(0, 2 * np.pi, _CIRCLE_CORNERS, endpoint=False)
-        outline = centre + footprint.length_mm / 2 * direction(angles)
+        outline = centre + size[0] / 2 * direction(angles)
     else:
         uncertain = Why(Reason.ROUND, f"{footprint.length_mm:.0f} ± {round_std:.0f} mm")
         why = Why(Reason.IRREGULAR, footprint.reason) if footprint.reason else uncertain
         reasons = {**reasons, "length": why, "width": why}
     shape, sources = "circle" if is_circle else "irregular", {"lines": Source.SCAN, **_height_source(height)}
-    return MeasuredObject(shape, size, covariance, centre, spread, np.nan, np.nan, outline, sources, reasons)
+    return MeasuredObject(
+        shape, size, covariance, centre, spread, np.nan, np.nan, outline, sources, reasons, common_mm=common
+    )
 
 
 def from_region(region: ObjectRegion, height: Height, reasons: dict[str, Why]) -> MeasuredObject:

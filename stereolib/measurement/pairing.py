@@ -25,7 +25,7 @@ class Place:
     Attributes
     ----------
     right_rad, left_rad : float
-        Bearings of its ends.
+        Bearings of its ends; beyond pi for what stands straight behind.
     near_mm, far_mm : float
         Distances of its nearest and of its farthest part that is seen.
     """
@@ -53,6 +53,8 @@ class Place:
         707.107
         """
         bearings, distances = np.arctan2(points_mm[:, 1], points_mm[:, 0]), np.linalg.norm(points_mm, axis=1)
+        if np.ptp(bearings) > np.pi:  # it stands behind, where bearings jump by a turn
+            bearings = bearings % (2 * np.pi)
         return cls(*(float(v) for v in (bearings.min(), bearings.max(), distances.min(), distances.max())))
 
     @property

@@ -44,7 +44,7 @@ def scanned_parts(scan: LaserScan, bias_mm: float) -> tuple[list[Footprint], Flo
     ----------
     scan : LaserScan
     bias_mm : float
-        By which the laser reads too far.
+        Standard deviation of the error that all readings on one face share.
 
     Returns
     -------
@@ -203,17 +203,16 @@ class Scene:
         facts = self._facts(solution, thing, number)
         if number is not None and not thing.is_round:
             return self._as_scan_allows(thing, from_box(solution, number, facts))
-        height, common = (np.nan, np.nan), np.zeros((3, COMMON_ERRORS))
+        height, common = (np.nan, np.nan), np.zeros(COMMON_ERRORS)
         if number is not None:
             box = from_box(solution, number, facts)
-            height, common[2] = (float(box.size_mm[2]), float(box.std_mm[2])), box.common_mm[2]
+            height, common = (float(box.size_mm[2]), float(box.std_mm[2])), box.common_mm[2]
         if thing.footprint is not None and (thing.why is None or thing.why.reason not in NOT_STANDING):
-            laser = self.priors.laser.moved(*solution.laser)
-            found = from_scan(thing.footprint, laser, height, facts.reasons)
+            found = from_scan(thing.footprint, solution.on_floor(self.priors.laser), height, facts.reasons)
         else:
             assert thing.region is not None
             found = from_region(thing.region, height, facts.reasons)
-        return replace(found, common_mm=common)
+        return replace(found, common_mm=np.vstack([found.common_mm[:2], common]))
 
     def _as_scan_allows(self, thing: Thing, found: MeasuredObject) -> MeasuredObject:
         """A box without its outline, where beams go through a face: the pictures showed two things as one."""

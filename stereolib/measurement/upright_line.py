@@ -103,7 +103,7 @@ def upright_line(world: World, face: Face, at_mm: float) -> tuple[UprightLine, f
     -------
     line : UprightLine
     tilt_rad, tilt_std_rad : float
-        Positive where the face leans back.
+        Positive where the face leans forward: its top is nearer than its foot.
 
     Notes
     -----

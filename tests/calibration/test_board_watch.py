@@ -49,6 +49,16 @@ def test_the_side_that_does_not_see_it_is_named(watch: BoardWatch) -> None:
     assert watch.look(grey, right, 0.2).advice == "the left camera does not see it"
 
 
+@pytest.mark.parametrize("side", [0, 1])
+def test_a_camera_s_first_look_tells_no_motion(watch: BoardWatch, side: int) -> None:
+    pair = list(pairs()[0])
+    alone = [np.full_like(picture, 120) if k == side else picture for k, picture in enumerate(pair)]
+    watch.look(alone[0], alone[1], 0.0)
+    look = watch.look(pair[0], pair[1], 0.1)
+    assert np.isnan(look.speed) and look.advice == "hold it still"
+    assert watch.look(pair[0], pair[1], 0.2).advice == ""
+
+
 def test_a_blurred_picture_is_not_taken(watch: BoardWatch) -> None:
     left, right = pairs()[0]
     blurred = cv2.GaussianBlur(right, (0, 0), 2.0)

@@ -83,3 +83,5 @@ def test_error_falls_with_the_root_of_n_down_to_the_bias():
     assert laser.error_against_n([1000.0, 1001], 1000, rng=rng).n.tolist() == [1, 2]
     with pytest.raises(ValueError, match="none of the readings"):
         laser.error_against_n([np.nan], 1000, rng=rng)
+    with pytest.raises(ValueError, match=r"none of n = \(5, 10\) lies between 1 and the 2 valid readings"):
+        laser.error_against_n([1000.0, 1001], 1000, rng=rng, n=(5, 10))

@@ -25,6 +25,12 @@ def test_near_edge_follows_the_nearest_column():
         assert np.flatnonzero(edge[v]).tolist() == expected
 
 
+def test_near_edge_is_where_the_disparity_is_known():
+    truth = np.array([[5.0, NAN, 9.0, 7.0, 6.0]])
+    edge = scenes.near_edge_mask(truth, np.ones((1, 5), bool), half_width_px=0)
+    assert edge.tolist() == [[False, False, True, False, False]]
+
+
 def test_smallest_window_reaches_just_over_the_disparity():
     rng = np.random.default_rng(0)
     wide = cv2.GaussianBlur(rng.integers(0, 256, (60, 260), dtype=np.uint8), (0, 0), 0.8)
@@ -54,6 +60,9 @@ def test_correlation_length_refuses():
         scenes.correlation_length_px(np.full((9, 9), 7, np.uint8), np.ones((9, 9), bool))
     with pytest.raises(ValueError, match="no texture to measure"):
         scenes.correlation_length_px(np.eye(9).astype(np.uint8), np.zeros((9, 9), bool))
+    across = np.repeat(RNG.integers(0, 60, (60, 1)), 200, axis=1) + RNG.integers(0, 3, (60, 200))
+    with pytest.raises(ValueError, match="larger than 100 px"):
+        scenes.correlation_length_px(across.astype(np.uint8), np.ones((60, 200), bool))
 
 
 def test_the_near_edge_is_where_the_disparity_peaks() -> None:

@@ -59,6 +59,7 @@ def test_something_else_that_shifts_all_disparities_widens_the_offset_alone():
         ("T_left_lidar", (3, 0), 1.0, "0 0 0 1"),
         ("covariance", (2, 2), float("nan"), "finite"),
         ("covariance", (3, 3), -4.0, "negative variances"),
+        ("covariance", (6, 6), 0.0, "zero or negative variances"),
     ],
 )
 def test_a_damaged_pose_of_the_laser_is_refused_with_what_to_do(tmp_path, entry, place, value, message):

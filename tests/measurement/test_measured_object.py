@@ -3,20 +3,24 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
 from support.boxes import EDGE_PX, EDGES, FLOOR, OWN, PRIORS, STILL, everything, pictured, start
 
-from stereolib.measurement import MeasuredObject, ObjectRegion, Reason, Why
+from stereolib.base import turn_2d
+from stereolib.laser import LaserScan, find_segments, fit_footprint
+from stereolib.measurement import LaserOnFloor, MeasuredObject, ObjectRegion, Reason, Why
 from stereolib.measurement.agreement import Past
 from stereolib.measurement.box import Edge, Own, Shared
-from stereolib.measurement.measured_object import BoxFacts, from_box, from_region
+from stereolib.measurement.measured_object import BoxFacts, from_box, from_region, from_scan
 from stereolib.measurement.observations import EdgeSeen
 from stereolib.measurement.reasons import UNSURE
 from stereolib.measurement.scene_solver import COMMON_ERRORS, Seen, Solution, solve
 
 OPEN = dict.fromkeys(EDGES, Past.OPEN)
+NO_HEIGHT = (np.nan, np.nan)
 FROM_ABOVE = {edge: past for edge, past in OPEN.items() if edge is not Edge.RIGHT_END}  # one face is hidden
 
 
@@ -142,6 +146,48 @@ def test_a_height_without_a_face_keeps_its_deviation():
     assert {name: why.reason for name, why in thing.reasons.items()} == dict.fromkeys(
         ("length", "width"), Reason.NO_FACE
     )
+
+
+@cache
+def cylinder():
+    """Of 240 mm, as a scan shows it: its axis at (850, 300) in the laser's frame."""
+    angles, centre, radius_mm = np.radians(np.arange(360.0)), np.array([850.0, 300.0]), 120.0
+    along = np.column_stack([np.cos(angles), np.sin(angles)]) @ centre
+    under_root = radius_mm**2 - centre @ centre + along**2
+    meets = (under_root > 0) & (along > 0)
+    ranges_mm = np.where(meets, along - np.sqrt(np.maximum(under_root, 0)), 2500.0)
+    [part] = [
+        part
+        for part in find_segments(LaserScan(ranges_mm, np.ones(360), emitter_offset_mm=0.0))
+        if part.kind == "object"
+    ]
+    return fit_footprint(part)
+
+
+def test_a_cylinder_has_what_the_laser_leaves_open_in_its_place_and_size():
+    known = np.diag([3.0, 2.0, np.radians(2.0), 0.01]) ** 2
+    laser = LaserOnFloor(
+        turn_2d(0.3), np.array([20.0, -30.0]), known, scale=0.02, common=np.diag([0.0, 0.0, 0.0, 0.01])
+    )
+    thing, exact = (
+        from_scan(cylinder(), each, NO_HEIGHT, {}) for each in (laser, replace(laser, covariance=0 * known))
+    )
+    assert thing.shape == "circle" and thing.size_mm[:2] == pytest.approx(0.98 * 240.0)
+    rim = np.hypot(*(thing.outline_mm - thing.position_mm).T)
+    assert 2 * rim == pytest.approx(thing.size_mm[0])
+    steps = 1e-4 * np.eye(4)
+    J = np.array(
+        [
+            laser.moved(*s).points_mm(cylinder().centre_mm) - laser.moved(*-s).points_mm(cylinder().centre_mm)
+            for s in steps
+        ]
+    )
+    J = J.T / 2e-4
+    np.testing.assert_allclose(
+        thing.position_covariance - exact.position_covariance, J @ known @ J.T, rtol=1e-6, atol=1e-6
+    )
+    assert thing.std_mm[0] ** 2 - exact.std_mm[0] ** 2 == pytest.approx((0.01 * 240.0) ** 2)
+    assert thing.common_mm[:2, 3] == pytest.approx(-0.01 * 240.0) and not thing.common_mm[:, :3].any()
 
 
 def test_a_cylinder_s_volume_and_surface():

@@ -33,6 +33,15 @@ def test_place_of_points():
     assert place.overlap(place) == 1 and place.overlap(Place(1.0, 1.2, 400, 500)) < 0
 
 
+def test_what_stands_straight_behind_is_not_all_around():
+    behind, ahead = outline(700, 180), outline(740, 0)
+    assert Place.of(behind).span_rad == pytest.approx(Place.of(outline(700, 170)).span_rad)
+    assert Place.of(behind).overlap(Place.of(ahead)) < 0
+    pairs = paired([outline(700, 0)], [ahead, behind])
+    assert (pairs.both, pairs.scanned) == (((0, 0),), (1,))
+    assert paired([outline(700, 0)], [behind]).both == ()
+
+
 def test_objects_find_their_outlines():
     seen = [outline(700, -15), outline(900, 10), outline(1200, 30)]
     found = paired(seen, [seen[2], seen[0], seen[1]])

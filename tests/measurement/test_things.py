@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 from support.boxes import OWN, PRIORS, STILL, edges
 
+from stereolib.laser import Footprint
 from stereolib.measurement.agreement import Past
-from stereolib.measurement.box import Box, Edge
+from stereolib.measurement.box import Box, Edge, Shared
 from stereolib.measurement.contradictions import sharp_edges
 from stereolib.measurement.laser_on_floor import Lean
 from stereolib.measurement.measured_object import MeasuredObject
 from stereolib.measurement.reasons import Reason, Why
-from stereolib.measurement.scene_solver import Seen
+from stereolib.measurement.scene_solver import Seen, solve
 from stereolib.measurement.things import Scene, Thing
 
 ENDS = Box(OWN).points(np.array([[0.0, 0, 0], [1, 0, 0]]))[:, :2]
@@ -123,3 +124,22 @@ def test_which_edges_are_sharp():
     every = edges(PRIORS.world(STILL), OWN)
     seen = Seen(OWN, (replace(every[0], std_px=0.6), *every[1:]))
     assert sharp_edges(seen) == {edge.edge for edge in every[1:]}
+
+
+def test_a_round_thing_stands_where_the_scene_has_the_laser_and_as_well_known():
+    angles = np.linspace(0.6 * np.pi, 1.4 * np.pi, 12)
+    rim = np.array([800.0, 0.0]) + 60.0 * np.column_stack([np.cos(angles), np.sin(angles)])
+    round_ = Footprint(
+        "circle", SimpleNamespace(points_mm=rim), 1.0, length_mm=120.0, width_mm=120.0, length_std_mm=1.0,
+        width_std_mm=1.0, centre_mm=np.array([800.0, 0.0]), centre_std_mm=np.ones(2),
+    )  # fmt: skip
+    scene = Scene(SimpleNamespace(priors=PRIORS), True, rim, rim)
+    first = solve(PRIORS, [])
+    moved = replace(first, shared=first.shared.copy(), covariance=9 * first.covariance)
+    moved.shared[Shared.LASER_X] = 30.0
+    things = [scene._measured(each, Thing(footprint=round_), None) for each in (first, moved)]
+    assert things[1].position_mm - things[0].position_mm == pytest.approx([30.0, 0.0])
+    own = np.eye(2)
+    known = [thing.position_covariance - own for thing in things]
+    np.testing.assert_allclose(known[1], 9 * known[0], rtol=1e-6)
+    assert things[0].common_mm[:2].any() and not things[0].common_mm[2].any()

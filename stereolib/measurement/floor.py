@@ -196,7 +196,7 @@ def floor_from_pose(
     T_left_world : (4, 4) float64
         The left camera's extrinsic matrix; world z = 0 is the floor.
     height_std_mm, pitch_std_rad, roll_std_rad : float
-        How well the pose is known: standard deviations.
+        How well the pose is known: standard deviations; the roll's about the horizontal axis ahead.
 
     Returns
     -------

@@ -215,7 +215,8 @@ def measure_between(
     Raises
     ------
     ValueError
-        If a disparity is not positive: such a point lies nowhere.
+        If a disparity is not positive: such a point lies nowhere; or both are one point, of whose length, 0, no
+        deviation can be told.
 
     Notes
     -----
@@ -226,6 +227,8 @@ def measure_between(
         if not point.disparity_px > 0:
             where = point.name or _rectified_name(point.pixel)
             raise ValueError(f"{where} has a disparity of {point.disparity_px:.1f} px: too far to measure")
+    if one.disparity_px == other.disparity_px and np.array_equal(one.pixel, other.pixel):
+        raise ValueError(f"both ends are {one.name or _rectified_name(one.pixel)}: a length has two")
     known = (uncertainty or SystematicUncertainty()).covariance
     K = rectified.P1[:, :3]
 

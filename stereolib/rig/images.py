@@ -42,11 +42,11 @@ def read_image(path: str | PathLike[str], *, grey: bool = False) -> UInt8:
         If the file is missing, no picture, cut short, larger than `MAX_MEGAPIXELS`, or has more than 8 bits a sample.
     """
     data = read_bytes(path)
+    megapixels = _megapixels_of_header(data)
     for kind, start, end in _ENDS:
-        if data.startswith(start) and end not in data[-64:]:
+        if data.startswith(start) and end not in data[-64:] and not (kind == "JPEG" and _is_whole(data, megapixels)):
             why = f"{path}: the {kind} is cut short ({len(data)} bytes, no end marker)"
             raise ValueError(f"{why}: copy or record it again")
-    megapixels = _megapixels_of_header(data)
     if megapixels > MAX_MEGAPIXELS:
         why = f"{path}: the picture has {megapixels:.0f} megapixels, at most {MAX_MEGAPIXELS:.0f} are read"
         raise ValueError(f"{why}: scale it down")
@@ -235,3 +235,18 @@ def _megapixels_of_header(data: bytes) -> float:
             return int(re.findall(r"\d+", str(error))[0]) / 1e6
         except (OSError, ValueError):
             return 0.0
+
+
+def _is_whole(data: bytes, megapixels: float) -> bool:
+    """Whether a JPEG ends before its file does: cameras pad theirs, telephones append a film."""
+    from PIL import Image
+
+    if not 0 < megapixels <= MAX_MEGAPIXELS:
+        return False
+    with _FILTERING, warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        try:
+            Image.open(BytesIO(data[: data.rfind(_ENDS[0][2]) + 2])).load()  # zeros behind a cut would pass for grey
+        except (OSError, ValueError, SyntaxError):
+            return False
+    return True

@@ -187,3 +187,9 @@ def test_pixels_of_either_frame_make_the_same_length_and_are_named_as_they_were_
     dark = tuple(np.zeros_like(side) for side in pair)
     with pytest.raises(ValueError, match=r"^pixel 330,330 of the left picture: no texture"):
         length_between(*dark, raw, instrument)
+
+
+def test_one_point_has_no_length():
+    point = SurfacePoint(np.array([300.0, 200.0]), 100.0, 0.1)
+    with pytest.raises(ValueError, match="both ends are pixel 300,200 of the rectified left picture: a length has two"):
+        measure_between(point, replace(point, std_px=0.2), RECTIFIED)

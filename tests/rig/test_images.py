@@ -92,6 +92,16 @@ def test_a_file_cut_short_is_named(tmp_path, picture, kind, share):
         read_image(path)
 
 
+def test_a_jpeg_may_end_before_its_file_does(tmp_path, picture):
+    """Cameras pad theirs, telephones append a film."""
+    data, path = cv2.imencode(".jpg", picture)[1].tobytes(), tmp_path / "padded.jpg"
+    path.write_bytes(data + bytes(5000))
+    np.testing.assert_array_equal(read_image(path), cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR))
+    path.write_bytes(data[: len(data) // 2] + bytes(5000))
+    with pytest.raises(ValueError, match="cut short"):
+        read_image(path)
+
+
 def test_a_jpeg_without_its_last_bytes_is_refused_though_opencv_reads_it(tmp_path, picture):
     data = cv2.imencode(".jpg", picture)[1].tobytes()
     path = tmp_path / "almost.jpg"

@@ -17,6 +17,7 @@ from stereolib.base import data_path, read_text
 KINDS = ("test", "built in", "argument", "redrawn")
 DATA = ("virtual rig", "real unit", "print")
 # what an item is held against -> how many tolerances it has, and whether it has conditions
+METHODS = ("the paper's", "stereolib's")
 AGAINST = {
     "number": {(1, False)},
     "truth": {(1, False), (0, True)},
@@ -103,6 +104,7 @@ class Published:
     conditions: Mapping[str, Condition] = field(default_factory=dict)
     figure: str = ""
     data: str = ""
+    method: str = "the paper's"
     cause: str = ""
 
     def __post_init__(self) -> None:
@@ -110,6 +112,8 @@ class Published:
             object.__setattr__(self, "data", "print" if self.kind == "argument" else "virtual rig")
         if self.data not in DATA:
             raise ValueError(f"data {self.data!r} is none of {DATA}")
+        if self.method not in METHODS:
+            raise ValueError(f"method {self.method!r} is none of {METHODS}")
         if self.kind not in KINDS:
             raise ValueError(f"kind {self.kind!r} is none of {KINDS}")
         if self.against not in AGAINST:

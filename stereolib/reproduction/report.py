@@ -153,8 +153,8 @@ def sort_out(rows: pd.DataFrame) -> dict[str, list[dict[str, str]]]:
     Returns
     -------
     dict of str to list of rows
-        ``tests`` are of kind *test*; ``failed`` and ``in_part`` are among them, and so are ``own``, which name
-        stereolib because its method stands in the paper's place, with ``own_failed`` and ``own_part`` of these;
+        ``tests`` are of kind *test*; ``failed`` and ``in_part`` are among them, and so are ``own``, in which
+        stereolib's method stands in the paper's place, with ``own_failed`` and ``own_part`` of these;
         ``contradictions`` are among the arguments; ``lost`` are built in and did not come back.
     """
     every = rows.to_dict("records")
@@ -174,8 +174,7 @@ def sort_out(rows: pd.DataFrame) -> dict[str, list[dict[str, str]]]:
 
 
 def _is_own(row: dict[str, str]) -> bool:
-    item = published()[row["id"]]
-    return "stereolib" in (item.what or item.value)
+    return published()[row["id"]].method == "stereolib's"
 
 
 def by_cause(rows: list[dict[str, Any]]) -> dict[str, list[dict[str, Any]]]:

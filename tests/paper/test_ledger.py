@@ -254,3 +254,10 @@ def test_data_are_named():
     assert rows["data"].tolist() == ["print", "virtual rig", "virtual rig"]
     with pytest.raises(ValueError, match="data 'guess' is none of"):
         replace(published()["fig.4"], data="guess")
+
+
+def test_a_row_of_the_library_s_own_method_tells_its_reader_so():
+    with pytest.raises(ValueError, match="method 'ours' is none of"):
+        replace(published()["fig.4"], method="ours")
+    for name, item in published().items():
+        assert ("stereolib" in (item.what or str(item.value))) is (item.method == "stereolib's"), name

@@ -1,7 +1,7 @@
 """The pipelines on virtual scenes on which no setting was chosen, beside a rival; their honesty; one photograph.
 
 The settings of "best" come from ``choose_best.py``; its standard deviations are found here, on the scenes those were
-chosen on, on shining ones and on more of the rig: the training scenes of ``layered_pairs.py`` and `DEVIATIONS_ON` of
+chosen on, on shining ones and on more of the rig: all scenes of ``layered_pairs.py`` but the test's, `DEVIATIONS_ON` of
 ``virtual_pairs.py``. Everything else is measured on the test scenes of both.
 Some ten minutes; with ``--only time`` two.
 """
@@ -225,7 +225,8 @@ def main() -> None:
         save("smoothing", {"ms": filters_ms()}, ROOMS)
         save("pipeline_time", speed(cubes), ROOMS)
     if "accuracy" in wanted:
-        laws = calibrate(layered_set("training") + layered_set("shining") + rig_set(DEVIATIONS_ON))
+        layered = [pair for name in ("training", "hard", "shining") for pair in layered_set(name)]
+        laws = calibrate(layered + rig_set(DEVIATIONS_ON))
         deviation.LAWS.update({deviation.Kind[name]: deviation.StdLaw(**law) for name, law in laws.items()})
         tried = {"layered": honesty(layered_set("test")), "rig": honesty(rig_set(CHECKED_ON))}
         found = {**on_photographs(motorcycle_view()), **fast_against_sgbm(cubes), **tried}

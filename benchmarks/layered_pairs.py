@@ -77,9 +77,15 @@ TEST_SHARP = replace(TEST, size=(540, 240), far_px=(10, 24), near_px=(28, 64), o
 TRAINING_MATERIALS = replace(TRAINING, slant=0.2, textures="materials")
 #: Glossy things under a lamp: on them the deviations are found, too.
 TRAINING_SHINING = replace(TRAINING, noise=(0.5, 1.0, 2.0), shining=0.6)
+#: Two kinds that were added after real pairs had shown what the others lack. Surfaces that rise and fall on every
+#: scale, as those of stone, leaves and cloth do.
+TRAINING_RELIEF = replace(TRAINING_CROWDED, objects=(6, 14), textures="materials", relief_px=2.0)
+#: Things of the colours of what is behind them, as leaves before patterned cloth.
+TRAINING_ALIKE = replace(TRAINING_CROWDED, objects=(6, 14), textures="shared materials")
 SETS = {"training": ((TRAINING, range(100, 116)), (TRAINING_CROWDED, range(120, 128)),
                      (TRAINING_SHARP, range(140, 150)), (TRAINING_MATERIALS, range(170, 182))),
         "shining": ((TRAINING_SHINING, range(160, 172)),),
+        "hard": ((TRAINING_RELIEF, range(190, 200)), (TRAINING_ALIKE, range(300, 310))),
         "test": ((TEST, range(200, 212)), (TEST_CROWDED, range(220, 228)),
                  (TEST_SHARP, range(240, 248)))}  # fmt: skip
 
@@ -183,6 +189,7 @@ def _shot(picture: Array, noise: float, rng: np.random.Generator) -> Array:
 
 def _layers(look: Look, rng: np.random.Generator) -> list[Layer]:
     width, height = look.size
+    shared = [_noise(rng, 512) for _ in range(3)] if look.textures == "shared materials" else None
     far = rng.uniform(*look.far_px)
     floor = rng.uniform(0.3, 0.8) * (look.near_px[1] - far) / height
     horizon = rng.uniform(0.2, 0.6) * height
@@ -209,15 +216,15 @@ def _layers(look: Look, rng: np.random.Generator) -> list[Layer]:
 
     everywhere = lambda x, y: np.ones(x.shape, bool)  # noqa: E731
     back = surface(far, 0.01, rng.uniform(0, 2), width / 2, height / 2, width / 2)
-    layers = [Layer(back, everywhere, *_texture(look, rng))]
+    layers = [Layer(back, everywhere, *_texture(look, rng, shared))]
     ground = partial(lambda x, y: far + floor * (y - horizon) + 0 * x)
-    layers.append(Layer(ground, lambda x, y: y > horizon, *_texture(look, rng)))
+    layers.append(Layer(ground, lambda x, y: y > horizon, *_texture(look, rng, shared)))
     for _ in range(rng.integers(*look.objects)):
         x0, y0, radius = rng.uniform(0, width), rng.uniform(0, height), rng.uniform(25, 140)
         level = rng.uniform(*look.near_px) * rng.uniform(0.4, 1)
         bulge = rng.uniform(0, 0.12) * level if rng.random() < 0.5 else 0.0
         shape = surface(level, look.slant, bulge, x0, y0, radius)
-        layers.append(Layer(shape, _outline(look, rng, x0, y0, radius), *_texture(look, rng)))
+        layers.append(Layer(shape, _outline(look, rng, x0, y0, radius), *_texture(look, rng, shared)))
     for _ in range(rng.integers(*look.rods)):
         x0, y0, thick = rng.uniform(0, width), rng.uniform(0, height), rng.uniform(*look.rod_px) / 2
         angle, length = rng.uniform(0, np.pi), rng.uniform(60, 250)
@@ -227,7 +234,7 @@ def _layers(look: Look, rng: np.random.Generator) -> list[Layer]:
             return (np.abs(c * (x - x0) + s * (y - y0)) < thick) & (np.abs(c * (y - y0) - s * (x - x0)) < length)
 
         level = rng.uniform(*look.near_px)
-        layers.append(Layer(surface(level, 0.03, 0.0, x0, y0, length), rod, *_texture(look, rng)))
+        layers.append(Layer(surface(level, 0.03, 0.0, x0, y0, length), rod, *_texture(look, rng, shared)))
     return [_shining(layer, look, rng) for layer in layers]
 
 
@@ -265,13 +272,16 @@ def _outline(look: Look, rng: np.random.Generator, x0: float, y0: float, radius:
     return disc
 
 
-def _texture(look: Look, rng: np.random.Generator) -> tuple[Array, Array]:
-    """A texture (1024, 1024, 3) float32 and the affine map (2, 3) from the left picture to it."""
+def _texture(look: Look, rng: np.random.Generator, shared: list[Array] | None) -> tuple[Array, Array]:
+    """A texture (1024, 1024, 3) float32 and the affine map (2, 3) from the left picture to it.
+
+    `shared` are the materials of all surfaces, if these have the same.
+    """
     angle, scale = rng.uniform(0, 2 * np.pi), np.exp(rng.uniform(np.log(0.5), np.log(2.0)))
     turn = scale * np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
     to = np.column_stack([turn, rng.uniform(100, 900, 2)]).astype(np.float32)
     kinds = {"noise": _noise, "materials": _materials, "photographs": _photograph, "fine photographs": _fine_photograph}
-    return kinds[look.textures](rng), to
+    return _materials(rng, shared) if shared else kinds[look.textures](rng), to
 
 
 def _noise(rng: np.random.Generator, n: int = 1024) -> Array:
@@ -293,9 +303,9 @@ def _noise(rng: np.random.Generator, n: int = 1024) -> Array:
     return (base + contrast * (grey[..., None] + lean * tint[..., None])).clip(3, 252).astype(np.float32)
 
 
-def _materials(rng: np.random.Generator) -> Array:
+def _materials(rng: np.random.Generator, made: list[Array] | None = None) -> Array:
     """Patches of materials, each with its own colour and detail, whose seams are no steps of the surface."""
-    made, n = [_noise(rng, 512) for _ in range(3)], 512
+    made, n = made or [_noise(rng, 512) for _ in range(3)], 512
     seams = [np.fft.irfft2(np.fft.rfft2(rng.standard_normal((n, n))) * _falling(n, 1.8), s=(n, n)) for _ in range(2)]
     detail = np.fft.irfft2(np.fft.rfft2(rng.standard_normal((n, n))) * _falling(n, rng.uniform(0.4, 1.0)), s=(n, n))
     which = (seams[0] > 0).astype(int) + (seams[1] > seams[1].std())

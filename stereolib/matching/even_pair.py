@@ -10,7 +10,9 @@ import numpy as np
 from stereolib.base import Float32, UInt8
 from stereolib.matching.levels import evened, noise_grey, shaded
 from stereolib.matching.rows import find_rows
+from stereolib.rig import to_grey
 
+_DETAIL_PX = 11  # window in which detail is measured
 _MOST_UNLIKE = 40.0  # grey levels: what differs by more is no more wrong
 
 
@@ -27,6 +29,24 @@ class EvenPair(NamedTuple):
     left: UInt8
     right: UInt8
     noise_grey: float
+
+    def detail(self) -> Float32:
+        """Tell where matches are sure: how much the left picture changes along its rows, in squares of the noise.
+
+        Returns
+        -------
+        (H, W) float32
+            Mean of the squared slope over 11 px, less what the noise alone gives. A match's variance is inverse to it.
+
+        Examples
+        --------
+        >>> left = np.tile(np.arange(0, 200, 5, np.uint8), (4, 1))
+        >>> float(EvenPair(left, left, 2.0).detail()[2, 20])
+        5.75
+        """
+        slope = cv2.Sobel(to_grey(self.left), cv2.CV_32F, 1, 0, ksize=1, scale=0.5)
+        square = cv2.blur(slope * slope, (_DETAIL_PX, _DETAIL_PX)) / np.float32(self.noise_grey**2)
+        return np.asarray(np.maximum(square - np.float32(0.5), 0))
 
     def unlike(self, disparity_px: Float32) -> Float32:
         """How far the right picture differs from the left one where a map says that it shows the same.

@@ -158,7 +158,7 @@ def fill_matched(
     speckle_px: int = _SPECKLE_PX,
     median_px: int = _MEDIAN_PX,
     surface: Callable[[Float32, Bools, UInt8], Surfaces] = choose_surface,
-    planes: Callable[[Float32], Float32] = smooth_by_planes,
+    planes: Callable[[Float32, Float32], Float32] = smooth_by_planes,
 ) -> FilledMap:
     """Make the dense map of ``"best"``: checked, specks removed, holes filled, steps moved to the colour's, smoothed.
 
@@ -186,7 +186,7 @@ def fill_matched(
         dense = matched.left_px
     dense, moved = surface(dense, np.isfinite(checked), pair.left)
     checked[moved] = np.nan  # another surface's: no match any more
-    disparity = planes(cv2.medianBlur(dense, median_px))
+    disparity = planes(cv2.medianBlur(dense, median_px), pair.detail())
     signs = deviation.signs(disparity, matched, checked, pair)
     return FilledMap(disparity, deviation.kinds(disparity, checked), signs)
 

@@ -11,24 +11,36 @@ from stereolib.matching.filling import check_map
 
 
 def smooth_by_planes(
-    disparity_px: npt.ArrayLike, *, size_px: int = 17, rough_px: float = 0.2, most_px: float = 1.0
+    disparity_px: npt.ArrayLike,
+    detail: Float32 | None = None,
+    *,
+    size_px: int = 17,
+    rough_px: float = 0.2,
+    most_px: float = 1.0,
+    half_detail: float = 8.0,
 ) -> Float32:
     """Move each disparity towards the planes of the windows that hold it, of the flat ones more than of others.
 
     A pixel beside a step lies in windows that do not reach across it, and takes their planes: noise on a surface goes,
-    however steep it is, and steps stay.
+    however steep it is, and steps stay. Where the picture shows much detail, disparities are sure and the relief that
+    they have is real: there they move less.
 
     Parameters
     ----------
     disparity_px : (H, W) float, px
         Dense.
+    detail : (H, W) float32, optional
+        As `EvenPair.detail` tells it; None: none anywhere.
     size_px : int
         Odd edge of the windows; as much of it as the map has.
     rough_px : float, px
         Deviations from its plane up to about so much are not held against a window.
     most_px : float, px
-        Planes this far off move the disparity by half of that, the most there is; farther ones are another surface's
-        and move it less. All three were chosen on virtual scenes by `benchmarks/choose_best.py`.
+        Where there is no detail, planes this far off move the disparity by half of that, the most there is; farther
+        ones are another surface's and move it less.
+    half_detail : float
+        Root of the detail at which that is half-way to `rough_px`, where it ends. All four were chosen on virtual
+        scenes by `benchmarks/choose_best.py`.
 
     Returns
     -------
@@ -37,13 +49,15 @@ def smooth_by_planes(
     Raises
     ------
     ValueError
-        If the map or the edge is none, a disparity is no number, or a limit is not positive.
+        If the map or the edge is none, a disparity is no number, a limit is not positive, or detail and map differ in
+        shape.
 
     Notes
     -----
     In every window W that lies in the map ``d = a + b x + c y`` is fitted by least squares; v is the mean square that
     it leaves. With ``q = (v + rough^2)^-3`` a pixel's planes give ``s = sum_W q (a + b x + c y) / sum_W q``, over the
-    windows that hold it, and it becomes ``d + (s - d) / (1 + ((s - d) / most)^2)``. All sums are box filters.
+    windows that hold it, and it becomes ``d + (s - d) / (1 + ((s - d) / m)^2)`` with
+    ``m = rough + (most - rough) / (1 + detail / half_detail^2)``. All sums are box filters.
 
     Examples
     --------
@@ -56,8 +70,10 @@ def smooth_by_planes(
     disparity, size = check_map(disparity_px, size_px)
     if not np.isfinite(disparity).all():
         raise ValueError("planes are laid through a dense map: fill its holes first")
-    if not (rough_px > 0 and most_px > 0):
-        raise ValueError(f"need rough_px > 0 and most_px > 0; got {rough_px}, {most_px}")
+    if not (rough_px > 0 and most_px > 0 and half_detail > 0):
+        raise ValueError(f"need rough_px, most_px and half_detail > 0; got {rough_px}, {most_px}, {half_detail}")
+    if detail is not None and detail.shape != disparity.shape:
+        raise ValueError(f"the detail has shape {detail.shape}, the disparity map {disparity.shape}")
     rows, columns = (min(size, (n - 1) // 2 * 2 + 1) for n in disparity.shape)
     x, y = (np.arange(n, dtype=np.float32) - np.float32(n / 2) for n in disparity.shape[::-1])
     y = y[:, None]
@@ -73,7 +89,9 @@ def smooth_by_planes(
     parts = weight, weight * (level - along * x - down * y), weight * along, weight * down
     total, level, along, down = (_mean(part, rows, columns) for part in parts)
     off = (level + along * x + down * y) / total - near_px
-    return np.asarray(disparity + off / (1 + (off / np.float32(most_px)) ** 2))
+    sure = 0 if detail is None else detail / np.float32(half_detail**2)
+    most = np.float32(rough_px) + np.float32(most_px - rough_px) / np.float32(1 + sure)
+    return np.asarray(disparity + off / (1 + (off / most) ** 2))
 
 
 def _mean(values: Float32, rows: int, columns: int) -> Float32:

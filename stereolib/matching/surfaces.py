@@ -11,7 +11,7 @@ from stereolib.base import Bools, Float32, Ints, UInt8
 
 STEP_PX = 2.0  # neighbours farther apart are two surfaces
 _BESIDE_PX = 2  # so near a step a disparity is not trusted
-_APART_PX = 3.0  # surfaces nearer to each other are taken for one
+_APART_PX, _GAP_PX = 3.0, 1.5  # surfaces nearer to each other, and with a smaller gap between, are taken for one
 _AROUND_PX = np.arange(-10, 11, 5)  # rows and columns around a pixel that are looked at
 _NO_COLOUR = 1e4  # of what does not vote: like none
 _AT_ONCE = 2**13  # pixels: so many stay in the processor's cache
@@ -37,8 +37,8 @@ def choose_surface(
 ) -> Surfaces:
     """Give pixels beside steps, and those of holes, to the surface nearby that has their colour.
 
-    Matching makes near surfaces too wide where the one behind is hidden from the other camera, and loses what is thin;
-    what fills a hole goes on in its row whatever it shows.
+    Matching makes near surfaces too wide where the one behind is hidden from the other camera: what was matched goes
+    back if at all. What fills a hole goes on in its row whatever it shows: it goes either way.
 
     Parameters
     ----------
@@ -62,11 +62,12 @@ def choose_surface(
     Notes
     -----
     Asked are holes and pixels within 2 px of a step of 2 px. Of 5 x 5 places within 10 px, those that were matched and
-    are no such pixel vote, for near if their disparity is beyond the middle of the largest and the smallest one there,
-    which have to be 3 px apart. With ``w = exp(-|c - c_q|^2 / (2 unlike^2))``, c the colour (mean square of the
-    channels), the near surface's vote is ``ln(sum_near w / sum_far w) - ln(n_near / n_far) / 2``, half-way from the
-    weights' sums to their means (a hundredth is added to sums and numbers). From `sure` on against what the map says,
-    the pixel changes.
+    are no such pixel vote, for near if their disparity is beyond the middle of the largest and the smallest one there.
+    These have to be 3 px apart, and the farthest near voter more than 1.5 px from the nearest far one: a steep surface
+    is one. With ``w = exp(-|c - c_q|^2 / (2 unlike^2))``, c the colour (mean square of the channels), the near
+    surface's vote is ``ln(sum_near w / sum_far w) - ln(n_near / n_far) / 2``, half-way from the weights' sums to their
+    means (a hundredth is added to sums and numbers). From `sure` on against what the map says, the pixel changes, but
+    for a matched one that the map calls far.
 
     Examples
     --------
@@ -89,9 +90,10 @@ def choose_surface(
     if not y.size:
         return Surfaces(out, moved)
     middle = (near + far)[y, x] / 2
-    vote, near_px, far_px = _vote(voters, np.atleast_3d(left), (y, x), middle, unlike)
+    vote, near_px, far_px, gap_px = _vote(voters, np.atleast_3d(left), (y, x), middle, unlike)
     is_near = disparity_px[y, x] > middle
-    changes = np.where(is_near, -vote, vote) > sure
+    may_change = (gap_px > _GAP_PX) & (is_near | ~kept[y, x])
+    changes = may_change & (np.where(is_near, -vote, vote) > sure)
     moved[y, x] = changes
     out[moved] = np.where(is_near, far_px, near_px)[changes]
     return Surfaces(out, moved)
@@ -99,8 +101,8 @@ def choose_surface(
 
 def _vote(
     voters: Float32, left: UInt8, at: tuple[Ints, Ints], middle: Float32, unlike: float
-) -> tuple[Float32, Float32, Float32]:
-    """What speaks for the near surface at some pixels, and the disparities of both; (N,) each.
+) -> tuple[Float32, Float32, Float32, Float32]:
+    """What speaks for the near surface at some pixels, the disparities of both, and the gap between; (N,) each.
 
     `voters` are disparities, below 0 where nothing votes.
     """
@@ -112,12 +114,13 @@ def _vote(
     width = voters.shape[1] + 2 * reach
     offsets = (_AROUND_PX[:, None] * width + _AROUND_PX).ravel()
     scale = np.float32(-1 / (2 * unlike**2 * len(colours)))
-    found = [np.zeros((3, 0), np.float32)]
+    found = [np.zeros((4, 0), np.float32)]
     for part in np.array_split(np.arange(len(middle)), max(len(middle) // _AT_ONCE, 1)):
         places, limit = (at[0][part] + reach) * width + at[1][part] + reach, middle[part]
         own = [channel[places] for channel in colours]
         own[0] = left[..., 0][at[0][part], at[1][part]].astype(np.float32)
         near, every = np.zeros((2, 3, len(part)), np.float32)  # of each: weights, their sum with disparities, number
+        nearer, farther = np.full_like(limit, np.inf), np.full_like(limit, -1)
         for there in (places + offset for offset in offsets):
             level, square = levels[there], np.zeros_like(limit)
             for channel, mine in zip(colours, own, strict=True):
@@ -127,8 +130,11 @@ def _vote(
             near_alike = alike * is_near
             every += alike, alike * level, level >= 0
             near += near_alike, near_alike * level, is_near
+            np.minimum(nearer, np.where(is_near, level, np.inf), out=nearer)
+            np.maximum(farther, np.where(is_near, -1, level), out=farther)
         far = every - near
         vote = np.log((near[0] + _LEAST) / (far[0] + _LEAST)) - np.log((near[2] + _LEAST) / (far[2] + _LEAST)) / 2
-        found.append(np.array([vote, *(side[1] / np.maximum(side[0], np.float32(1e-9)) for side in (near, far))]))
-    vote, near_px, far_px = np.concatenate(found, axis=1)
-    return vote, near_px, far_px
+        both = (side[1] / np.maximum(side[0], np.float32(1e-9)) for side in (near, far))
+        found.append(np.array([vote, *both, nearer - farther], np.float32))
+    vote, near_px, far_px, gap_px = np.concatenate(found, axis=1)
+    return vote, near_px, far_px, gap_px

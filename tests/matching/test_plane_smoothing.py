@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stereolib.matching import smooth_by_planes
+from stereolib.matching import EvenPair, smooth_by_planes
 
 WALL = np.fromfunction(lambda y, x: 20 + 0.1 * x - 0.05 * y, (60, 80)).astype(np.float32)
 
@@ -14,8 +14,8 @@ def noisy(disparity, std_px=0.4):
     return disparity + np.random.default_rng(0).normal(0, std_px, disparity.shape).astype(np.float32)
 
 
-def by_least_squares(disparity, size, rough_px, most_px):
-    """The docstring's equation, window after window."""
+def by_least_squares(disparity, size, rough_px, most_px, sure):
+    """The docstring's equation, window after window; sure is the detail in units of its half."""
     planes, weights = np.zeros(disparity.shape), np.zeros(disparity.shape)
     for top, left in np.ndindex(*(n - size + 1 for n in disparity.shape)):
         window = np.s_[top : top + size, left : left + size]
@@ -26,13 +26,33 @@ def by_least_squares(disparity, size, rough_px, most_px):
         planes[window] += weight * plane.reshape(size, size)
         weights[window] += weight
     off = planes / weights - disparity
-    return disparity + off / (1 + (off / most_px) ** 2)
+    return disparity + off / (1 + (off / (rough_px + (most_px - rough_px) / (1 + sure))) ** 2)
 
 
 def test_the_sums_are_least_squares():
     disparity = noisy(np.where(np.arange(20) < 11, 3, 7) + np.linspace(0, 2, 15)[:, None])
-    expected = by_least_squares(disparity, 5, 0.3, 1.5)
-    np.testing.assert_allclose(smooth_by_planes(disparity, size_px=5, rough_px=0.3, most_px=1.5), expected, atol=1e-3)
+    settings = {"size_px": 5, "rough_px": 0.3, "most_px": 1.5, "half_detail": 3.0}
+    for sure in (np.zeros((15, 20), np.float32), np.linspace(0, 5, 300, dtype=np.float32).reshape(15, 20)):
+        expected = by_least_squares(disparity, 5, 0.3, 1.5, sure)
+        np.testing.assert_allclose(smooth_by_planes(disparity, 9 * sure, **settings), expected, atol=1e-3)
+    none = smooth_by_planes(disparity, np.zeros((15, 20), np.float32))
+    np.testing.assert_array_equal(smooth_by_planes(disparity), none)
+
+
+def test_relief_stays_where_the_picture_shows_it():
+    """A surface that waves by half a pixel: planes take it for noise unless detail says that matches are sure."""
+    waves = WALL + 0.5 * np.sin(np.arange(80, dtype=np.float32) / 2)
+    moved = [np.abs(smooth_by_planes(waves, np.full_like(waves, d)) - waves).mean() for d in (0, 64, 2000)]
+    assert moved[0] > 0.2 and moved[2] < 0.4 * moved[0] and moved[2] < moved[1] < moved[0]
+
+
+def test_detail_is_counted_in_the_noise_and_noise_is_none():
+    rng = np.random.default_rng(3)
+    flat, stripes = np.full((60, 80), 100.0), 100 + 20 * np.sin(np.arange(80) / 2) * np.ones((60, 1))
+    for noise in (1, 3):
+        shown = [(one + rng.normal(0, noise, one.shape)).round().astype(np.uint8) for one in (flat, stripes)]
+        none, much = (EvenPair(one, one, float(noise)).detail()[8:-8, 8:-8].mean() for one in shown)
+        assert none < 0.15 and much * noise**2 == pytest.approx(200 * np.sin(0.5) ** 2, rel=0.1)
 
 
 @pytest.mark.parametrize("far_px", [0, 700])
@@ -88,8 +108,10 @@ def test_windows_of_one_pixel_change_nothing():
         (np.full((9, 9), np.nan), {}, "fill its holes"),
         (np.zeros(9), {}, "shape"),
         (WALL, {"size_px": 4}, "odd"),
-        (WALL, {"rough_px": 0.0}, "rough_px > 0"),
-        (WALL, {"most_px": np.nan}, "most_px > 0"),
+        (WALL, {"rough_px": 0.0}, "rough_px"),
+        (WALL, {"most_px": np.nan}, "most_px"),
+        (WALL, {"half_detail": 0.0}, "half_detail > 0"),
+        (WALL, {"detail": WALL[:2]}, "detail has shape"),
     ],
 )
 def test_what_is_refused(disparity, setting, said):

@@ -1,5 +1,6 @@
 """Pixels beside steps go to the surface of their colour, and to no other."""
 
+import cv2
 import numpy as np
 import pytest
 
@@ -30,12 +31,28 @@ def wrong(disparity):
 
 @pytest.mark.parametrize("channels", [0, 3])
 @pytest.mark.parametrize("gain", [0.4, 1.0])
-@pytest.mark.parametrize("by_px", [-3, -2, 2, 3])
-def test_a_thing_too_wide_or_too_narrow_gets_its_own_outline(by_px, gain, channels):
+@pytest.mark.parametrize(("by_px", "kept"), [(-3, True), (-2, True), (-3, False), (2, False), (3, False)])
+def test_a_thing_too_wide_or_too_narrow_gets_its_own_outline(by_px, kept, gain, channels):
+    """Too narrow it is only where its rim was not matched."""
     was = shifted(by_px)
-    found = choose_surface(was, EVERYWHERE, picture(channels=channels, gain=gain))
+    found = choose_surface(was, (np.abs(was - TRUE) < 1) | kept, picture(channels=channels, gain=gain))
     assert wrong(was) >= 35 * abs(by_px) and wrong(found.disparity_px) <= 0.1 * wrong(was)
     assert (found.moved == (found.disparity_px != was)).all()
+
+
+def test_what_was_matched_behind_stays_there():
+    """Matching makes near things too wide, never too narrow: what looks like one is a part of the wall."""
+    was = shifted(3)
+    assert not choose_surface(was, EVERYWHERE, picture()).moved.any()
+
+
+def test_a_steep_surface_is_one():
+    """A floor that rises by a pixel every four rows, with holes, has no near and no far surface to choose from."""
+    floor = np.tile(np.arange(60, dtype=np.float32)[:, None] / 4 + 10, (1, 80))
+    rng = np.random.default_rng(4)
+    holes = cv2.dilate((rng.random(floor.shape) < 0.005).astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
+    tiles = (80 + 60 * (np.add.outer(np.arange(60) // 9, np.arange(80) // 9) % 2)).astype(np.uint8)
+    assert not choose_surface(floor, ~holes, tiles).moved.any()
 
 
 def test_a_true_outline_stays():

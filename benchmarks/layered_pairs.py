@@ -1,10 +1,10 @@
 """Virtual pairs unlike those of the rig: layers in disparity, as varied as photographs are.
 
 A layer is a surface ``d(x, y)`` of the left picture with an outline and a texture; the nearest one is seen, and each
-side is sampled twice as finely as its pixels. `TRAINING` and `TEST` share no setting: the first has textures made of
-noise on planes and domes behind polygons, the second photographs on waves and planes behind discs and rings, other
-noise, other exposures, other rows. Each has three kinds: webcams in rooms, small crowded pictures, sharp ones with
-hardly any noise.
+side is sampled twice as finely as its pixels. `TRAINING` and `TEST` share no texture and no shape: the first has
+textures made of noise on planes and domes behind polygons, the second photographs on waves and planes behind discs and
+rings, and other sizes, slants and blur. Each has three kinds: webcams in rooms, small crowded pictures, sharp ones with
+hardly any noise. Those of the other sets are kinds of `TRAINING`, too.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ class Look:
     """What the scenes of one set are drawn from; pairs are lowest and highest.
 
     `noise`: deviation in grey levels; `gain` of the right picture; `rows_px`: offset and roll at the rim; `shade`: how
-    much a surface's brightness differs between the cameras; `blur_px`: of the lens; `relief_px`: the most that a
-    surface rises and falls on a small scale; `gloss`: the most that a soft light lies on one picture alone, share of
-    its grey; `shining`: share of the surfaces in which a lamp is mirrored.
+    much a surface's brightness differs between the cameras; `blur_px`: of the lens; `relief_px`: how far each of the
+    waves of a surface may rise and fall; `gloss`: the most that a soft light lies on one picture alone, share of its
+    grey; `shining`: share of the surfaces in which a lamp is mirrored.
     """
 
     size: tuple[int, int]
@@ -77,8 +77,8 @@ TEST_SHARP = replace(TEST, size=(540, 240), far_px=(10, 24), near_px=(28, 64), o
 TRAINING_MATERIALS = replace(TRAINING, slant=0.2, textures="materials")
 #: Glossy things under a lamp: on them the deviations are found, too.
 TRAINING_SHINING = replace(TRAINING, noise=(0.5, 1.0, 2.0), shining=0.6)
-#: Two kinds that were added after real pairs had shown what the others lack. Surfaces that rise and fall on every
-#: scale, as those of stone, leaves and cloth do.
+#: Two kinds that were added after real pairs had shown what the others lack. Surfaces that rise and fall within tens
+#: of pixels, as those of leaves and cloth do.
 TRAINING_RELIEF = replace(TRAINING_CROWDED, objects=(6, 14), textures="materials", relief_px=2.0)
 #: Things of the colours of what is behind them, as leaves before patterned cloth.
 TRAINING_ALIKE = replace(TRAINING_CROWDED, objects=(6, 14), textures="shared materials")

@@ -6,7 +6,8 @@ The folder holds aloeL.jpg, aloeR.jpg and aloeGT.png from ``samples/data`` of Op
 left_rgb.tif, right_rgb.tif and Cones_LEFT_GT.tif from ``notebooks/data`` of Pandora 1.9 (github.com/CNES/Pandora): both
 pairs are of Middlebury's benchmarks. Aloe is made smaller by three, so that its truth in whole pixels is one in thirds;
 that of Cones is one in quarters. They are no blind test: two steps of "best" were changed after they had shown what
-these did to them; every setting is chosen on virtual scenes. Half a minute.
+these did to them; every setting is chosen on virtual scenes. The range that both matchers search is that of the truth.
+Half a minute.
 """
 
 from __future__ import annotations
@@ -68,7 +69,7 @@ def main() -> None:
     cv2.setNumThreads(1)
     found = honesty([cones(folder), aloe(folder)])
     each = {row.pop("pair"): row for row in found.pop("each")}
-    save("photographs", found | each, loaded(ROOMS))
+    save("photographs", found | each, {*loaded(ROOMS), "matching/std_laws.json"})
 
 
 if __name__ == "__main__":

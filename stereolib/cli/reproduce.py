@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import shutil
 import sys
 from pathlib import Path
@@ -24,6 +25,7 @@ def _configure(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(arguments: argparse.Namespace) -> int:
+    from stereolib.base import figures_dir
     from stereolib.reproduction import REPEAT_RTOL, NotebookError, reproduce
 
     notebooks, figures = _copied(arguments.output) if arguments.output else (None, None)
@@ -32,17 +34,19 @@ def _run(arguments: argparse.Namespace) -> int:
     except NotebookError as error:
         print(f"stereolib: failed, nothing was replaced\n{error}", file=sys.stderr)
         return REFUSED
-    if not changed:
-        return DONE
-    print(f"\nchanged by more than {REPEAT_RTOL:.0%} or one unit of the last digit:", *changed, sep="\n  ")
-    if arguments.accept:
-        return DONE
-    print(
-        "The committed files are as they were; the new ones are in .staging/ until the next run.\n"
-        "If the change is meant: stereolib reproduce --accept",
-        file=sys.stderr,
-    )
-    return REFUSED
+    if changed:
+        print(f"\nchanged by more than {REPEAT_RTOL:.0%} or one unit of the last digit:", *changed, sep="\n  ")
+    if changed and not arguments.accept:
+        print(
+            "The committed files are as they were; the new ones are in .staging/ until the next run.\n"
+            "If the change is meant: stereolib reproduce --accept",
+            file=sys.stderr,
+        )
+        return REFUSED
+    page = (figures or figures_dir()) / "report.html"
+    if not arguments.check and page.is_file():
+        print(f"open {os.path.relpath(page)}: every number of the paper beside ours")
+    return DONE
 
 
 def _copied(folder: Path) -> tuple[Path, Path]:

@@ -23,7 +23,7 @@ class EvenPair(NamedTuple):
     ----------
     left, right : (H, W) or (H, W, 3) uint8
     noise_grey : float, grey levels
-        As `levels.noise_grey` tells it.
+        As `levels.noise_grey` tells it, above 0.
     """
 
     left: UInt8
@@ -36,7 +36,8 @@ class EvenPair(NamedTuple):
         Returns
         -------
         (H, W) float32
-            Mean of the squared slope over 11 px, less what the noise alone gives. A match's variance is inverse to it.
+            Mean of the squared slope over 11 px, less about what the noise alone gives. A match's variance is inverse
+            to it.
 
         Examples
         --------

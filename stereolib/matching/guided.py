@@ -107,7 +107,7 @@ def compute_disparity_guided(
         From `expected_disparity`.
     params : SGBMParams, optional
         Its window is not used: the laser sets it. By default three paths and no search for specks, the quickest: in
-        so narrow a window few false matches are left to be found.
+        so narrow a window few false matches are left to be found, but where one camera alone sees.
     margin_px : int
         Searched to either side of the expectation, a multiple of 8. It has to cover the laser's error (at 0.7 m one
         pixel is 7 mm), a tilted camera (half a degree moves the floor by 6 px at most) and surfaces that lean.
@@ -127,9 +127,9 @@ def compute_disparity_guided(
     The right image's rows are shifted by whole pixels, so that what is expected has disparity 0; then one narrow
     window serves every pixel, and nothing is interpolated. Twice: the room in quarter size, where what stands in front
     is taken away, and the box that holds it in full size. Where both return something, the one whose
-    neighbourhoods look more alike wins. What it costs: fewer pixels are wrong by more than 2 px, but those within 4 px
-    are less exact. On the virtual cube their rms error is about twice that of the full window, their pull towards
-    whole pixels four to five times (notebook 10).
+    neighbourhoods look more alike wins. What it costs: of what both cameras see fewer pixels are wrong by more than 2
+    px, but those within 4 px are less exact, and what one alone sees is filled with nonsense. On the virtual cube the
+    rms error is about twice that of the full window, the pull towards whole pixels four to five times (notebook 10).
     """
     check_pair(left, right)
     if left.shape[:2] != expected.near_px.shape:

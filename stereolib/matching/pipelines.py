@@ -1,7 +1,7 @@
 """Whole ways from a rectified pair to a disparity map, by name: what the paper did, what is fast, what is best.
 
-The settings of "best" were chosen on virtual scenes by `benchmarks/choose_best.py`; the photographs on which it is
-tested took no part.
+The settings of "best" were chosen on virtual scenes by `benchmarks/choose_best.py`. The photographs on which it is
+tested showed what two of its steps did wrong (`choose_surface`, `smooth_by_planes`), and took no other part.
 """
 
 from __future__ import annotations
@@ -47,7 +47,8 @@ class DisparityEstimate:
         Where it was matched; elsewhere it was filled by a guess, or is unknown.
     std_px : (H, W) float32 or None
         Standard deviation of each disparity; only ``"best"`` has one. It is the error of pixels of the same kind in
-        virtual scenes that look alike (`deviation`).
+        virtual scenes that look alike (`deviation`), with the few hundredths of a pixel that a good calibration leaves
+        between the columns; of a worse one it does not know.
     """
 
     disparity_px: Float32

@@ -9,10 +9,12 @@ import numpy.typing as npt
 from stereolib.base import Float32
 from stereolib.matching.filling import check_map
 
+_MOST_ROUGH_PX2 = 100.0  # beyond, windows weigh alike: sums of far smaller weights would be lost beside flat ones
+
 
 def smooth_by_planes(
     disparity_px: npt.ArrayLike,
-    detail: Float32 | None = None,
+    detail: npt.ArrayLike | None = None,
     *,
     size_px: int = 17,
     rough_px: float = 0.2,
@@ -29,8 +31,8 @@ def smooth_by_planes(
     ----------
     disparity_px : (H, W) float, px
         Dense.
-    detail : (H, W) float32, optional
-        As `EvenPair.detail` tells it; None: none anywhere.
+    detail : (H, W) float, optional
+        As `EvenPair.detail` tells it, 0 or more; None: none anywhere.
     size_px : int
         Odd edge of the windows; as much of it as the map has.
     rough_px : float, px
@@ -49,15 +51,16 @@ def smooth_by_planes(
     Raises
     ------
     ValueError
-        If the map or the edge is none, a disparity is no number, a limit is not positive, or detail and map differ in
-        shape.
+        If the map or the edge is none, a disparity is no number, a limit is not positive, `most_px` is below
+        `rough_px`, or the detail differs from the map in shape or has a value below 0 or none.
 
     Notes
     -----
     In every window W that lies in the map ``d = a + b x + c y`` is fitted by least squares; v is the mean square that
-    it leaves. With ``q = (v + rough^2)^-3`` a pixel's planes give ``s = sum_W q (a + b x + c y) / sum_W q``, over the
-    windows that hold it, and it becomes ``d + (s - d) / (1 + ((s - d) / m)^2)`` with
-    ``m = rough + (most - rough) / (1 + detail / half_detail^2)``. All sums are box filters.
+    it leaves, at most 100 px^2. With ``q = (v + rough^2)^-3`` a pixel's planes give
+    ``s = sum_W q (a + b x + c y) / sum_W q``, over the windows that hold it, and it becomes
+    ``d + (s - d) / (1 + ((s - d) / m)^2)`` with ``m = rough + (most - rough) / (1 + detail / half_detail^2)``. All sums
+    are box filters.
 
     Examples
     --------
@@ -70,10 +73,13 @@ def smooth_by_planes(
     disparity, size = check_map(disparity_px, size_px)
     if not np.isfinite(disparity).all():
         raise ValueError("planes are laid through a dense map: fill its holes first")
-    if not (rough_px > 0 and most_px > 0 and half_detail > 0):
-        raise ValueError(f"need rough_px, most_px and half_detail > 0; got {rough_px}, {most_px}, {half_detail}")
-    if detail is not None and detail.shape != disparity.shape:
-        raise ValueError(f"the detail has shape {detail.shape}, the disparity map {disparity.shape}")
+    if not (0 < rough_px <= most_px < np.inf and half_detail > 0):
+        raise ValueError(f"need 0 < rough_px <= most_px and half_detail > 0; got {rough_px}, {most_px}, {half_detail}")
+    sure = np.zeros(disparity.shape, np.float32) if detail is None else np.asarray(detail, np.float32)
+    if sure.shape != disparity.shape:
+        raise ValueError(f"the detail has shape {sure.shape}, the disparity map {disparity.shape}")
+    if not (sure >= 0).all():
+        raise ValueError("the detail is 0 or more at every pixel")
     rows, columns = (min(size, (n - 1) // 2 * 2 + 1) for n in disparity.shape)
     x, y = (np.arange(n, dtype=np.float32) - np.float32(n / 2) for n in disparity.shape[::-1])
     y = y[:, None]
@@ -82,15 +88,14 @@ def smooth_by_planes(
     along, down = _slope(near_px, rows, columns), _slope(near_px.T, columns, rows).T
     left_over = _mean(near_px * near_px, rows, columns) - level * level
     left_over -= along * along * np.float32((columns**2 - 1) / 12) + down * down * np.float32((rows**2 - 1) / 12)
-    flat = np.maximum(left_over, 0) + np.float32(rough_px**2)
+    flat = left_over.clip(0, _MOST_ROUGH_PX2) + np.float32(rough_px**2)
     weight = np.zeros_like(flat)
     inside = np.s_[rows // 2 : len(flat) - rows // 2, columns // 2 : flat.shape[1] - columns // 2]
     weight[inside] = 1 / (flat * flat * flat)[inside]
     parts = weight, weight * (level - along * x - down * y), weight * along, weight * down
     total, level, along, down = (_mean(part, rows, columns) for part in parts)
     off = (level + along * x + down * y) / total - near_px
-    sure = 0 if detail is None else detail / np.float32(half_detail**2)
-    most = np.float32(rough_px) + np.float32(most_px - rough_px) / np.float32(1 + sure)
+    most = np.float32(rough_px) + np.float32(most_px - rough_px) / (1 + sure / np.float32(half_detail**2))
     return np.asarray(disparity + off / (1 + (off / most) ** 2))
 
 

@@ -181,7 +181,9 @@ def _look_up(result: dict[str, Any], key: str) -> Any:
 
 def _fill_in(text: str, result: dict[str, Any]) -> str:
     """Put a result's values for the keys in braces, 400,000 as ``400 000``."""
-    return _HOLE.sub(lambda hole: f"{_look_up(result, hole[1]) or 0:,}".replace(",", " "), text)
+    values = {name: _look_up(result, name) or 0 for name in _HOLE.findall(text)}
+    shown = {name: one if isinstance(one, str) else f"{one:,}".replace(",", " ") for name, one in values.items()}
+    return _HOLE.sub(lambda hole: shown[hole[1]], text)
 
 
 def _is_of_today(result: dict[str, Any]) -> bool:

@@ -26,7 +26,7 @@ def code_sha256(rooms: Iterable[str], package: Path | None = None) -> str:
     -------
     str
         Sha256 over the names of the modules and their syntax trees without docstrings, the same for every
-        version of Python.
+        version of Python, and over the JSON files that lie beside them.
 
     Raises
     ------
@@ -41,7 +41,8 @@ def code_sha256(rooms: Iterable[str], package: Path | None = None) -> str:
     package = package or _PACKAGE
     digest = hashlib.sha256()
     for room in sorted(set(rooms)):
-        modules = sorted(package.glob(room if room.endswith(".py") else f"{room}/*.py"))
+        named = (room,) if "." in room else (f"{room}/*.py", f"{room}/*.json")
+        modules = sorted(file for name in named for file in package.glob(name))
         if not modules:
             raise ValueError(f"there is no room {room!r} in {package.name}")
         for module in modules:
@@ -53,8 +54,9 @@ def code_sha256(rooms: Iterable[str], package: Path | None = None) -> str:
 
 @cache
 def _module_sha256(module: Path, _mtime_ns: int, _size: int) -> str:
-    """Hash one module; read again when the file has another time or size."""
-    return hashlib.sha256("".join(_pieces(ast.parse(module.read_bytes()))).encode()).hexdigest()
+    """Hash one module, or data, as it is; read again when the file has another time or size."""
+    data = module.read_bytes()
+    return hashlib.sha256("".join(_pieces(ast.parse(data))).encode() if module.suffix == ".py" else data).hexdigest()
 
 
 def _pieces(node: object) -> Iterator[str]:

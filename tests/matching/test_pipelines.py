@@ -15,6 +15,7 @@ from stereolib.base import datasets
 from stereolib.matching import (
     EvenPair,
     SGBMParams,
+    SGMResult,
     census_sgm,
     choose_surface,
     compute_disparity,
@@ -219,16 +220,29 @@ def test_the_settings_are_those_that_the_script_chose(monkeypatch):
     assert (chosen.pop("speckle_px"), chosen.pop("median_px")) == (pipelines._SPECKLE_PX, pipelines._MEDIAN_PX)
     chosen |= chosen_from(script.COARSE_FILE, script.COARSE, script.COARSE_KNOBS)[0]
     assert census_sgm.CensusSGM(**chosen) == census_sgm.CensusSGM()
-    surface, _ = chosen_from(script.SURFACE_FILE, script.SURFACE, script.SURFACE_KNOBS)
+    surface, (first_surface, *_) = chosen_from(script.SURFACE_FILE, script.SURFACE, script.SURFACE_KNOBS)
     assert surface == choose_surface.__kwdefaults__
-    planes, _ = chosen_from(script.PLANES_FILE, script.PLANES, script.PLANES_KNOBS)
+    planes, (first_planes, *_) = chosen_from(script.PLANES_FILE, script.PLANES, script.PLANES_KNOBS)
     assert planes == smooth_by_planes.__kwdefaults__
-    rival, _ = chosen_from(script.RIVAL_FILE, script.RIVAL, script.RIVAL_KNOBS)
+    rival, (first_rival, *_) = chosen_from(script.RIVAL_FILE, script.RIVAL, script.RIVAL_KNOBS)
     assert rival == importlib.import_module("rivals").CHOSEN
+    shared, *same = ([name for name in row if "@" in name] for row in (first_rival, first_surface, first_planes))
+    assert same == [shared, shared]  # the rival has seen what "best" has
+    sets = importlib.import_module("layered_pairs").SETS
+    tested = {f"{look.textures}@{seed}" for look, seeds in sets["test"] for seed in seeds}
+    assert len(shared) > 70 and not tested & set(shared)
     scenes = [name for name in rows[0] if "@" in name or "/" in name]
     assert len(scenes) == 20  # all of them virtual
     first = [float(rows[0][name]) for name in scenes]
     assert float(rows[0]["mean"]) == pytest.approx(statistics.geometric_mean(first), abs=0.01)
+
+
+def test_planes_are_told_where_matches_are_sure():
+    """Without it they take relief for noise."""
+    left = np.tile(np.arange(0, 200, 5, np.uint8), (30, 1))
+    pair, level, told = EvenPair(left, np.roll(left, -2, axis=1), 2.0), np.full(left.shape, 2, np.float32), []
+    pipelines.fill_matched(SGMResult(level, level, level), pair, planes=lambda d, detail: told.append(detail) or d)
+    np.testing.assert_array_equal(told[0], pair.detail())
 
 
 def test_the_benchmark_says_what_the_library_uses():
@@ -244,7 +258,7 @@ def test_the_benchmark_says_what_the_library_uses():
     assert layered["mean"]["best_bad2_pct"] < 0.8 * layered["mean"]["rival_bad2_pct"]
     assert layered["ahead_of_rival"] >= 0.8 * layered["pairs"]
     for scenes in (layered, measured["rig"]):
-        assert 63 <= scenes["inside1_pct"] <= 74 and 92 <= scenes["inside2_pct"] <= 97
+        assert 63 <= scenes["inside1_pct"] <= 73 and 92 <= scenes["inside2_pct"] <= 97
         assert scenes["mean"]["area"] <= 0.15
     times = (datasets.ROOT / "benchmarks" / "results" / "pipeline_time.json").read_text(encoding="utf-8")
     assert json.loads(times)["fast_times_plain"] >= 2
@@ -256,7 +270,7 @@ OPENCV4_BAD2_PCT = 5.24
 
 
 def test_best_on_a_real_pair():
-    """Photographs that took no part in the settings: as the benchmark measured, and better than what others have."""
+    """Photographs on which no setting was chosen: as the benchmark measured, and better than what others have."""
     text = (datasets.ROOT / "benchmarks" / "results" / "pipeline.json").read_text(encoding="utf-8")
     view = motorcycle_view()
     quality = score(pipelines.stereo_pipeline("best")(view.left, view.right).disparity_px, view.truth_px)

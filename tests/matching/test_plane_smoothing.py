@@ -39,6 +39,14 @@ def test_the_sums_are_least_squares():
     np.testing.assert_array_equal(smooth_by_planes(disparity), none)
 
 
+def test_rough_maps_beside_flat_ones_stay_numbers():
+    """The sums of box filters run on from column to column: what is small beside what went before would be lost."""
+    wild = np.random.default_rng(1).uniform(0, 800, (120, 160)).astype(np.float32)
+    wild[:, :60] = 3
+    found = smooth_by_planes(wild)
+    assert np.abs(found - wild).max() <= 0.5 + 1e-4
+
+
 def test_relief_stays_where_the_picture_shows_it():
     """A surface that waves by half a pixel: planes take it for noise unless detail says that matches are sure."""
     waves = WALL + 0.5 * np.sin(np.arange(80, dtype=np.float32) / 2)
@@ -111,7 +119,11 @@ def test_windows_of_one_pixel_change_nothing():
         (WALL, {"rough_px": 0.0}, "rough_px"),
         (WALL, {"most_px": np.nan}, "most_px"),
         (WALL, {"half_detail": 0.0}, "half_detail > 0"),
+        (WALL, {"rough_px": 1.0, "most_px": 0.5}, "rough_px <= most_px"),
+        (WALL, {"rough_px": np.inf, "most_px": np.inf}, "rough_px <= most_px"),
         (WALL, {"detail": WALL[:2]}, "detail has shape"),
+        (WALL, {"detail": np.where(WALL > 25, np.nan, 1)}, "detail is 0 or more"),
+        (WALL, {"detail": -WALL}, "detail is 0 or more"),
     ],
 )
 def test_what_is_refused(disparity, setting, said):

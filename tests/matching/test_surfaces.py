@@ -46,9 +46,10 @@ def test_what_was_matched_behind_stays_there():
     assert not choose_surface(was, EVERYWHERE, picture()).moved.any()
 
 
-def test_a_steep_surface_is_one():
-    """A floor that rises by a pixel every four rows, with holes, has no near and no far surface to choose from."""
-    floor = np.tile(np.arange(60, dtype=np.float32)[:, None] / 4 + 10, (1, 80))
+@pytest.mark.parametrize("slope", [0.25, 0.31, 0.8, 2.0])
+def test_a_steep_surface_is_one(slope):
+    """A floor that rises by so many pixels a row, with holes, has no near and no far surface to choose from."""
+    floor = np.tile(np.arange(60, dtype=np.float32)[:, None] * np.float32(slope) + 10, (1, 80))
     rng = np.random.default_rng(4)
     holes = cv2.dilate((rng.random(floor.shape) < 0.005).astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
     tiles = (80 + 60 * (np.add.outer(np.arange(60) // 9, np.arange(80) // 9) % 2)).astype(np.uint8)
@@ -77,6 +78,16 @@ def test_a_hole_is_given_to_the_surface_that_it_shows():
     was = np.where(hole, 30, TRUE).astype(np.float32)
     found = choose_surface(was, ~hole, picture())
     assert wrong(found.disparity_px) <= 0.1 * wrong(was)
+
+
+def test_a_surface_too_small_for_a_vote_has_its_own_disparity():
+    """What fills its rim was taken from in front; none of the places that vote lies on what is left of it."""
+    patch = (np.abs(ROWS - 30) < 5) & (np.abs(COLUMNS - 40) < 7)
+    true = np.where(patch, 10, 30).astype(np.float32)
+    hole = patch & (COLUMNS < 37)
+    shown = np.where(patch, 200, 50).astype(np.uint8)
+    found = choose_surface(np.where(hole, 30, true).astype(np.float32), ~hole, shown)
+    assert found.moved.any() and (found.disparity_px[found.moved] == 10).all()
 
 
 def test_what_was_not_matched_does_not_vote():

@@ -48,6 +48,12 @@ def test_another_module_changes_it_and_a_name_is_part_of_it(tmp_path: Path) -> N
     assert len({first, second, written(tmp_path / "one", CODE, "b.py")}) == 3
 
 
+def test_what_a_room_reads_counts_byte_by_byte(tmp_path: Path) -> None:
+    alone = written(tmp_path, CODE)
+    laws = [written(tmp_path, text, "laws.json") for text in ("[1]", "[2]", "[2] ")]
+    assert len({alone, *laws}) == 4 and code_sha256(["room/laws.json"], tmp_path) != laws[2]
+
+
 def test_it_does_not_depend_on_the_version_of_python(tmp_path: Path) -> None:
     known = "971b58f34ca20ed5bc87db27957f11e800ce65dea21a626b796051d28b2b717f"
     assert written(tmp_path, CODE) == known

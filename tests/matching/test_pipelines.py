@@ -34,6 +34,9 @@ def recorded(name):
     return recordings.rectified().rectify(*recordings.load_pair(name)), recordings.load_truth(name).disparity_px
 
 
+COLUMNS_OFF_PX = 0.06  # on which the deviations count, as `benchmarks/virtual_pairs.py` says
+
+
 def small_pair(shape=(7, 12), seed=0):
     rng = np.random.default_rng(seed)
     return (rng.integers(0, 256, (*shape, 3), dtype=np.uint8) for _ in range(2))
@@ -51,8 +54,10 @@ def test_best_beats_plain_matching_and_is_dense():
     # what it calls uncertain is worse than what it calls certain
     off, sure = np.abs(found.disparity_px - truth), found.std_px < 0.5
     assert (off[~sure] > 2).mean() > 5 * (off[sure] > 2).mean()
-    # and by about as much as it says, or less: 68 % would be inside if errors were normal
-    assert 0.613 < (off < found.std_px)[found.matched].mean() < 0.82
+    # and by about as much as it says, or less, where columns are off as a good calibration leaves them: 68 % would be
+    # inside if errors were normal
+    inside = [np.abs(found.disparity_px - truth + px) < found.std_px for px in (-COLUMNS_OFF_PX, COLUMNS_OFF_PX)]
+    assert 0.613 < np.mean(inside, axis=0)[found.matched].mean() < 0.80
 
 
 def test_best_owns_up_to_its_guesses():

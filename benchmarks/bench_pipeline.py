@@ -10,6 +10,7 @@ Some ten minutes; with ``--only time`` two.
 from __future__ import annotations
 
 import json
+from functools import partial
 from typing import Any
 
 import cv2
@@ -177,10 +178,11 @@ def speed(pairs: list[Pair]) -> dict[str, float]:
         )
         found[f"fast_times_{name}"] = round(1 / taken["ratio"], 2)
     few = pairs[::4]
-    for name, other in {"rival": both_sides, "sgbm": lambda *pair: compute_disparity(*pair[:2], whole=True)}.items():
+    others = {"rival": partial(both_sides, num_disparities=128), "sgbm": partial(compute_disparity, whole=True)}
+    for name, other in others.items():
         taken = ratio(
             lambda: [best(pair.left, pair.right) for pair in few],
-            lambda other=other: [other(pair.left, pair.right, 128) for pair in few],
+            lambda other=other: [other(pair.left, pair.right) for pair in few],
             rounds=5,
         )
         found[f"best_over_{name}"] = round(taken["ratio"], 2)

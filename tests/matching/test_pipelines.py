@@ -34,7 +34,9 @@ def recorded(name):
     return recordings.rectified().rectify(*recordings.load_pair(name)), recordings.load_truth(name).disparity_px
 
 
-COLUMNS_OFF_PX = 0.06  # on which the deviations count, as `benchmarks/virtual_pairs.py` says
+def benchmarked(name="pipeline"):
+    """What the last run of the benchmark found."""
+    return json.loads((datasets.ROOT / "benchmarks" / "results" / f"{name}.json").read_text(encoding="utf-8"))
 
 
 def small_pair(shape=(7, 12), seed=0):
@@ -56,7 +58,8 @@ def test_best_beats_plain_matching_and_is_dense():
     assert (off[~sure] > 2).mean() > 5 * (off[sure] > 2).mean()
     # and by about as much as it says, or less, where columns are off as a good calibration leaves them: 68 % would be
     # inside if errors were normal
-    inside = [np.abs(found.disparity_px - truth + px) < found.std_px for px in (-COLUMNS_OFF_PX, COLUMNS_OFF_PX)]
+    by_px = benchmarked()["columns_off_px"]
+    inside = [np.abs(found.disparity_px - truth + px) < found.std_px for px in (-by_px, by_px)]
     assert 0.613 < np.mean(inside, axis=0)[found.matched].mean() < 0.80
 
 
@@ -252,8 +255,7 @@ def test_planes_are_told_where_matches_are_sure():
 
 def test_the_benchmark_says_what_the_library_uses():
     """The standard deviations in the code are those that the last run of the benchmark found; its promises hold."""
-    text = (datasets.ROOT / "benchmarks" / "results" / "pipeline.json").read_text(encoding="utf-8")
-    measured = json.loads(text)
+    measured = benchmarked()
     for kind, law in deviation.LAWS.items():
         for name, values in measured["std_laws"][kind.name].items():
             np.testing.assert_allclose(getattr(law, name), values, rtol=0.02, atol=0.01)
@@ -265,8 +267,7 @@ def test_the_benchmark_says_what_the_library_uses():
     for scenes in (layered, measured["rig"]):
         assert 63 <= scenes["inside1_pct"] <= 73 and 92 <= scenes["inside2_pct"] <= 97
         assert scenes["mean"]["area"] <= 0.15
-    times = (datasets.ROOT / "benchmarks" / "results" / "pipeline_time.json").read_text(encoding="utf-8")
-    assert json.loads(times)["fast_times_plain"] >= 2
+    assert benchmarked("pipeline_time")["fast_times_plain"] >= 2
     assert measured["fast_bad2_pct"] <= measured["plain_bad2_pct"] + 1
 
 
@@ -276,11 +277,10 @@ OPENCV4_BAD2_PCT = 5.24
 
 def test_best_on_a_real_pair():
     """Photographs on which no setting was chosen: as the benchmark measured, and better than what others have."""
-    text = (datasets.ROOT / "benchmarks" / "results" / "pipeline.json").read_text(encoding="utf-8")
     view = motorcycle_view()
     quality = score(pipelines.stereo_pipeline("best")(view.left, view.right).disparity_px, view.truth_px)
     assert quality.density_pct == 100
-    measured = json.loads(text)
+    measured = benchmarked()
     is_as_measured = cv2.__version__[0] == measured["versions"]["opencv-python-headless"][0]
     expected = measured["motorcycle_best_bad2_pct"] if is_as_measured else OPENCV4_BAD2_PCT
     assert quality.bad2_pct == pytest.approx(expected, abs=0.05)

@@ -66,7 +66,7 @@ def calibrate(pairs: list[Pair]) -> dict[str, Any]:
         signs, off = (np.concatenate(part) for part in zip(*parts, strict=True))
         mean, scale = signs.mean(axis=0).round(3), signs.std(axis=0).round(3)
         scale[scale == 0] = 1.0  # a sign that this kind does not have
-        z = deviation.scaled(signs.T, mean, scale)
+        z = np.clip((signs.T - mean[:, None]) / scale[:, None], -deviation.FAR, deviation.FAR)
         terms = np.vstack([np.ones(z.shape[1]), z, z[PRODUCTS[0]] * z[PRODUCTS[1]]])
         found = np.linalg.lstsq(terms.T, np.log(off + ERROR_FLOOR_PX), rcond=None)[0].round(4)
         weights, products = found[1 : 1 + len(z)], np.zeros((len(z), len(z)))

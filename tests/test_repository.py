@@ -350,7 +350,7 @@ def test_first_names_are_those_of_the_rooms() -> None:
 
 @pytest.mark.parametrize("module", ["stereolib", "stereolib.cli"])
 def test_import_loads_nothing_heavy(module: str) -> None:
-    heavy = "cv2 numpy pandas scipy skimage matplotlib serial tqdm joblib IPython ipywidgets nbclient pooch"
+    heavy = "cv2 numpy numba pandas scipy skimage matplotlib serial tqdm joblib IPython ipywidgets nbclient pooch"
     code = f"import sys, {module}; print([name for name in {heavy.split()} if name in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout == "[]\n"

@@ -1,4 +1,4 @@
-"""Semi-global matching written out in numpy: the same idea as `cv2.StereoSGBM`, with a cost and a penalty of our own.
+"""Semi-global matching written out: the same idea as `cv2.StereoSGBM`, with a cost and a penalty of our own.
 
 Four things differ, and each was measured on virtual scenes: the cost is census plus colour difference instead of
 Birchfield-Tomasi on gradients; the fainter the picture is against its noise, the more of it is seen in half and in
@@ -11,17 +11,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
 from stereolib.base import Float32, UInt8
-from stereolib.matching.levels import shrunk
+from stereolib.matching.compiled import compiled
 from stereolib.matching.paths import aggregate, read_off
 from stereolib.rig import check_pair, to_grey
 
+UInt16: TypeAlias = npt.NDArray[np.uint16]
 _COARSE_CENSUS_PX = (7, 7)  # of the smaller sizes
 _COARSE_BITS = 48
 _SHARES = 64  # whole steps in which two costs are mixed, a power of two; rounded down
@@ -188,31 +189,29 @@ def match_census_sgm(left: UInt8, right: UInt8, params: CensusSGM | None = None)
     return SGMResult(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
 
 
-def census_transform(grey: UInt8 | Float32, size_px: tuple[int, int]) -> npt.NDArray[np.uint32 | np.uint64]:
+def census_transform(grey: UInt8 | UInt16, size_px: tuple[int, int]) -> UInt8:
     """Tell which neighbours are darker than each pixel, one bit each; invariant to gain and offset.
 
     Parameters
     ----------
-    grey : (H, W) uint8 or float32
+    grey : (H, W) uint8 or uint16
     size_px : (rows, columns)
-        Odd edges of the window, px; at most 64 pixels.
+        Odd edges of the window, px.
 
     Returns
     -------
-    (H, W) uint32, or uint64 where the window has more than 32 pixels
+    (B, H, W) uint8
+        Eight neighbours a plane, row by row; a plane's first is its highest bit.
 
     Examples
     --------
     >>> census_transform(np.array([[1, 2, 3]], np.uint8), (1, 3))
-    array([[0, 2, 2]], dtype=uint32)
+    array([[[  0, 128, 128]]], dtype=uint8)
     """
-    half, (height, width) = (size_px[0] // 2, size_px[1] // 2), grey.shape
-    roomy: Any = np.pad(grey, ((half[0], half[0]), (half[1], half[1])), mode="edge")
-    bits = np.zeros(grey.shape, np.uint32 if size_px[0] * size_px[1] <= 32 else np.uint64)
-    for v, u in np.ndindex(size_px):
-        if (v, u) != half:
-            bits <<= bits.dtype.type(1)
-            bits |= roomy[v : v + height, u : u + width] < grey
+    above, before = size_px[0] // 2, size_px[1] // 2
+    roomy: Any = np.pad(grey, ((above, above), (before, before)), mode="edge")
+    bits = np.zeros((-(-(size_px[0] * size_px[1] - 1) // 8), *grey.shape), np.uint8)
+    _compare(roomy, above, before, bits)
     return bits
 
 
@@ -239,7 +238,8 @@ def _cost(left: UInt8, right: UInt8, params: CensusSGM) -> UInt8:
     """Cost volume (H, D, W) uint8: that of the pictures and those of smaller sizes, mixed."""
     cost = _fine_cost(left, right, params)
     if params.halvings:
-        _mix(cost, _coarse_cost(left, right, params, 1), _coarse_share(to_grey(left).astype(np.float32), params, 0))
+        share = _coarse_share(to_grey(left).astype(np.float32), params, 0)
+        _mix(_coarse_cost(left, right, params, 1), share, cost)
     for d in range(params.num_disparities):
         cost[:, d, :d] = params.outside_cost
     return cost
@@ -247,20 +247,37 @@ def _cost(left: UInt8, right: UInt8, params: CensusSGM) -> UInt8:
 
 def _coarse_cost(left: UInt8, right: UInt8, params: CensusSGM, halvings: int) -> UInt8:
     """Census distance in a smaller size, mixed with those of still smaller ones; d is that of the whole pictures."""
-    times = 2**halvings
-    grey, *moved = (shrunk(left, times).mean(axis=2), *(shrunk(right, times, k).mean(axis=2) for k in range(times)))
-    bits, *others = (census_transform(image, _COARSE_CENSUS_PX) for image in (grey, *moved))
-    height, width = bits.shape
-    cost = np.empty((height, params.num_disparities, width), np.uint8)
-    for d in range(params.num_disparities):
+    times, depth = 2**halvings, params.num_disparities
+    sums, moved = _block_sums(left, times)[0], _block_sums(right, times)
+    bits, *others = (census_transform(blocks, _COARSE_CENSUS_PX) for blocks in (sums, *moved))
+    height, width = sums.shape
+    cost = np.empty((height, depth, width), np.uint8)
+    for d in range(depth):
         by = min(-(-d // times), width - 1)
-        other = others[max(by * times - d, 0)]
-        np.bitwise_count(bits[:, by:] ^ other[:, : width - by], out=cost[:, d, by:])
+        _count_differing(bits, others[max(by * times - d, 0)], d, by, cost)
         cost[:, d, :by] = cost[:, d, by : by + 1]  # some disparities see a part of such a column
     if halvings < params.halvings:
-        coarser = _coarse_cost(left, right, params, halvings + 1)
-        _mix(cost, coarser, _coarse_share(grey, params, halvings))
+        grey = np.asarray(sums / np.float32(times**2 * len(_channels(left))), np.float32)
+        _mix(_coarse_cost(left, right, params, halvings + 1), _coarse_share(grey, params, halvings), cost)
     return cost
+
+
+def _block_sums(image: UInt8, times: int) -> list[UInt16]:
+    """Sums over squares of `times` pixels and over channels, of the picture moved to the left by 0 to `times` - 1 px.
+
+    The border is repeated where they reach over it. 16 bits hold those of three channels and 8 pixels.
+    """
+    grey = _channels(image).sum(axis=0, dtype=np.uint16)
+    rows, columns = (-(-n // times) for n in grey.shape)
+    spare = [(0, rows * times - grey.shape[0]), (0, (columns + 1) * times - 1 - grey.shape[1])]
+    roomy: Any = np.pad(grey, spare, mode="edge")
+    down = roomy.reshape(rows, times, -1).sum(axis=1, dtype=np.uint16)
+    across: Any = np.sum([down[:, k : k + columns * times] for k in range(times)], axis=0, dtype=np.uint16)
+    return [np.ascontiguousarray(across[:, k::times]) for k in range(times)]
+
+
+def _channels(image: UInt8) -> UInt8:
+    return np.ascontiguousarray(np.atleast_3d(image).transpose(2, 0, 1))
 
 
 def _coarse_share(grey: Float32, params: CensusSGM, halvings: int) -> Float32:
@@ -271,39 +288,88 @@ def _coarse_share(grey: Float32, params: CensusSGM, halvings: int) -> Float32:
     return np.asarray(params.coarse_share / (1 + ratio), np.float32)
 
 
-def _mix(cost: UInt8, coarser: UInt8, share: Float32) -> None:
-    """Put the coarser size's share into a cost (H, D, W), row by row."""
-    others = np.round(_SHARES * share).astype(np.uint16)
-    mixed, other = np.empty((2, *cost.shape[1:]), np.uint16)
-    for y, row in enumerate(cost):
-        if y % 2 == 0:
-            whole = cv2.resize(coarser[y // 2], None, fx=2, fy=1, interpolation=cv2.INTER_NEAREST)[:, : row.shape[1]]
-        np.multiply(row, _SHARES - others[y], out=mixed)
-        np.multiply(whole, others[y], out=other)
-        mixed += other
-        mixed //= _SHARES
-        row[:] = mixed
-
-
 def _fine_cost(left: UInt8, right: UInt8, params: CensusSGM) -> UInt8:
     """Census distance plus capped colour difference, mean of the block, (H, D, W) uint8; unset before column d."""
     bits = [census_transform(to_grey(image), params.census_px) for image in (left, right)]
-    height, width = left.shape[:2]
-    planes = (np.ascontiguousarray(np.atleast_3d(image).transpose(2, 0, 1)) for image in (left, right))
-    channels = list(zip(*planes, strict=True))
-    cap, weight = params.color_cap * len(channels), _FINER * params.color_weight / len(channels)
+    channels = [_channels(image) for image in (left, right)]
+    number, height, width = channels[0].shape
+    finer = _FINER if params.block_size > 1 else 1
+    law = round(params.color_cap * number), round(65536 * finer * params.color_weight / number)
     cost = np.empty((height, params.num_disparities, width), np.uint8)
-    differing, work = np.empty_like(bits[0]), np.empty((3, height, width), np.uint8)
     for d in range(params.num_disparities):
-        distance, unlike, other = work[..., d:]
-        xor = np.bitwise_xor(bits[0][:, d:], bits[1][:, : width - d], out=differing[:, d:])
-        np.bitwise_count(xor, out=distance)
-        for k, (a, b) in enumerate(channels):
-            cv2.absdiff(a[:, d:], b[:, : width - d], other if k else unlike)
-            if k:
-                cv2.add(unlike, other, unlike)
-        cv2.threshold(unlike, cap, 0, cv2.THRESH_TRUNC, unlike)
-        cv2.addWeighted(distance, _FINER, unlike, weight, 0, other)
-        cv2.blur(other, (params.block_size,) * 2, distance)
-        cv2.convertScaleAbs(distance, cost[:, d, d:], alpha=1 / _FINER)
+        _count_differing(bits[0], bits[1], d, d, cost)
+        _add_unlike(channels[0], channels[1], d, law, finer, cost)
+        if params.block_size > 1:
+            averaged = cv2.blur(cost[:, d, d:], (params.block_size,) * 2)
+            cost[:, d, d:] = cv2.convertScaleAbs(averaged, alpha=1 / finer)
     return cost
+
+
+@compiled
+def _compare(roomy: UInt8 | UInt16, above: int, before: int, bits: UInt8) -> None:
+    """The census transform of a picture with room beside; bits start as zeros."""
+    _, height, width = bits.shape
+    for y in range(height):
+        here, k = roomy[y + above, before:], 0
+        for v in range(2 * above + 1):
+            for u in range(2 * before + 1):
+                if v != above or u != before:
+                    row, there, bit = bits[k // 8, y], roomy[y + v, u:], np.uint8(128 >> k % 8)
+                    for x in range(width):
+                        row[x] |= bit if there[x] < here[x] else np.uint8(0)
+                    k += 1
+
+
+@compiled
+def _count_differing(left: UInt8, right: UInt8, d: int, shift: int, cost: UInt8) -> None:
+    """Bits of (B, H, W) that differ between column x of the left and x - shift of the right picture: cost[:, d]."""
+    planes, height, width = left.shape
+    for y in range(height):
+        row = cost[y, d, shift:]
+        row[:] = 0
+        for k in range(planes):
+            a, b = left[k, y, shift:], right[k, y]
+            for x in range(width - shift):
+                n = np.uint8(a[x] ^ b[x])  # bits are counted in pairs, in fours, in eights
+                n = np.uint8(n - ((n >> 1) & 0x55))
+                n = np.uint8((n & 0x33) + ((n >> 2) & 0x33))
+                row[x] += np.uint8((n + (n >> 4)) & 0x0F)
+
+
+@compiled
+def _add_unlike(left: UInt8, right: UInt8, d: int, law: tuple[int, int], finer: int, cost: UInt8) -> None:
+    """Make cost[:, d] `finer` times as large, and add what the differences of all channels, (C, H, W), count.
+
+    The law: up to which sum they do, and by how many 65536ths.
+    """
+    channels, height, width = left.shape
+    cap, weight = np.uint16(law[0]), np.uint32(law[1])
+    unlike = np.empty(width, np.uint16)
+    for y in range(height):
+        row = cost[y, d, d:]
+        unlike[:] = 0
+        for k in range(channels):
+            a, b = left[k, y, d:], right[k, y]
+            for x in range(width - d):
+                unlike[x] += np.uint8(max(a[x], b[x]) - min(a[x], b[x]))
+        for x in range(width - d):
+            more = np.uint32(np.uint32(min(unlike[x], cap)) * weight + np.uint32(1 << 15)) >> np.uint32(16)
+            row[x] = np.uint8(np.uint8(np.uint8(finer) * row[x]) + np.uint8(more))
+
+
+@compiled
+def _mix(coarser: UInt8, share: Float32, cost: UInt8) -> None:
+    """Put the coarser size's share, rounded to whole ``_SHARES``, into a cost (H, D, W)."""
+    height, depth, width = cost.shape
+    whole, other = np.empty(width, np.uint8), np.empty(width, np.uint16)
+    for y in range(height):
+        for x in range(width):
+            other[x] = round(_SHARES * share[y, x])
+        for d in range(depth):
+            row, half = cost[y, d], coarser[y // 2, d]
+            for x in range(width // 2):
+                whole[2 * x] = whole[2 * x + 1] = half[x]
+            whole[width - 1] = half[(width - 1) // 2]
+            for x in range(width):
+                own = np.uint16(row[x] * np.uint16(_SHARES - other[x]))
+                row[x] = np.uint8(np.uint16(own + np.uint16(whole[x] * other[x])) // np.uint16(_SHARES))

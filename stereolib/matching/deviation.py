@@ -12,8 +12,9 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereolib.base import Float32, Floats
+from stereolib.base import Float32, Ints
 from stereolib.matching.census_sgm import SGMResult
+from stereolib.matching.compiled import compiled
 from stereolib.matching.disparity import left_right_difference
 from stereolib.matching.even_pair import EvenPair
 from stereolib.matching.filling import neighbours
@@ -22,7 +23,8 @@ from stereolib.rig import to_grey
 
 _STEP_AROUND_PX, _NEAR_PX, _AROUND_PX, _WIDE_PX = 3, 5, 15, 31  # edges of the windows that are looked at
 _MOST_BENT_PX, _MOST_MOVED_PX, _MOST_APART_PX, _FARTHEST_PX = 2.0, 8.0, 4.0, 60.0  # more counts as so much
-_FAR = 3.0  # scales from the mean: signs beyond count as so far
+_AT_ONCE = 256  # pixels, so that what is added up stays in the processor
+FAR = 3.0  # scales from the mean: signs beyond count as so far
 # Added before the logarithm is taken; the last two in units of the noise.
 _BENT_FLOOR_PX, _SPREAD_FLOOR_PX, _MOVED_FLOOR_PX, _APART_FLOOR_PX = 0.01, 0.1, 0.05, 0.05
 _UNLIKE_FLOOR, _ALONG_FLOOR = 0.3, 0.1
@@ -156,30 +158,11 @@ def std_px(kind: Kinds, sign: Float32) -> Float32:
     planes = np.moveaxis(sign, -1, 0).reshape(sign.shape[-1], -1)
     for each, law in LAWS.items():
         here = np.flatnonzero(each_px == each)
-        z = scaled(planes.take(here, axis=1), law.mean, law.scale)
-        score = np.asarray(law.products, np.float32).T @ z
-        score += np.asarray(law.weights, np.float32)[:, None]
-        score *= z
+        score = np.empty(here.size, np.float32)
+        _add_up(planes, here, np.array([law.mean, law.scale, law.weights, *law.products], np.float32), score)
         worst = law.score[-1]  # where the signs tell nothing
-        out[here] = np.interp(np.nan_to_num(score.sum(axis=0), nan=worst), law.score, np.log(law.std_px))
+        out[here] = np.interp(np.nan_to_num(score, nan=worst), law.score, np.log(law.std_px))
     return np.exp(out, out=out).reshape(kind.shape)
-
-
-def scaled(sign: Floats, mean: npt.ArrayLike, scale: npt.ArrayLike) -> Floats:
-    """Signs as a `StdLaw` counts them.
-
-    Parameters
-    ----------
-    sign : (11, N) of float
-    mean, scale : (11,) of float
-
-    Returns
-    -------
-    (11, N), of the same dtype
-    """
-    z = sign - np.asarray(mean, sign.dtype)[:, None]
-    z /= np.asarray(scale, sign.dtype)[:, None]
-    return np.clip(z, -_FAR, _FAR, out=z)
 
 
 def _mean(values: Float32, size_px: int) -> Any:
@@ -188,3 +171,27 @@ def _mean(values: Float32, size_px: int) -> Any:
 
 def _spread(disparity_px: Float32, size_px: int) -> Any:
     return cv2.morphologyEx(disparity_px, cv2.MORPH_GRADIENT, np.ones((size_px, size_px), np.uint8))
+
+
+@compiled
+def _add_up(signs: Float32, here: Ints, law: Float32, score: Float32) -> None:
+    """Score of some pixels, whose signs are columns of (11, N); of the law mean, scale, weights and products."""
+    many = signs.shape[0]
+    mean, scale, weights, products = law[0], law[1], law[2], law[3:]
+    z, (part, total) = np.zeros((many, _AT_ONCE), np.float32), np.zeros((2, _AT_ONCE), np.float32)
+    for first in range(0, here.size, _AT_ONCE):
+        count = min(_AT_ONCE, here.size - first)
+        for a in range(many):
+            for i in range(count):
+                z[a, i] = (signs[a, here[first + i]] - mean[a]) / scale[a]
+                z[a, i] = min(max(z[a, i], np.float32(-FAR)), np.float32(FAR))
+        total[:] = 0
+        for a in range(many):
+            part[:] = weights[a]
+            for b in range(many):
+                for i in range(_AT_ONCE):
+                    part[i] += products[b, a] * z[b, i]
+            for i in range(_AT_ONCE):
+                total[i] += part[i] * z[a, i]
+        for i in range(count):
+            score[first + i] = total[i]

@@ -119,7 +119,28 @@ def neighbours(disparity_px: Float32) -> tuple[Float32, Float32]:
     before, after : (H, W) float32, px
         At or left of the pixel, and at or right of it; NaN where there is none.
     """
-    return _last_valid(disparity_px), _last_valid(disparity_px[:, ::-1])[:, ::-1]
+    before, after = nearest_columns(disparity_px)
+    flat, start = disparity_px.ravel(), np.arange(0, disparity_px.size, disparity_px.shape[1], dtype=np.int32)[:, None]
+    # where there is none, the outermost pixel is a hole
+    return flat.take(np.maximum(before, 0) + start), flat.take(np.minimum(after, before.shape[1] - 1) + start)
+
+
+def nearest_columns(disparity_px: Float32) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
+    """Find the columns of each pixel's nearest valid disparities in its row.
+
+    Parameters
+    ----------
+    disparity_px : (H, W) float32, px, NaN is a hole
+
+    Returns
+    -------
+    before, after : (H, W) int32
+        At or left of the pixel, and at or right of it; -1 and W where there is none.
+    """
+    width, columns = np.int32(disparity_px.shape[1]), np.arange(disparity_px.shape[1], dtype=np.int32)
+    hole = np.isnan(disparity_px)
+    before = np.maximum.accumulate(np.where(hole, np.int32(-1), columns), axis=1)
+    return before, np.minimum.accumulate(np.where(hole, width, columns)[:, ::-1], axis=1)[:, ::-1]
 
 
 def inpaint(disparity_px: npt.ArrayLike, size_px: int = 5, *, method: str = "telea") -> Float32:
@@ -273,11 +294,3 @@ def _guide(disparity: Float32, image: Any) -> Float32:
     if image.shape[:2] != disparity.shape:
         raise ValueError(f"the picture has shape {image.shape[:2]}, the disparity map {disparity.shape}")
     return to_grey(image).astype(np.float32)
-
-
-def _last_valid(values: Float32) -> Float32:
-    """At or before each pixel of its row; before the first one that of column 0, which is NaN."""
-    height, width = values.shape
-    where = np.maximum.accumulate(np.where(np.isnan(values), np.int32(0), np.arange(width, dtype=np.int32)), axis=1)
-    where += np.arange(0, height * width, width, dtype=np.int32)[:, None]
-    return values.ravel().take(where)

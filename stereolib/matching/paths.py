@@ -9,10 +9,11 @@ import numpy as np
 import numpy.typing as npt
 
 from stereolib.base import Float32, Ints, UInt8
+from stereolib.matching.compiled import compiled
 
 Int16: TypeAlias = npt.NDArray[np.int16]
 _BAND_ROWS = 256  # rows that are turned at once for the paths along rows
-_NEVER = np.int16(32000)  # dearer than any sum of eight paths
+_NEVER = 32000  # dearer than any sum of eight paths
 
 
 def aggregate(cost: UInt8, grey: UInt8, p1: int, p2: int, edge: float) -> Int16:
@@ -40,24 +41,22 @@ def aggregate(cost: UInt8, grey: UInt8, p1: int, p2: int, edge: float) -> Int16:
     over the rim begins there. No path exceeds the largest cost and P2, so that 8 bits hold it.
     """
     fall = np.maximum(p2 / (1 + np.arange(256) / edge), p1 + 1).astype(np.uint8)
-    penalties, shades, total = (np.uint8(p1), fall), grey.astype(np.int16), np.zeros(cost.shape, np.int16)
-    _walk(cost, total, shades, penalties, (0, 1, -1))
+    shades, total = grey.astype(np.int16), np.zeros(cost.shape, np.int16)
+    _walk(cost, shades, fall, np.uint8(p1), np.array([0, 1, -1]), total)
     height, depth, width = cost.shape
-    turned, along = (np.empty((width, depth, min(_BAND_ROWS, height)), kind) for kind in (np.uint8, np.int16))
     for top in range(0, height, _BAND_ROWS):
         band = slice(top, min(top + _BAND_ROWS, height))
-        rows = slice(0, band.stop - top)
-        for d in range(depth):  # by OpenCV, several times faster than a turned copy
-            turned[:, d, rows] = cv2.transpose(cost[band, d])
-        along[:] = 0
-        _walk(turned[..., rows], along[..., rows], shades[band].T, penalties, (0,))
+        turned, along = (np.zeros((width, depth, band.stop - top), kind) for kind in (np.uint8, np.int16))
         for d in range(depth):
-            total[band, d] += cv2.transpose(along[:, d, rows])
+            turned[:, d] = cv2.transpose(cost[band, d])
+        _walk(turned, np.ascontiguousarray(shades[band].T), fall, np.uint8(p1), np.array([0]), along)
+        for d in range(depth):
+            total[band, d] += cv2.transpose(along[:, d])
     return total
 
 
 def read_off(total: Int16) -> tuple[Float32, Float32, Float32]:
-    """Find the least sums, row by row while they are in the cache.
+    """Find the least sums of both views.
 
     Parameters
     ----------
@@ -71,26 +70,11 @@ def read_off(total: Int16) -> tuple[Float32, Float32, Float32]:
         The left view's least sum at least two pixels away, less the least one.
     """
     height, depth, width = total.shape
-    roomy = np.full((depth, width + depth), _NEVER)
-    flat, line = roomy.reshape(-1), roomy.strides[0]
-    left = roomy[:, :width]
-    right = np.lib.stride_tricks.as_strided(roomy, (depth, width), (line + 2, 2), writeable=False)
-    code = np.arange(depth)[::-1, None].astype(np.uint8 if depth <= 256 else np.uint16)
-    start, along, beside = np.arange(width), width + depth, np.array([[-1], [0], [1]])
-    best, around = np.empty((2, height, width), np.intp), np.empty((2, 3, height, width), np.int16)
+    best, around = np.empty((2, height, width), np.int16), np.empty((2, 3, height, width), np.int16)
     far = np.empty((height, width), np.int16)
-    for y, sums in enumerate(total):
-        left[:] = sums
-        for k, (view, step) in enumerate(((left, along), (right, along + 1))):
-            least = view.min(axis=0)
-            best[k, y] = depth - 1 - np.multiply(view == least, code, dtype=code.dtype).max(axis=0)
-            where = start + best[k, y] * step
-            around[k, 1, y] = least
-            for j in (0, 2):
-                flat.take(where + (j - 1) * step, out=around[k, j, y], mode="clip")
-        near = np.minimum(np.maximum(best[0, y] + beside, 0), depth - 1)
-        flat[start + near * along] = _NEVER
-        far[y] = left.min(axis=0)
+    for view in (0, 1):
+        _find_least(total, view, best[view], around[view])
+    _find_least_elsewhere(total, best[0], around[0], far)
     left_px, right_px = (_refined(one, three, depth) for one, three in zip(best, around, strict=True))
     return left_px, right_px, np.asarray(far - around[0, 1], np.float32)
 
@@ -103,49 +87,75 @@ def _refined(disparity: Ints, around: Int16, depth: int) -> Float32:
     return np.asarray(disparity + offset, np.float32)
 
 
-def _walk(cost: UInt8, total: Int16, grey: Int16, penalties: tuple[np.uint8, UInt8], shifts: tuple[int, ...]) -> None:
+@compiled
+def _walk(cost: UInt8, grey: Int16, fall: UInt8, p1: np.uint8, shifts: Ints, total: Int16) -> None:
     """Add the paths that run along the first axis, there and back, moving by each shift on the last one a step.
 
-    The penalties are ``P1``, and ``P2`` by the step of the picture in grey levels. A path that comes in over a side
+    The penalties are ``p1``, and `fall` by the step of the picture in grey levels. A path that comes in over a side
     begins there.
     """
-    p1, fall = penalties
+    height, depth, width = cost.shape
+    least_before, dearest = np.empty((2, width), np.uint8)
     for order in (1, -1):
-        costs, sums = cost[::order], total[::order]
-        paths = [_Path(cost.shape[1:], p1, shift) for shift in shifts]
-        p2 = [fall[np.abs(grey - np.roll(grey, (order, shift), axis=(0, 1)))][::order] for shift in shifts]
-        for k in range(len(cost)):
-            for path, jump in zip(paths, p2, strict=True):
-                sums[k] += path.step(costs[k], jump[k], first=k == 0)
+        rooms = np.full((2, shifts.size, depth + 2, width + 2), np.uint8(255 - p1))  # outside nothing is cheap
+        leasts = np.empty((2, shifts.size, width), np.uint8)
+        for k in range(height):
+            y = k if order == 1 else height - 1 - k
+            for j in range(shifts.size):
+                before, here, least = rooms[k % 2, j], rooms[1 - k % 2, j], leasts[1 - k % 2, j]
+                for x in range(width):
+                    q = x - shifts[j]
+                    least_before[x] = dearest[x] = 0
+                    if k > 0 and 0 <= q < width:
+                        least_before[x] = leasts[k % 2, j, q]
+                        dearest[x] = least_before[x] + fall[abs(grey[y, x] - grey[y - order, q])]
+                least[:] = 255
+                before = before[:, 1 - shifts[j] :]
+                for d in range(depth):
+                    nearer, same, farther = before[d], before[d + 1], before[d + 2]
+                    path, c, s = here[d + 1, 1:], cost[y, d], total[y, d]
+                    for x in range(width):
+                        beside = np.uint8(min(nearer[x], farther[x]) + p1)
+                        cheapest = min(beside, same[x], dearest[x])
+                        path[x] = np.uint8(np.uint8(cheapest - least_before[x]) + c[x])
+                        least[x] = min(least[x], path[x])
+                        s[x] = np.int16(s[x] + path[x])
 
 
-class _Path:
-    """One direction's sums of a row and of the row before, with room beside, so that neighbours are views of them."""
+@compiled
+def _find_least(total: Int16, view: int, best: Int16, around: Int16) -> None:
+    """A view's least sums, the right one's at ``x + d``: their disparities, and the sums below, at and above them."""
+    height, depth, width = total.shape
+    rank = np.empty(width, np.int32)
+    for y in range(height):
+        rank[:] = _NEVER << 16
+        for d in range(depth):
+            sums = total[y, d, view * d :]
+            for x in range(width - view * d):  # the sum above the disparity: the first of equals is the least
+                rank[x] = min(rank[x], np.int32(np.int32(np.int32(sums[x]) << np.int32(16)) + np.int32(d)))
+        for x in range(width):
+            best[y, x] = rank[x] & 0xFFFF
+            for side in range(3):
+                d = best[y, x] + side - 1
+                u = x + view * d
+                around[side, y, x] = total[y, d, u] if 0 <= d < depth and u < width else _NEVER
 
-    def __init__(self, shape: tuple[int, int], p1: np.uint8, shift: int) -> None:
-        (depth, width), self.p1 = shape, p1
-        spare, size = width + 1, depth * width
-        rooms = np.full((2, size + 2 * spare), 255 - p1, np.uint8)  # outside nothing is cheap
-        self.here, self.before = (
-            [[room[spare + by : spare + by + size].reshape(shape) for by in offsets] for room in rooms]
-            for offsets in ((0,), (-shift, -shift - width, -shift + width))
-        )
-        self.rim = {0: slice(0), 1: slice(1), -1: slice(width - 1, width)}[shift]
 
-    def step(self, cost: UInt8, p2: UInt8, *, first: bool) -> UInt8:
-        """Go on by a row, whose `cost` is (D, W)."""
-        self.here.reverse()
-        self.before.reverse()
-        (path,), (same, nearer, farther) = self.here[0], self.before[1]
-        if first:
-            path[:] = cost
-            return path
-        least = same.min(axis=0)
-        np.minimum(nearer, farther, out=path)
-        path += self.p1
-        np.minimum(path, same, out=path)
-        np.minimum(path, least + p2, out=path)
-        path -= least
-        path += cost
-        path[:, self.rim] = cost[:, self.rim]
-        return path
+@compiled
+def _find_least_elsewhere(total: Int16, best: Int16, around: Int16, far: Int16) -> None:
+    """The left view's least sum at least two pixels away; those nearer are taken out meanwhile, and put back."""
+    height, depth, width = total.shape
+    least = np.empty(width, np.int16)
+    for y in range(height):
+        for x in range(width):
+            for d in range(max(best[y, x] - 1, 0), min(best[y, x] + 2, depth)):
+                total[y, d, x] = _NEVER
+        least[:] = _NEVER
+        for d in range(depth):
+            sums = total[y, d]
+            for x in range(width):
+                least[x] = min(least[x], sums[x])
+        for x in range(width):
+            far[y, x] = least[x]
+            for d in range(max(best[y, x] - 1, 0), min(best[y, x] + 2, depth)):
+                total[y, d, x] = around[d - best[y, x] + 1, y, x]

@@ -6,8 +6,9 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereolib.base import Bools, Float32, Ints, UInt8
-from stereolib.matching.filling import check_map, fill_background, neighbours
+from stereolib.base import Bools, Float32, Float64, Ints, UInt8
+from stereolib.matching.compiled import compiled
+from stereolib.matching.filling import check_map, fill_background, nearest_columns, neighbours
 
 # Where a surface is looked at from the last pixel before a hole, px: away from the hole, and in the rows around. At
 # the left border, where holes are long, it is looked at as far as the hole goes, but no farther than this.
@@ -60,16 +61,16 @@ def continue_background(disparity_px: npt.ArrayLike) -> Float32:
     [11.0, 10.2]
     """
     disparity, _ = check_map(disparity_px)
-    filled, columns = fill_background(disparity), np.arange(disparity.shape[1], dtype=np.float32)
+    filled, width = fill_background(disparity), disparity.shape[1]
     before, after = sides = neighbours(disparity)
-    nearest = neighbours(np.where(np.isnan(disparity), np.float32(np.nan), columns))
-    length = np.nan_to_num(nearest[1], nan=len(columns)) - np.nan_to_num(nearest[0], nan=-1) - 1
+    nearest = nearest_columns(disparity)
+    length = nearest[1] - nearest[0] - 1
     nearer = np.where(np.isnan(before + after), np.float32(np.inf), np.maximum(before, after))
     for k, is_farther in enumerate(((before <= after) | np.isnan(after), (after < before) | np.isnan(before))):
         rows, at = np.nonzero(np.isnan(disparity) & (length >= _LEAST_HOLE_PX) & is_farther & np.isfinite(sides[k]))
-        from_px = nearest[k][rows, at].astype(np.intp)
-        ends, first, which = np.unique(rows * len(columns) + from_px, return_index=True, return_inverse=True)
-        y, x = np.divmod(ends, len(columns))
+        from_px = nearest[k][rows, at]
+        ends, first, which = np.unique(rows * width + from_px, return_index=True, return_inverse=True)
+        y, x = np.divmod(ends, width)
         at_border = (length[rows, at][first] == x) & (k == 1)
         away_px = np.where(at_border, np.clip(x, _AWAY_PX, _FARTHEST_PX), _AWAY_PX)
         planes = _planes(disparity, y, x, (2 * k - 1) * away_px)
@@ -119,7 +120,9 @@ def fill_by_color(filled_px: Float32, disparity_px: Float32, left: UInt8) -> Flo
         return filled_px
     picture = np.atleast_3d(left)
     own, around = (np.atleast_3d(cv2.blur(picture, (size, size))).astype(np.int16) for size in (_OWN_PX, _SURFACE_PX))
-    rims = np.array([rim[y, x] for rim in _rims(~hole)])
+    every = np.empty((4, *hole.shape), np.int32)
+    _find_rims(~hole, every)
+    rims = every[:, y, x]
     there = rims >= 0
     rim_y, rim_x = np.divmod(np.maximum(rims, 0), hole.shape[1])
     level = np.where(there, disparity_px[rim_y, rim_x], np.float32(np.nan))
@@ -143,13 +146,23 @@ def fill_by_color(filled_px: Float32, disparity_px: Float32, left: UInt8) -> Flo
     return out
 
 
-def _rims(known: Bools) -> tuple[Ints, Ints, Ints, Ints]:
-    """Flat index of the nearest pixel that is known to the left, right, above and below; -1 where there is none."""
-    flat = np.where(known, np.arange(known.size, dtype=np.int32).reshape(known.shape), np.int32(-1))
-    back = np.where(known, flat, np.int32(known.size))[::-1, ::-1]
-    after = (np.minimum.accumulate(back, axis=axis)[::-1, ::-1] for axis in (1, 0))
-    right, below = (np.where(side == known.size, np.int32(-1), side) for side in after)
-    return np.maximum.accumulate(flat, axis=1), right, np.maximum.accumulate(flat, axis=0), below
+@compiled
+def _find_rims(known: Bools, rims: Ints) -> None:
+    """Flat index of the nearest known pixel to the left, right, above and below, (4, H, W); -1 where there is none."""
+    height, width = known.shape
+    for y in range(height):
+        at = -1
+        for x in range(width):
+            at = y * width + x if known[y, x] else at
+            rims[0, y, x] = at
+            rims[2, y, x] = at if known[y, x] else rims[2, y - 1, x] if y > 0 else -1
+        at = -1
+        for x in range(width - 1, -1, -1):
+            at = y * width + x if known[y, x] else at
+            rims[1, y, x] = at
+    for y in range(height - 1, -1, -1):
+        for x in range(width):
+            rims[3, y, x] = y * width + x if known[y, x] else rims[3, y + 1, x] if y + 1 < height else -1
 
 
 def _square(colour: npt.NDArray[np.int16]) -> Float32:
@@ -178,13 +191,33 @@ def _planes(disparity: Float32, rows: Ints, columns: Ints, away_px: Ints) -> Flo
     y, x = rows[:, None] + dy, (columns[:, None] + dx).astype(np.intp)
     inside = (y >= 0) & (y < disparity.shape[0]) & (x >= 0) & (x < disparity.shape[1])
     seen = np.where(inside, disparity[np.where(inside, y, 0), np.where(inside, x, 0)], np.float32(np.nan))
-    known, own = np.isfinite(seen), disparity[rows, columns]
-    off = np.where(known, seen - own[:, None] - _steepness(seen)[:, None] * dy.astype(np.float32), np.float32(0))
-    along = np.stack(np.broadcast_arrays(np.ones_like(dx), dx, dy), axis=-1).astype(np.float32)
-    prior = np.diag((_SCALES_PX[-1] / np.array([_LEVEL_PX, _SLOPE, _SLOPE])) ** 2).astype(np.float32)
-    plane = np.zeros((len(rows), 3, 1), np.float32)
-    for scale in _SCALES_PX:
-        weight = known / (1 + ((off - (along @ plane)[..., 0]) / np.float32(scale)) ** 2) ** 2
-        weighted = (along * weight[..., None]).transpose(0, 2, 1)
-        plane = np.linalg.solve(weighted @ along + prior, weighted @ off[..., None])
-    return np.column_stack([own + plane[:, 0, 0], plane[:, 1, 0]])
+    own = disparity[rows, columns]
+    off = seen - own[:, None] - _steepness(seen)[:, None] * dy.astype(np.float32)
+    plane = np.empty((len(rows), 3), np.float32)
+    prior = (_SCALES_PX[-1] / np.array([_LEVEL_PX, _SLOPE, _SLOPE])) ** 2
+    _fit(off, dx.astype(np.float32), dy.astype(np.float32), prior, plane)
+    return np.column_stack([own + plane[:, 0], plane[:, 1]])
+
+
+@compiled
+def _fit(off: Float32, dx: Float32, dy: Float32, prior: Float64, plane: Float32) -> None:
+    """Robust planes through deviations (N, places), NaN where nothing is known, at columns dx and rows dy: (N, 3)."""
+    for i in range(plane.shape[0]):
+        a = b = c = 0.0
+        for scale in _SCALES_PX:
+            aa, bb, cc = prior[0], prior[1], prior[2]
+            ab = ac = bc = ar = br = cr = 0.0
+            for k in range(off.shape[1]):
+                r, x, y = off[i, k], dx[i, k], dy[k]
+                if np.isnan(r):
+                    continue
+                weight = 1 / (1 + ((r - a - b * x - c * y) / scale) ** 2) ** 2
+                aa, ab, ac = aa + weight, ab + weight * x, ac + weight * y
+                bb, bc, cc = bb + weight * x * x, bc + weight * x * y, cc + weight * y * y
+                ar, br, cr = ar + weight * r, br + weight * x * r, cr + weight * y * r
+            # Gauss, by hand: the prior makes every pivot positive
+            bb, bc, br = bb - ab * ab / aa, bc - ab * ac / aa, br - ab * ar / aa
+            c = (cr - ac * ar / aa - bc * br / bb) / (cc - ac * ac / aa - bc * bc / bb)
+            b = (br - bc * c) / bb
+            a = (ar - ab * b - ac * c) / aa
+        plane[i, 0], plane[i, 1], plane[i, 2] = a, b, c

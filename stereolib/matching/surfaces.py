@@ -8,14 +8,13 @@ import cv2
 import numpy as np
 
 from stereolib.base import Bools, Float32, Ints, UInt8
+from stereolib.matching.compiled import compiled
 
 STEP_PX = 2.0  # neighbours farther apart are two surfaces
 _BESIDE_PX = 2  # so near a step a disparity is not trusted
 _APART_PX, _GAP_PX = 3.0, 1.5  # surfaces nearer to each other, or with a smaller gap between, are taken for one
 _GAP_SHARE = 0.52  # of all that disparities differ by around: between places, a single slope leaves up to a half of it
-_AROUND_PX = np.arange(-10, 11, 5)  # rows and columns around a pixel that are looked at
-_NO_COLOUR = 1e4  # of what does not vote: like none
-_AT_ONCE = 2**13  # pixels: so many stay in the processor's cache
+_REACH_PX, _EVERY_PX = 10, 5  # rows and columns around a pixel that are looked at
 _LEAST = 0.01  # pixels of the same colour, so that none is no proof
 
 
@@ -87,15 +86,16 @@ def choose_surface(
     step = (spread_px > STEP_PX).astype(np.uint8)
     beside = cv2.dilate(step, np.ones((2 * _BESIDE_PX + 1,) * 2, np.uint8)) > 0
     voters = np.where(kept & ~beside, disparity_px, np.float32(-1))
-    reach = int(_AROUND_PX[-1])
-    window = np.ones((2 * reach + 1,) * 2, np.uint8)
+    window = np.ones((2 * _REACH_PX + 1,) * 2, np.uint8)
     near, far = cv2.dilate(voters, window), cv2.erode(np.where(voters < 0, np.float32(np.inf), voters), window)
     y, x = np.nonzero((near - far > _APART_PX) & (beside | ~kept))
     moved, out = np.zeros(kept.shape, bool), disparity_px.copy()
     if not y.size:
         return Surfaces(out, moved)
-    ends = near[y, x], far[y, x]
-    vote, near_px, far_px, gap_px = _vote(voters, np.atleast_3d(left), (y, x), ends, unlike)
+    picture, ends, found = np.atleast_3d(left), np.array([near[y, x], far[y, x]]), np.empty((y.size, 4), np.float32)
+    per_square = 1 / (2 * unlike**2 * picture.shape[2])
+    _vote(voters, np.ascontiguousarray(picture), np.array([y, x]), ends, per_square, found)
+    vote, near_px, far_px, gap_px = found.T
     is_near = disparity_px[y, x] > (ends[0] + ends[1]) / 2
     is_two = gap_px > np.maximum(_GAP_PX, _GAP_SHARE * (ends[0] - ends[1]))
     may_change = is_two & (is_near | ~kept[y, x])
@@ -105,47 +105,35 @@ def choose_surface(
     return Surfaces(out, moved)
 
 
-def _vote(
-    voters: Float32, left: UInt8, at: tuple[Ints, Ints], ends: tuple[Float32, Float32], unlike: float
-) -> tuple[Float32, Float32, Float32, Float32]:
-    """What speaks for the near surface at some pixels, the disparities of both, and the gap between; (N,) each.
+@compiled
+def _vote(voters: Float32, left: UInt8, at: Ints, ends: Float32, per_square: float, found: Float32) -> None:
+    """What speaks for the near surface at N pixels, the disparities of both, and the gap between: found (N, 4).
 
-    `voters` are disparities, below 0 where nothing votes; `ends` the largest and the smallest around each pixel, which
-    stand for a surface that no place votes for.
+    `voters` are disparities, below 0 where nothing votes; `at` are rows and columns (2, N); `ends` (2, N) the largest
+    and the smallest disparity around each, which stand for a surface that no place votes for; `per_square` is what a
+    colour's weight falls by, in its exponent, for each square of its difference.
     """
-    reach = int(_AROUND_PX[-1])
-    rim = ((reach, reach), (reach, reach))
-    levels = np.pad(voters, rim, constant_values=-1).ravel()
-    colours = [np.pad(channel, rim).ravel().astype(np.float32) for channel in np.moveaxis(left, -1, 0)]
-    colours[0][levels < 0] = _NO_COLOUR
-    width = voters.shape[1] + 2 * reach
-    offsets = (_AROUND_PX[:, None] * width + _AROUND_PX).ravel()
-    scale = np.float32(-1 / (2 * unlike**2 * len(colours)))
-    found = [np.zeros((4, 0), np.float32)]
-    for part in np.array_split(np.arange(len(at[0])), max(len(at[0]) // _AT_ONCE, 1)):
-        places, (largest, smallest) = (at[0][part] + reach) * width + at[1][part] + reach, (end[part] for end in ends)
-        limit = (largest + smallest) / 2
-        own = [channel[places] for channel in colours]
-        own[0] = left[..., 0][at[0][part], at[1][part]].astype(np.float32)
-        near, every = np.zeros((2, 3, len(part)), np.float32)  # of each: weights, their sum with disparities, number
-        nearer, farther = largest.copy(), smallest.copy()
-        for there in (places + offset for offset in offsets):
-            level, square = levels[there], np.zeros_like(limit)
-            for channel, mine in zip(colours, own, strict=True):
-                off = channel[there] - mine
-                square += off * off
-            alike, is_near = np.exp(scale * square), level > limit
-            near_alike = alike * is_near
-            every += alike, alike * level, level >= 0
-            near += near_alike, near_alike * level, is_near
-            np.minimum(nearer, np.where(is_near, level, largest), out=nearer)
-            np.maximum(farther, np.where(is_near, smallest, level), out=farther)
-        far = every - near
-        vote = np.log((near[0] + _LEAST) / (far[0] + _LEAST)) - np.log((near[2] + _LEAST) / (far[2] + _LEAST)) / 2
-        both = (
-            np.where(side[2] > 0, side[1] / np.maximum(side[0], np.float32(1e-9)), end)
-            for side, end in ((near, largest), (far, smallest))
-        )
-        found.append(np.array([vote, *both, nearer - farther], np.float32))
-    vote, near_px, far_px, gap_px = np.concatenate(found, axis=1)
-    return vote, near_px, far_px, gap_px
+    height, width, channels = left.shape
+    for i in range(found.shape[0]):
+        v, u, largest, smallest = at[0, i], at[1, i], ends[0, i], ends[1, i]
+        near_weight = near_sum = far_weight = far_sum = near_count = far_count = 0.0
+        nearer, farther = largest, smallest
+        for y in range(v - _REACH_PX, v + _REACH_PX + 1, _EVERY_PX):
+            for x in range(u - _REACH_PX, u + _REACH_PX + 1, _EVERY_PX):
+                if not (0 <= y < height and 0 <= x < width and voters[y, x] >= 0):
+                    continue
+                square = 0.0
+                for c in range(channels):
+                    square += (float(left[y, x, c]) - float(left[v, u, c])) ** 2
+                alike, level = np.exp(-per_square * square), voters[y, x]
+                if level > (largest + smallest) / 2:
+                    near_weight, near_sum, near_count = near_weight + alike, near_sum + alike * level, near_count + 1
+                    nearer = min(nearer, level)
+                else:
+                    far_weight, far_sum, far_count = far_weight + alike, far_sum + alike * level, far_count + 1
+                    farther = max(farther, level)
+        vote = np.log((near_weight + _LEAST) / (far_weight + _LEAST))
+        found[i, 0] = vote - np.log((near_count + _LEAST) / (far_count + _LEAST)) / 2
+        found[i, 1] = near_sum / max(near_weight, 1e-9) if near_count else largest
+        found[i, 2] = far_sum / max(far_weight, 1e-9) if far_count else smallest
+        found[i, 3] = nearer - farther

@@ -45,12 +45,65 @@ def test_aggregation_is_hirschmuellers():
 
 def test_census_tells_darker_neighbours():
     grey = np.array([[5, 1, 9], [2, 5, 7], [5, 8, 0]], np.uint8)
-    assert (
-        bin(int(census_sgm.census_transform(grey, (3, 3))[1, 1])) == "0b1010001"
-    )  # row by row: 5<5 no, 1 yes, 9 no, 2 yes, ... 0 yes
-    np.testing.assert_array_equal(
-        census_sgm.census_transform(grey, (3, 3)), census_sgm.census_transform(20 + 3 * grey, (3, 3))
+    bits = census_sgm.census_transform(grey, (3, 3))
+    assert f"{bits[0, 1, 1]:08b}" == "01010001"  # row by row: 5 < 5 no, 1 yes, 9 no, 2 yes, ... 0 yes
+    np.testing.assert_array_equal(bits, census_sgm.census_transform(20 + 3 * grey, (3, 3)))
+    np.testing.assert_array_equal(bits, census_sgm.census_transform(grey.astype(np.uint16), (3, 3)))
+
+
+@pytest.mark.parametrize("size_px", [(5, 5), (7, 7), (3, 9)])
+def test_differing_bits_are_counted(size_px):
+    """Against neighbours that are compared one by one."""
+    rng = np.random.default_rng(9)
+    pair = rng.integers(0, 256, (2, 12, 15), dtype=np.uint8)
+    height, width, (above, before) = 12, 15, (size_px[0] // 2, size_px[1] // 2)
+    roomy = np.pad(pair, ((0, 0), (above, above), (before, before)), mode="edge")
+    darker = [
+        roomy[:, v : v + height, u : u + width] < pair for v, u in np.ndindex(size_px) if (v, u) != (above, before)
+    ]
+    cost = np.full((height, 4, width), 255, np.uint8)
+    for d in range(4):
+        census_sgm._count_differing(*(census_sgm.census_transform(one, size_px) for one in pair), d, d, cost)
+        expected = sum((left != right) for left, right in ((bit[0][:, d:], bit[1][:, : width - d]) for bit in darker))
+        np.testing.assert_array_equal(cost[:, d, d:], expected)
+        assert (cost[:, d, :d] == 255).all()
+
+
+@pytest.mark.parametrize("channels", [(), (3,)])
+@pytest.mark.parametrize("times", [2, 4, 8])
+def test_a_smaller_picture_is_sums_of_squares(times, channels):
+    rng = np.random.default_rng(0)
+    image = rng.integers(0, 256, (16, 32, *channels), dtype=np.uint8)
+    grey = image.sum(axis=2, dtype=int) if channels else image.astype(int)
+    found = census_sgm._block_sums(image, times)
+    for k in range(times):
+        moved = np.pad(grey[:, k:], ((0, 0), (0, k)), mode="edge")
+        expected = moved.reshape(16 // times, times, 32 // times, times).sum(axis=(1, 3))
+        np.testing.assert_array_equal(found[k], expected)
+    odd = census_sgm._block_sums(image[:15, :31], times)[0]
+    assert odd.shape == found[0].shape
+    np.testing.assert_array_equal(odd[:-1, :-1], found[0][:-1, :-1])
+    assert census_sgm._block_sums(np.full((8, 8, *channels), 255, np.uint8), 8)[7].max() == 255 * 64 * 3 ** len(
+        channels
     )
+
+
+@pytest.mark.parametrize(("block_size", "color_weight"), [(1, 1.0), (1, 0.7), (3, 1.0)])
+def test_the_fine_cost_is_census_and_colour(block_size, color_weight):
+    """Means of blocks of what each pixel costs, to the rounding."""
+    left, right = small_pair((9, 14))
+    params = census_sgm.CensusSGM(3, block_size=block_size, color_weight=color_weight)
+    cost = census_sgm._fine_cost(left, right, params)
+    bits = [
+        np.unpackbits(census_sgm.census_transform(census_sgm.to_grey(i), params.census_px), axis=0)
+        for i in (left, right)
+    ]
+    for d in range(3):
+        distance = (bits[0][..., d:] != bits[1][..., : 14 - d]).sum(axis=0)
+        unlike = np.abs(left[:, d:].astype(float) - right[:, : 14 - d]).mean(axis=2)
+        pixel = distance + color_weight * np.minimum(unlike, params.color_cap)
+        expected = cv2.blur(pixel, (block_size, block_size))
+        assert np.abs(cost[:, d, d:] - expected).max() <= (0.51 if block_size == 1 else 0.85)
 
 
 def test_both_views_of_a_shifted_picture():

@@ -43,6 +43,7 @@ def compiled(loops: Callable[P, None]) -> Callable[P, None]:
 
     Examples
     --------
+    >>> import numpy as np
     >>> @compiled
     ... def doubled(values, out):
     ...     for k in range(values.size):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any, cast
+
 import cv2
 import numpy as np
 
@@ -136,3 +138,26 @@ def _differences(left: UInt8, right: UInt8, rough_px: Float32) -> Float32:
     off = first - np.atleast_3d(seen)
     off[~known] = np.nan
     return np.asarray(off)
+
+
+def shrunk(image: UInt8, times: int, moved_px: int = 0) -> Float32:
+    """Make a picture smaller without rounding, after moving it to the left.
+
+    Parameters
+    ----------
+    image : (H, W) or (H, W, C) uint8
+    times : int
+        How many.
+    moved_px : int
+        Columns, less than `times`.
+
+    Returns
+    -------
+    (ceil(H / times), ceil(W / times), C) float32, grey levels
+        Means over squares of pixels; the border is repeated where they reach over it.
+    """
+    height, width = image.shape[:2]
+    size = -(-width // times), -(-height // times)
+    spare = size[1] * times - height, size[0] * times - width + moved_px
+    roomy: Any = cv2.copyMakeBorder(image, 0, spare[0], 0, spare[1], cv2.BORDER_REPLICATE)[:, moved_px:]
+    return np.atleast_3d(cv2.resize(cast(Any, roomy).astype(np.float32), size, interpolation=cv2.INTER_AREA))

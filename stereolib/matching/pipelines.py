@@ -88,7 +88,7 @@ def stereo_pipeline(name: str = "best", num_disparities: int | None = 128) -> Pi
         - ``"best"``: `even_out`, `match_census_sgm`, checked from right to left, specks removed, holes filled by the
           planes behind them or by what around them has their colour (`fill_by_color`), pixels beside steps given to the
           surface that has their colour (`choose_surface`), 5 x 5 median, planes (`smooth_by_planes`); a standard
-          deviation for each pixel. Dense; some seconds.
+          deviation for each pixel. Dense. Its first run on a machine compiles for some seconds.
     num_disparities : int or None, px
         Disparities from 0 to this are looked for; a multiple of 16, of 32 for ``"fast"``. None takes what
         `search_range` tells of the pair.

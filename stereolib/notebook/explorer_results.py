@@ -108,7 +108,7 @@ def _recipe_texts(state: State) -> list[str]:
 def _warnings(state: State) -> list[str]:
     """What the measurement says of the rig, without what the bench knows itself, and what takes long."""
     if state.half and state.matcher == BEST:
-        return [f'half size for now: the matcher "{BEST}" computes the full one for some seconds …']
+        return [f'half size for now: the matcher "{BEST}" is at the full one …']
     if state.half:
         return []
     told = [_search_warning(state), _rows_warning(state)]

@@ -15,7 +15,7 @@ VIRTUAL, OWN, MOTORCYCLE = "virtual rig", "own pair", "motorcycle (Middlebury)"
 WINDOWS = ("all disparities", "around the laser's")
 BEST = "best"
 MATCHERS = ("sgbm", "paper", "fast", BEST)
-_MATCHER_NAMES = ("OpenCV's SGBM", "the paper's: dilates", "fast: in half size", "best: takes seconds")
+_MATCHER_NAMES = ("OpenCV's SGBM", "the paper's: dilates", "fast: in half size", "best: takes a second")
 _PATHS = {"sgbm": "sgbm: 5 paths", "hh": "hh: 8 paths", "3way": "3way: 3 paths", "hh4": "hh4: 4 paths"}
 FILTERS = ("none", *SMOOTHING_METHODS)
 _FILTER_NAMES = {
@@ -182,7 +182,7 @@ class State:
         "Matcher",
         "matcher",
         "OpenCV's with the knobs below, or one of the library's pipelines: the paper's dilates its map, fast works in "
-        "half size, the best takes seconds.",
+        "half size, the best takes a second.",
         names=_MATCHER_NAMES,
     )
     window: str = _menu(

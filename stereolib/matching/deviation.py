@@ -153,7 +153,15 @@ def std_px(kind: Kinds, sign: Float32) -> Float32:
     Returns
     -------
     (H, W) float32, px
+
+    Raises
+    ------
+    ValueError
+        If there are not as many signs as the laws have, or their shape is not that of the kinds.
     """
+    many = len(LAWS[Kind.SMOOTH].mean)
+    if sign.shape != (*kind.shape, many):
+        raise ValueError(f"a map of shape {kind.shape} needs {many} signs a pixel, got shape {sign.shape}")
     out, each_px = np.empty(kind.size, np.float32), kind.ravel()
     planes = np.moveaxis(sign, -1, 0).reshape(sign.shape[-1], -1)
     for each, law in LAWS.items():

@@ -60,6 +60,11 @@ def choose_surface(
         A pixel that goes to the other surface gets the mean of that one's disparities, with the weights below; where
         no place votes for that one, the largest or the smallest disparity around.
 
+    Raises
+    ------
+    ValueError
+        If the picture or what was kept has another shape than the map.
+
     Notes
     -----
     Asked are holes and pixels within 2 px of a step of 2 px. Pixels that were matched and are not so near to a step may
@@ -82,6 +87,9 @@ def choose_surface(
     >>> found.disparity_px[20, [26, 27, 29, 30]], int(found.moved.sum())
     (array([10., 10., 10., 30.], dtype=float32), 120)
     """
+    if not disparity_px.shape == kept.shape == left.shape[:2]:
+        shapes = f"the picture has shape {left.shape[:2]}, what was kept {kept.shape}"
+        raise ValueError(f"{shapes}, the disparity map {disparity_px.shape}")
     spread_px = cv2.morphologyEx(disparity_px, cv2.MORPH_GRADIENT, np.ones((3, 3), np.uint8))
     step = (spread_px > STEP_PX).astype(np.uint8)
     beside = cv2.dilate(step, np.ones((2 * _BESIDE_PX + 1,) * 2, np.uint8)) > 0

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from stereolib.matching import EvenPair, SGMResult, choose_surface, fill_matched
-from stereolib.matching.deviation import Kind
+from stereolib.matching.deviation import Kind, std_px
 
 ROWS, COLUMNS = np.mgrid[:60, :80]
 THING = (np.abs(ROWS - 30) < 18) & (np.abs(COLUMNS - 40) < 16)
@@ -119,3 +119,11 @@ def test_a_match_that_was_given_to_the_other_surface_is_called_a_guess():
     found = fill_matched(SGMResult(was, right, np.full_like(was, 100)), EvenPair(picture(), picture(), 1.0))
     too_wide = (was == 30) & ~THING
     assert (found.kind[too_wide] >= Kind.GAP).mean() > 0.9
+
+
+def test_parts_of_other_shapes_are_refused():
+    level = np.full((5, 7), 4, np.float32)
+    with pytest.raises(ValueError, match=r"the picture has shape \(6, 7\), what was kept \(5, 7\), .* map \(5, 7\)"):
+        choose_surface(level, level > 0, np.zeros((6, 7), np.uint8))
+    with pytest.raises(ValueError, match=r"needs 11 signs a pixel, got shape \(5, 7, 10\)"):
+        std_px(np.zeros((5, 7), np.int8), np.zeros((5, 7, 10), np.float32))

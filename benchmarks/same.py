@@ -1,8 +1,8 @@
 """Prove that every processor writes the same bytes: reproduce the paper under other arithmetic, and compare.
 
 Each variant clones the last commit into a folder of its own, executes all notebooks there with other kernels of
-OpenBLAS, numpy or OpenCV, and its `figures/` and `notebooks/` are held against the baseline's, byte by byte. A variant
-replaces what `stereolib.reproduction.kernels` would pin. Only what this processor can do is tried.
+OpenBLAS, numpy, OpenCV or numba, and its `figures/` and `notebooks/` are held against the baseline's, byte by byte. A
+variant replaces what `stereolib.reproduction.kernels` would pin. Only what this processor can do is tried.
 """
 
 from __future__ import annotations
@@ -36,7 +36,9 @@ EXTRA_DIGITS = 8  # behind the printed ones, to see how far a number stands from
 LEAST_MARGIN = 10.0  # times its spread between processors
 _NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?(?![\w.])")
 _TEXTS = {".csv", ".ipynb", ".yaml"}
-_OURS = ("OPENBLAS_CORETYPE", "NPY_DISABLE_CPU_FEATURES", "OPENCV_CPU_DISABLE", "STEREOLIB_FIGURES")
+_OURS = (
+    "OPENBLAS_CORETYPE", "NPY_DISABLE_CPU_FEATURES", "OPENCV_CPU_DISABLE", "NUMBA_CPU_NAME", "STEREOLIB_FIGURES",
+)  # fmt: skip
 _CV_AVX2, _CV_AVX512_SKX = 11, 256  # OpenCV's numbers of them, for which Python has no names
 
 
@@ -55,7 +57,13 @@ def variants() -> dict[str, dict[str, str]]:
     made["numpy-no-avx2"] = {"NPY_DISABLE_CPU_FEATURES": " ".join(found)}
     skx = ",AVX512-SKX" if cv2.checkHardwareSupport(_CV_AVX512_SKX) else ""
     made["opencv-no-avx2"] = {"OPENCV_CPU_DISABLE": "AVX2" + skx}
-    made["all"] = made["numpy-no-avx2"] | made["opencv-no-avx2"] | made.get("blas-skylakex", made["blas-haswell"])
+    made["numba-generic"] = {"NUMBA_CPU_NAME": "generic"}
+    made["all"] = (
+        made["numpy-no-avx2"]
+        | made["opencv-no-avx2"]
+        | made["numba-generic"]
+        | made.get("blas-skylakex", made["blas-haswell"])
+    )
     return made
 
 

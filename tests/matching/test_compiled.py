@@ -21,7 +21,7 @@ def anew(monkeypatch):
     """As in a process that has not compiled anything yet."""
     from numba.core import event
 
-    before = list(event._registered["numba:compile"])
+    before, event._registered["numba:compile"][:] = list(event._registered["numba:compile"]), []
     module._numba.cache_clear()
     yield monkeypatch
     event._registered["numba:compile"][:] = before

@@ -77,8 +77,8 @@ def guarded(run: Callable[[], int], interrupted: str = "") -> int:
         elif _lacks_memory(error):
             why = getattr(error, "err", "") or str(error) or "none is left"
             _say(f"error: too little memory ({why}): try smaller pictures, or close other programs")
-        elif isinstance(error, (ValueError, OSError)):
-            _say(f"error: {_told(error)}")
+        elif isinstance(error, (ValueError, OSError)) or (isinstance(error, ImportError) and not error.name):
+            _say(f"error: {_told(error)}")  # an ImportError without a name is one of ours, which says what to do
             if isinstance(error, Refused):
                 return REFUSED
         else:

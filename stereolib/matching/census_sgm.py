@@ -295,7 +295,7 @@ def _fine_cost(left: UInt8, right: UInt8, params: CensusSGM) -> UInt8:
     channels = [_channels(image) for image in (left, right)]
     number, height, width = channels[0].shape
     finer = _FINER if params.block_size > 1 else 1
-    law = round(params.color_cap * number), round(65536 * finer * params.color_weight / number)
+    law = min(int(params.color_cap * number), 2**16 - 1), round(65536 * finer * params.color_weight / number)
     cost = np.empty((height, params.num_disparities, width), np.uint8)
     for d in range(params.num_disparities):
         _count_differing(bits[0], bits[1], d, d, cost)

@@ -9,13 +9,18 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable
 from functools import cache, wraps
+from pickle import UnpicklingError
 from typing import Any, ParamSpec
 
 P = ParamSpec("P")
 _MISSING = (
-    'the pipeline "best" needs numba, which is not installed ({0}): pip install numba, or, where pip has none for this '
+    'the pipeline "best" needs numba, which cannot be loaded ({0}): pip install numba, or, where pip has none for this '
     'machine, as for Macs with Intel, conda install numba; "fast" and "paper" do without'
 )
+
+
+#: No folder to keep code in, a full disk, a damaged file there.
+_NOT_KEPT = (RuntimeError, OSError, EOFError, UnpicklingError)
 
 
 def compiled(loops: Callable[P, None]) -> Callable[P, None]:
@@ -34,7 +39,7 @@ def compiled(loops: Callable[P, None]) -> Callable[P, None]:
     Raises
     ------
     ImportError
-        When it is called, if numba is not installed.
+        When it is called, if numba cannot be loaded.
 
     Notes
     -----
@@ -55,17 +60,16 @@ def compiled(loops: Callable[P, None]) -> Callable[P, None]:
     """
 
     @cache
-    def machine_code() -> Callable[P, None]:
-        numba = _numba()
-        try:
-            code: Callable[P, None] = numba.njit(cache=True)(loops)
-        except RuntimeError:  # no folder to keep it in
-            code = numba.njit(loops)
+    def machine_code(*, kept: bool) -> Callable[P, None]:
+        code: Callable[P, None] = _numba().njit(cache=kept)(loops)
         return code
 
     @wraps(loops)
     def run(*args: P.args, **kwargs: P.kwargs) -> None:
-        machine_code()(*args, **kwargs)
+        try:
+            machine_code(kept=True)(*args, **kwargs)
+        except _NOT_KEPT:  # before anything ran
+            machine_code(kept=False)(*args, **kwargs)
 
     return run
 
@@ -77,15 +81,16 @@ def _numba() -> Any:
         import numba
         from numba.core import event
     except ImportError as error:
-        raise ImportError(_MISSING.format(error)) from error
+        raise ImportError(_MISSING.format(error)) from error  # without a name: said as it stands
 
     class Notice(event.Listener):
         told = False
 
-        def on_start(self, _: object) -> None:
-            if not self.told and sys.stderr.isatty():
-                print("compiling the matcher for this machine, once: some seconds ...", file=sys.stderr)
-            self.told = True
+        def on_start(self, started: Any) -> None:
+            ours = str(started.data["dispatcher"].py_func.__module__).startswith("stereolib.")
+            if ours and not self.told and sys.stderr is not None and sys.stderr.isatty():
+                print("compiling the matcher for this machine: some seconds ...", file=sys.stderr)
+            self.told |= ours
 
         def on_end(self, _: object) -> None:
             pass

@@ -34,12 +34,19 @@ def aggregate(cost: UInt8, grey: UInt8, p1: int, p2: int, edge: float) -> Int16:
     -------
     (H, D, W) int16
 
+    Raises
+    ------
+    ValueError
+        If the picture is not of the costs' height and width.
+
     Notes
     -----
     ``L_r(p, d) = C(p, d) + min(L_r(q, d), L_r(q, d +- 1) + P1, min_k L_r(q, k) + P2(p, q)) - min_k L_r(q, k)`` with q
     the pixel before p on path r, and ``P2(p, q) = max(P2 / (1 + |I(p) - I(q)| / edge), P1 + 1)``; a path that comes in
     over the rim begins there. No path exceeds the largest cost and P2, so that 8 bits hold it.
     """
+    if grey.shape != cost.shape[::2]:
+        raise ValueError(f"the picture has shape {grey.shape}, the costs (H, D, W) are {cost.shape}")
     fall = np.maximum(p2 / (1 + np.arange(256) / edge), p1 + 1).astype(np.uint8)
     shades, total = grey.astype(np.int16), np.zeros(cost.shape, np.int16)
     _walk(cost, shades, fall, np.uint8(p1), np.array([0, 1, -1]), total)
@@ -61,6 +68,7 @@ def read_off(total: Int16) -> tuple[Float32, Float32, Float32]:
     Parameters
     ----------
     total : (H, D, W) int16
+        Written into meanwhile, and as it was at the end.
 
     Returns
     -------

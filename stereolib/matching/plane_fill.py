@@ -201,7 +201,7 @@ def _planes(disparity: Float32, rows: Ints, columns: Ints, away_px: Ints) -> Flo
 
 @compiled
 def _fit(off: Float32, dx: Float32, dy: Float32, prior: Float64, plane: Float32) -> None:
-    """Robust planes through deviations (N, places), NaN where nothing is known, at columns dx and rows dy: (N, 3)."""
+    """Robust planes through deviations (N, places), no number where unknown, at columns dx and rows dy: (N, 3)."""
     for i in range(plane.shape[0]):
         a = b = c = 0.0
         for scale in _SCALES_PX:
@@ -209,7 +209,7 @@ def _fit(off: Float32, dx: Float32, dy: Float32, prior: Float64, plane: Float32)
             ab = ac = bc = ar = br = cr = 0.0
             for k in range(off.shape[1]):
                 r, x, y = off[i, k], dx[i, k], dy[k]
-                if np.isnan(r):
+                if not np.isfinite(r):
                     continue
                 weight = 1 / (1 + ((r - a - b * x - c * y) / scale) ** 2) ** 2
                 aa, ab, ac = aa + weight, ab + weight * x, ac + weight * y

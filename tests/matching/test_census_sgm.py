@@ -218,3 +218,27 @@ def test_what_is_read_off_by_loops(depth):
                 assert found == pytest.approx(expected, abs=1e-4)
         far = [int(value) for d, value in enumerate(here) if abs(d - here.argmin()) > 1]
         assert margin[y, x] == min(far) - here.min()
+
+
+def test_two_sizes_are_mixed_by_their_shares():
+    """Odd sizes too: each pixel of the smaller size is two by two of the larger one's."""
+    rng = np.random.default_rng(10)
+    cost, coarser = (rng.integers(0, 80, shape).astype(np.uint8) for shape in ((5, 3, 7), (3, 3, 4)))
+    share = rng.uniform(0, 0.75, (5, 7)).astype(np.float32)
+    whole = coarser.repeat(2, axis=0)[:5].repeat(2, axis=2)[..., :7].astype(int)
+    part = np.rint(64 * share).astype(int)[:, None]
+    expected = ((64 - part) * cost + part * whole) // 64
+    census_sgm._mix(coarser, share, cost)
+    np.testing.assert_array_equal(cost, expected)
+
+
+def test_a_cap_between_two_grey_levels_is_no_more_than_it_says():
+    """What is checked to fit into 8 bits fits."""
+    left, right = (np.full((6, 9), grey, np.uint8) for grey in (0, 255))
+    params = census_sgm.CensusSGM(2, block_size=3, color_cap=1.5, color_weight=40.0)
+    assert (census_sgm._fine_cost(left, right, params)[:, 0] == 40).all()
+
+
+def test_nothing_is_read_beyond_a_picture_of_another_shape():
+    with pytest.raises(ValueError, match=r"the picture has shape \(2, 5\), the costs \(H, D, W\) are \(3, 5, 7\)"):
+        paths.aggregate(np.zeros((3, 5, 7), np.uint8), np.zeros((2, 5), np.uint8), 20, 90, 5.0)

@@ -40,6 +40,7 @@ def test_a_terminal_is_told_once_that_loops_are_compiled(anew, capsys, is_termin
     out = np.zeros(3, np.uint8)
     for _ in range(2):
         loops = eval("lambda values, out: out.fill(values.size)")  # of no file, so that it was never kept
+        loops.__module__ = "stereolib.matching.tried"
         compiled(loops)(np.arange(3, dtype=np.uint8), out)
     assert (out == 3).all()
     assert capsys.readouterr().err.count("compiling") == is_terminal
@@ -48,13 +49,59 @@ def test_a_terminal_is_told_once_that_loops_are_compiled(anew, capsys, is_termin
 def test_loops_run_where_nothing_can_be_kept(anew):
     import numba
 
-    def njit(*loops, cache=False):
-        if cache:
+    def njit(cache=False):
+        def refuses(_):
             raise RuntimeError("cannot cache function 'doubled': no locator available")
-        return real(*loops)
+
+        return refuses if cache else real()
 
     real = numba.njit
     anew.setattr(numba, "njit", njit)
     out = np.zeros(3, np.uint8)
     compiled(doubled)(np.arange(3, dtype=np.uint8), out)
     assert out.tolist() == [0, 2, 4]
+
+
+@pytest.mark.parametrize("error", [OSError(28, "No space left on device"), EOFError("Ran out of input")])
+def test_loops_run_where_what_was_kept_is_damaged_or_the_disk_is_full(anew, error):
+    import numba
+
+    def njit(cache=False):
+        def fails(*_):
+            raise error
+
+        return (lambda _: fails) if cache else real()
+
+    real = numba.njit
+    anew.setattr(numba, "njit", njit)
+    out = np.zeros(3, np.uint8)
+    compiled(doubled)(np.arange(3, dtype=np.uint8), out)
+    assert out.tolist() == [0, 2, 4]
+
+
+def test_other_peoples_loops_and_a_missing_stderr_are_nothing_to_tell(anew, capsys):
+    out = np.zeros(3, np.uint8)
+    anew.setattr("sys.stderr.isatty", lambda: True, raising=False)
+    compiled(eval("lambda values, out: out.fill(values.size)"))(np.arange(3, dtype=np.uint8), out)
+    assert capsys.readouterr().err == ""
+    anew.setattr(sys, "stderr", None)
+    ours = eval("lambda values, out: out.fill(2 * values.size)")
+    ours.__module__ = "stereolib.matching.tried"
+    compiled(ours)(np.arange(3, dtype=np.uint8), out)
+    assert (out == 6).all()
+
+
+def test_the_command_says_in_a_line_that_numba_is_missing(anew, capsys, tmp_path):
+    import cv2
+
+    from stereolib.cli import main
+
+    rng = np.random.default_rng(0)
+    wide = cv2.GaussianBlur(rng.integers(0, 256, (120, 200, 3), dtype=np.uint8), (0, 0), 1.0)
+    for name, k in (("left", 0), ("right", 8)):
+        cv2.imwrite(str(tmp_path / f"{name}.png"), wide[:, k : k + 180])
+    anew.setitem(sys.modules, "numba", None)
+    done = main(
+        ["disparity", *(str(tmp_path / f"{n}.png") for n in ("left", "right")), "--output", str(tmp_path / "o.npy")]
+    )
+    assert done == 2 and '"best" needs numba' in capsys.readouterr().err

@@ -19,7 +19,6 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from scipy.stats import binomtest
 
 import stereolib
@@ -91,8 +90,7 @@ def save(name: str, result: dict[str, Any], rooms: Iterable[str]) -> None:
     modules: the README says at a row when they have changed since.
     """
     packages = ("stereolib", "numpy", "opencv-python-headless", "scipy")
-    vectors = [name for kind in ("baseline", "found") for name in np.show_config("dicts")["SIMD Extensions"][kind]]
-    machine = {"system": platform.system(), "processor": _processor(), "vectors": vectors[-1], "cores": os.cpu_count()}
+    machine = {"system": platform.system(), "processor": _processor(), "cores": os.cpu_count()}
     versions = {"python": platform.python_version()} | {p: version(p) for p in packages}
     code = {"rooms": sorted(rooms), "sha256": code_sha256(rooms)}
     text = json.dumps({**result, "code": code, "machine": machine, "versions": versions}, indent=1)

@@ -24,7 +24,7 @@ _NOT_KEPT = (RuntimeError, OSError, EOFError, UnpicklingError)
 
 
 def compiled(loops: Callable[P, None]) -> Callable[P, None]:
-    """Have numba compile a function when it is called first, and keep it on disk for the next process.
+    """Have numba compile a function when it is called first, and keep it on disk, if it can, for the next process.
 
     Parameters
     ----------
@@ -64,12 +64,18 @@ def compiled(loops: Callable[P, None]) -> Callable[P, None]:
         code: Callable[P, None] = _numba().njit(cache=kept)(loops)
         return code
 
+    is_kept = True
+
     @wraps(loops)
     def run(*args: P.args, **kwargs: P.kwargs) -> None:
-        try:
-            machine_code(kept=True)(*args, **kwargs)
-        except _NOT_KEPT:  # before anything ran
-            machine_code(kept=False)(*args, **kwargs)
+        nonlocal is_kept
+        if is_kept:
+            try:
+                machine_code(kept=True)(*args, **kwargs)
+                return
+            except _NOT_KEPT:  # before anything ran; not tried again
+                is_kept = False
+        machine_code(kept=False)(*args, **kwargs)
 
     return run
 

@@ -35,7 +35,7 @@ def test_without_numba_best_says_what_it_needs(anew):
 
 
 @pytest.mark.parametrize("is_terminal", [True, False])
-def test_a_terminal_is_told_once_that_loops_are_compiled(anew, capsys, is_terminal):
+def test_a_terminal_is_told_once_a_process_that_loops_are_compiled(anew, capsys, is_terminal):
     anew.setattr("sys.stderr.isatty", lambda: is_terminal, raising=False)
     out = np.zeros(3, np.uint8)
     for _ in range(2):
@@ -64,10 +64,14 @@ def test_loops_run_where_nothing_can_be_kept(anew):
 
 @pytest.mark.parametrize("error", [OSError(28, "No space left on device"), EOFError("Ran out of input")])
 def test_loops_run_where_what_was_kept_is_damaged_or_the_disk_is_full(anew, error):
+    """And it is tried once, not at every call."""
     import numba
+
+    tried = []
 
     def njit(cache=False):
         def fails(*_):
+            tried.append(error)
             raise error
 
         return (lambda _: fails) if cache else real()
@@ -75,8 +79,10 @@ def test_loops_run_where_what_was_kept_is_damaged_or_the_disk_is_full(anew, erro
     real = numba.njit
     anew.setattr(numba, "njit", njit)
     out = np.zeros(3, np.uint8)
-    compiled(doubled)(np.arange(3, dtype=np.uint8), out)
-    assert out.tolist() == [0, 2, 4]
+    loops = compiled(doubled)
+    for _ in range(2):
+        loops(np.arange(3, dtype=np.uint8), out)
+    assert out.tolist() == [0, 2, 4] and tried == [error]
 
 
 def test_other_peoples_loops_and_a_missing_stderr_are_nothing_to_tell(anew, capsys):

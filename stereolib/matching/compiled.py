@@ -9,7 +9,6 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable
 from functools import cache, wraps
-from pickle import UnpicklingError
 from typing import Any, ParamSpec
 
 P = ParamSpec("P")
@@ -17,10 +16,6 @@ _MISSING = (
     'the pipeline "best" needs numba, which cannot be loaded ({0}): pip install numba, or, where pip has none for this '
     'machine, as for Macs with Intel, conda install numba; "fast" and "paper" do without'
 )
-
-
-#: No folder to keep code in, a full disk, a damaged file there.
-_NOT_KEPT = (RuntimeError, OSError, EOFError, UnpicklingError)
 
 
 def compiled(loops: Callable[P, None]) -> Callable[P, None]:
@@ -73,8 +68,8 @@ def compiled(loops: Callable[P, None]) -> Callable[P, None]:
             try:
                 machine_code(kept=True)(*args, **kwargs)
                 return
-            except _NOT_KEPT:  # before anything ran; not tried again
-                is_kept = False
+            except Exception:  # before anything ran: no folder, a full disk, a damaged file there, or the loops' own
+                is_kept = False  # fault, which shows again below
         machine_code(kept=False)(*args, **kwargs)
 
     return run

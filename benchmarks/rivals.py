@@ -10,18 +10,8 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from stereolib.matching import (
-    SGBMParams,
-    choose_surface,
-    continue_background,
-    even_out,
-    fill_by_color,
-    find_rows,
-    left_right_check,
-    match_pair,
-    smooth,
-    smooth_by_planes,
-)
+from stereolib.matching import SGBMParams, even_out, find_rows, left_right_check, match_pair, pipelines, smooth
+from stereolib.matching.census_sgm import SGMResult
 from stereolib.matching.levels import shaded
 from stereolib.rig import to_grey
 
@@ -37,28 +27,26 @@ def both_sides(left: Array, right: Array, num_disparities: int, setting: dict[st
     The rows of the right picture are corrected by the estimator that "best" uses, its brightness is given the mean and
     the deviation of the left one, and what differs part by part is taken off as "best" does it.
     """
-    kept = matched_twice(*evened(left, right), num_disparities, setting)
+    kept, _ = matched_twice(*evened(left, right), num_disparities, setting)
     return cv2.medianBlur(smooth(kept, "background"), setting["median_px"])
 
 
 def with_our_steps(left: Array, right: Array, num_disparities: int) -> Array:
     """The same matcher on the pictures that "best" matches, and all that "best" does after its own."""
     even = even_out(left, right)
-    kept = matched_twice(to_grey(even.left), to_grey(even.right), num_disparities, CHOSEN)
-    dense = fill_by_color(continue_background(kept), kept, even.left)
-    dense = choose_surface(dense, np.isfinite(kept), even.left).disparity_px
-    return smooth_by_planes(cv2.medianBlur(dense, CHOSEN["median_px"]), even.detail())
+    kept, back = matched_twice(to_grey(even.left), to_grey(even.right), num_disparities, CHOSEN)
+    return pipelines.fill_matched(SGMResult(kept, back, np.ones_like(kept)), even).disparity_px
 
 
-def matched_twice(left: Array, right: Array, num_disparities: int, setting: dict[str, int]) -> Array:
-    """What both sides agree about, less specks."""
+def matched_twice(left: Array, right: Array, num_disparities: int, setting: dict[str, int]) -> tuple[Array, Array]:
+    """What the left view sees as the right one does, less specks, and what the right one sees, px."""
     block, area = setting["block_size"], setting["block_size"] ** 2
     every = {"disp12_max_diff": -1, "uniqueness_ratio": 0, "speckle_window_size": 0}
     penalties = {"p1": setting["p1_times"] * area, "p2": setting["p2_times"] * area}
     params = SGBMParams(num_disparities, block, mode="hh", **every, **penalties)
     forth = match_pair(left, right, params, whole=True)
     back = match_pair(right[:, ::-1], left[:, ::-1], params, whole=True)[:, ::-1]
-    return smooth(left_right_check(forth, back), "speckle", size_px=setting["speckle_px"])
+    return smooth(left_right_check(forth, back), "speckle", size_px=setting["speckle_px"]), back
 
 
 def filled_bm(left: Array, right: Array, num_disparities: int) -> Array:

@@ -3,8 +3,8 @@
 Four things differ, and each was measured on virtual scenes: the cost is census plus colour difference instead of
 Birchfield-Tomasi on gradients; the fainter the picture is against its noise, the more of it is seen in half and in
 quarter size, where there is less noise, so that fine things count and noisy pictures need no blur; the penalty for a
-step falls where the image has an edge; and the whole cost volume is at hand afterwards, so that the right view's
-disparity and a confidence cost no new match.
+step falls where the image has an edge; and the whole cost volume is at hand afterwards: from it the right view, which
+checks the left one, gets sums along paths of its own, and each pixel a confidence.
 """
 
 from __future__ import annotations
@@ -151,7 +151,9 @@ def match_census_sgm(left: UInt8, right: UInt8, params: CensusSGM | None = None)
     Notes
     -----
     Each pixel takes the disparity of the least sum along eight paths (`paths.aggregate`), refined by two straight lines
-    of equal slope through it and its neighbours; the right view's comes from the same sums. The cost is
+    of equal slope through it and its neighbours. The right view has the same costs, ``C_right(x, d) = C(x + d, d)``,
+    but sums of its own, with the steps of its own picture, along rows and columns alone: that takes half the time and
+    checks as well. Read off the left view's sums it would repeat their faults, and the check would miss them. Costs are
     ``C_0 = (1 - w_0) c_0 + w_0 C_1``, ``C_1 = (1 - w_1) c_1 + w_1 C_2`` and so on: c_0 is that of the pictures, census
     plus colour; c_1 and c_2 are census distances in half and quarter size, whose right picture is moved by d before it
     is made smaller. The share ``w_k(p) = share / (1 + s^2 / (contrast n_k)^2)`` falls where the left picture's
@@ -185,8 +187,9 @@ def match_census_sgm(left: UInt8, right: UInt8, params: CensusSGM | None = None)
         first = max(top - _BESIDE_ROWS, 0)
         seen, kept = slice(first, top + own + _BESIDE_ROWS), slice(top - first, top - first + own)
         cost = _cost(left[seen], right[seen], params)
-        guide = cv2.medianBlur(to_grey(left[seen]), _GUIDE_PX)
-        found.append(read_off(aggregate(cost, guide, params.p1, params.p2, params.edge)[kept]))
+        left_px, margin = _least(cost, left[seen], params, kept)
+        _turn_to_right(cost, params.outside_cost)
+        found.append((left_px, _least(cost, right[seen], params, kept, slanted=False)[0], margin))
     return SGMResult(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
 
 
@@ -244,6 +247,22 @@ def _cost(left: UInt8, right: UInt8, params: CensusSGM) -> UInt8:
     for d in range(params.num_disparities):
         cost[:, d, :d] = params.outside_cost
     return cost
+
+
+def _least(
+    cost: UInt8, image: UInt8, params: CensusSGM, kept: slice, *, slanted: bool = True
+) -> tuple[Float32, Float32]:
+    """Disparity and margin of the rows that are kept."""
+    guide = cv2.medianBlur(to_grey(image), _GUIDE_PX)
+    return read_off(aggregate(cost, guide, params.p1, params.p2, params.edge, slanted=slanted)[kept])
+
+
+def _turn_to_right(cost: UInt8, outside_cost: int) -> None:
+    """Make the left view's costs the right one's: what ``C(x, d)`` is there is ``C(x + d, d)`` here."""
+    width = cost.shape[2]
+    for d in range(cost.shape[1]):
+        cost[:, d, : width - d] = cost[:, d, d:]
+        cost[:, d, width - d :] = outside_cost
 
 
 def _coarse_cost(left: UInt8, right: UInt8, params: CensusSGM, halvings: int) -> UInt8:

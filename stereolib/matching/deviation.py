@@ -17,7 +17,6 @@ from stereolib.matching.census_sgm import SGMResult
 from stereolib.matching.compiled import compiled
 from stereolib.matching.disparity import left_right_difference
 from stereolib.matching.even_pair import EvenPair
-from stereolib.matching.filling import neighbours
 from stereolib.matching.surfaces import STEP_PX
 from stereolib.rig import to_grey
 
@@ -90,9 +89,11 @@ def kinds(disparity_px: Float32, kept_px: Float32) -> Kinds:
     -------
     (H, W) int8, of `Kind`
     """
-    hole, (before, after) = np.isnan(kept_px), neighbours(kept_px)
-    filled = np.where(np.isnan(before + after), Kind.BORDER, Kind.GAP)
-    return np.where(hole, filled, _spread(disparity_px, _NEAR_PX) > STEP_PX).astype(np.int8)
+    kept, columns = np.isfinite(kept_px), np.arange(kept_px.shape[1])
+    first, last = kept.argmax(axis=1)[:, None], columns[-1] - kept[:, ::-1].argmax(axis=1)[:, None]
+    between = (first < columns) & (columns < last) & kept.any(axis=1, keepdims=True)
+    filled = np.where(between, np.int8(Kind.GAP), np.int8(Kind.BORDER))
+    return np.where(kept, (_spread(disparity_px, _NEAR_PX) > STEP_PX).astype(np.int8), filled)
 
 
 def signs(disparity_px: Float32, matched: SGMResult, kept_px: Float32, pair: EvenPair) -> Float32:
@@ -127,19 +128,22 @@ def signs(disparity_px: Float32, matched: SGMResult, kept_px: Float32, pair: Eve
     along = np.abs(cv2.Sobel(to_grey(pair.left), cv2.CV_32F, 1, 0, ksize=1, scale=0.5)) / np.float32(pair.noise_grey)
     level = (_spread(disparity_px, _STEP_AROUND_PX) <= STEP_PX).astype(np.uint8)
     parts = (
-        np.log(np.maximum(matched.margin, 1)),
-        np.log(np.maximum(_mean(matched.margin, _AROUND_PX), 1)),
-        np.log(_mean(bent, _AROUND_PX) + _BENT_FLOOR_PX),
-        np.log(_spread(disparity_px, _AROUND_PX) + _SPREAD_FLOOR_PX),
-        np.log(_mean(moved.clip(0, _MOST_MOVED_PX), _AROUND_PX) + _MOVED_FLOOR_PX),
-        np.log(_mean(apart.clip(0, _MOST_APART_PX), _NEAR_PX) + _APART_FLOOR_PX),
-        np.log(_mean(unlike, _NEAR_PX) + _UNLIKE_FLOOR),
-        np.log(_mean(unlike, _AROUND_PX) + _UNLIKE_FLOOR),
-        np.log(_mean(along, _NEAR_PX) + _ALONG_FLOOR),
-        np.log1p(cv2.distanceTransform(level, cv2.DIST_L2, 3).clip(0, _FARTHEST_PX)),
-        _mean(kept.astype(np.float32), _WIDE_PX),
+        np.maximum(matched.margin, 1),
+        np.maximum(_mean(matched.margin, _AROUND_PX), 1),
+        _mean(bent, _AROUND_PX) + _BENT_FLOOR_PX,
+        _spread(disparity_px, _AROUND_PX) + _SPREAD_FLOOR_PX,
+        _mean(moved.clip(0, _MOST_MOVED_PX), _AROUND_PX) + _MOVED_FLOOR_PX,
+        _mean(apart.clip(0, _MOST_APART_PX), _NEAR_PX) + _APART_FLOOR_PX,
+        _mean(unlike, _NEAR_PX) + _UNLIKE_FLOOR,
+        _mean(unlike, _AROUND_PX) + _UNLIKE_FLOOR,
+        _mean(along, _NEAR_PX) + _ALONG_FLOOR,
+        1 + cv2.distanceTransform(level, cv2.DIST_L2, 3).clip(0, _FARTHEST_PX),
     )
-    return np.moveaxis(np.stack(parts).astype(np.float32, copy=False), 0, -1)  # one sign after the other in memory
+    every = np.empty((len(parts) + 1, *kept.shape), np.float32)  # one sign after the other in memory
+    for part, sign in zip(parts, every, strict=False):
+        cv2.log(part.astype(np.float32, copy=False), dst=sign)
+    every[-1] = _mean(kept.astype(np.float32), _WIDE_PX)
+    return np.moveaxis(every, 0, -1)
 
 
 def std_px(kind: Kinds, sign: Float32) -> Float32:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, TypeAlias
 
 import cv2
 import numpy as np
@@ -12,6 +12,7 @@ from stereolib.base import Float32, Float64, Floats, UInt8
 from stereolib.matching.sgbm import STEPS_PER_PX
 from stereolib.rig import to_grey
 
+Columns: TypeAlias = npt.NDArray[np.int32]
 #: Methods of `inpaint`, with OpenCV's flags.
 SOLVERS = {"telea": cv2.INPAINT_TELEA, "navier_stokes": cv2.INPAINT_NS, "biharmonic": -1}  # the last is no flag
 _SPECKLE_RANGE_PX = 1.0  # neighbours that differ by no more are one patch
@@ -107,25 +108,27 @@ def fill_background(disparity_px: npt.ArrayLike) -> Float32:
     return np.where(np.isnan(rows), np.fmin(above, below), rows)
 
 
-def neighbours(disparity_px: Float32) -> tuple[Float32, Float32]:
+def neighbours(disparity_px: Float32, nearest: tuple[Columns, Columns] | None = None) -> tuple[Float32, Float32]:
     """Find each pixel's nearest valid disparities in its row.
 
     Parameters
     ----------
     disparity_px : (H, W) float32, px, NaN is a hole
+    nearest : (H, W) int32, (H, W) int32, optional
+        Of `nearest_columns`, if they are known.
 
     Returns
     -------
     before, after : (H, W) float32, px
         At or left of the pixel, and at or right of it; NaN where there is none.
     """
-    before, after = nearest_columns(disparity_px)
+    before, after = nearest or nearest_columns(disparity_px)
     flat, start = disparity_px.ravel(), np.arange(0, disparity_px.size, disparity_px.shape[1], dtype=np.int32)[:, None]
     # where there is none, the outermost pixel is a hole
     return flat.take(np.maximum(before, 0) + start), flat.take(np.minimum(after, before.shape[1] - 1) + start)
 
 
-def nearest_columns(disparity_px: Float32) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
+def nearest_columns(disparity_px: Float32) -> tuple[Columns, Columns]:
     """Find the columns of each pixel's nearest valid disparities in its row.
 
     Parameters

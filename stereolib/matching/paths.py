@@ -1,4 +1,4 @@
-"""Sums of costs along eight paths, and what is read off them: disparity of both views, how clear the minimum was."""
+"""Sums of costs along paths, and what is read off them: a view's disparity, how clear the minimum was."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from stereolib.base import Float32, Ints, UInt8
 from stereolib.matching.compiled import compiled
 
 Int16: TypeAlias = npt.NDArray[np.int16]
-_BAND_ROWS = 256  # rows that are turned at once for the paths along rows
+_BAND_ROWS = 256  # no more rows are turned at once for the paths along rows
 _NEVER = 32000  # dearer than any sum of eight paths
 
 
-def aggregate(cost: UInt8, grey: UInt8, p1: int, p2: int, edge: float) -> Int16:
-    """Sum up the costs along eight paths.
+def aggregate(cost: UInt8, grey: UInt8, p1: int, p2: int, edge: float, *, slanted: bool = True) -> Int16:
+    """Sum up the costs along paths, from the rim to each pixel.
 
     Parameters
     ----------
@@ -29,6 +29,8 @@ def aggregate(cost: UInt8, grey: UInt8, p1: int, p2: int, edge: float) -> Int16:
         Penalties for a step of one and of more pixels.
     edge : float
         Step of the picture, in grey levels, at which ``p2`` has fallen to a half.
+    slanted : bool
+        Along the four diagonals, too, not along rows and columns alone.
 
     Returns
     -------
@@ -49,21 +51,23 @@ def aggregate(cost: UInt8, grey: UInt8, p1: int, p2: int, edge: float) -> Int16:
         raise ValueError(f"the picture has shape {grey.shape}, the costs (H, D, W) are {cost.shape}")
     fall = np.maximum(p2 / (1 + np.arange(256) / edge), p1 + 1).astype(np.uint8)
     shades, total = grey.astype(np.int16), np.zeros(cost.shape, np.int16)
-    _walk(cost, shades, fall, np.uint8(p1), np.array([0, 1, -1]), total)
+    _walk(cost, shades, fall, np.uint8(p1), np.array([0, 1, -1] if slanted else [0]), total)
     height, depth, width = cost.shape
-    for top in range(0, height, _BAND_ROWS):
-        band = slice(top, min(top + _BAND_ROWS, height))
-        turned, along = (np.zeros((width, depth, band.stop - top), kind) for kind in (np.uint8, np.int16))
+    rows = -(-height // -(-height // _BAND_ROWS))
+    turned, along = (np.empty((width, depth, rows), kind) for kind in (np.uint8, np.int16))
+    for top in range(0, height, rows):
+        first = min(top, height - rows)  # the last band begins in the one before
         for d in range(depth):
-            turned[:, d] = cv2.transpose(cost[band, d])
-        _walk(turned, np.ascontiguousarray(shades[band].T), fall, np.uint8(p1), np.array([0]), along)
+            turned[:, d] = cv2.transpose(cost[first : first + rows, d])
+        along[:] = 0
+        _walk(turned, np.ascontiguousarray(shades[first : first + rows].T), fall, np.uint8(p1), np.array([0]), along)
         for d in range(depth):
-            total[band, d] += cv2.transpose(along[:, d])
+            total[top : first + rows, d] += cv2.transpose(along[:, d, top - first :])
     return total
 
 
-def read_off(total: Int16) -> tuple[Float32, Float32, Float32]:
-    """Find the least sums of both views.
+def read_off(total: Int16) -> tuple[Float32, Float32]:
+    """Find the least sums.
 
     Parameters
     ----------
@@ -72,19 +76,16 @@ def read_off(total: Int16) -> tuple[Float32, Float32, Float32]:
 
     Returns
     -------
-    left_px, right_px : (H, W) float32, px
-        The right view's sums are ``S_right(x, d) = S(x + d, d)``.
+    disparity_px : (H, W) float32, px
     margin : (H, W) float32
-        The left view's least sum at least two pixels away, less the least one.
+        The least sum at least two pixels away, less the least one.
     """
     height, depth, width = total.shape
-    best, around = np.empty((2, height, width), np.int16), np.empty((2, 3, height, width), np.int16)
-    far = np.empty((height, width), np.int16)
-    for view in (0, 1):
-        _find_least(total, view, best[view], around[view])
-    _find_least_elsewhere(total, best[0], around[0], far)
-    left_px, right_px = (_refined(one, three, depth) for one, three in zip(best, around, strict=True))
-    return left_px, right_px, np.asarray(far - around[0, 1], np.float32)
+    best, far = np.empty((2, height, width), np.int16)
+    around = np.empty((3, height, width), np.int16)
+    _find_least(total, best, around)
+    _find_least_elsewhere(total, best, around, far)
+    return _refined(best, around, depth), np.asarray(far - around[1], np.float32)
 
 
 def _refined(disparity: Ints, around: Int16, depth: int) -> Float32:
@@ -131,27 +132,26 @@ def _walk(cost: UInt8, grey: Int16, fall: UInt8, p1: np.uint8, shifts: Ints, tot
 
 
 @compiled
-def _find_least(total: Int16, view: int, best: Int16, around: Int16) -> None:
-    """A view's least sums, the right one's at ``x + d``: their disparities, and the sums below, at and above them."""
+def _find_least(total: Int16, best: Int16, around: Int16) -> None:
+    """The least sums: their disparities, and the sums below, at and above them."""
     height, depth, width = total.shape
     rank = np.empty(width, np.int32)
     for y in range(height):
         rank[:] = _NEVER << 16
         for d in range(depth):
-            sums = total[y, d, view * d :]
-            for x in range(width - view * d):  # the sum above the disparity: the first of equals is the least
+            sums = total[y, d]
+            for x in range(width):  # the sum above the disparity: the first of equals is the least
                 rank[x] = min(rank[x], np.int32(np.int32(np.int32(sums[x]) << np.int32(16)) + np.int32(d)))
         for x in range(width):
             best[y, x] = rank[x] & 0xFFFF
             for side in range(3):
                 d = best[y, x] + side - 1
-                u = x + view * d
-                around[side, y, x] = total[y, d, u] if 0 <= d < depth and u < width else _NEVER
+                around[side, y, x] = total[y, d, x] if 0 <= d < depth else _NEVER
 
 
 @compiled
 def _find_least_elsewhere(total: Int16, best: Int16, around: Int16, far: Int16) -> None:
-    """The left view's least sum at least two pixels away; those nearer are taken out meanwhile, and put back."""
+    """The least sum at least two pixels away; those nearer are taken out meanwhile, and put back."""
     height, depth, width = total.shape
     least = np.empty(width, np.int16)
     for y in range(height):

@@ -28,7 +28,7 @@ from stereolib.matching.sgbm import SGBMParams, check_window
 from stereolib.matching.surfaces import Surfaces, choose_surface
 from stereolib.rig import check_pair, to_grey
 
-_SPECKLE_PX = 11  # patches below 11 x 11 px go
+_RIM_PX = 11  # patches below 11 x 11 px fill no holes
 _MEDIAN_PX = 5
 _FARTHEST, _ROOM, _ROOM_PX = 0.999, 1.05, 8.0  # share of the rough match that the range holds, and room beyond it
 _RANGE = 128  # where nothing tells
@@ -85,9 +85,9 @@ def stereo_pipeline(name: str = "best", num_disparities: int | None = 128) -> Pi
         - ``"paper"``: `cv2.StereoSGBM` and one 9 x 9 dilation (sections II.C and II.D; the paper prints no kernel).
         - ``"fast"``: matched in half size from left and from right, checked, holes filled from the background, and
           enlarged. A quarter of the pixels, half of the disparities: several times faster than plain SGBM.
-        - ``"best"``: `even_out`, `match_census_sgm`, checked from right to left, specks removed, holes filled by the
-          planes behind them or by what around them has their colour (`fill_by_color`), pixels beside steps given to the
-          surface that has their colour (`choose_surface`), 5 x 5 median, planes (`smooth_by_planes`); a standard
+        - ``"best"``: `even_out`, `match_census_sgm`, checked from right to left, holes filled by the planes behind them
+          or by what around them has their colour (`fill_by_color`), but from no small patch, pixels beside steps given
+          to the surface that has their colour (`choose_surface`), 5 x 5 median, planes (`smooth_by_planes`); a standard
           deviation for each pixel. Dense. Its first run on a machine compiles for some seconds.
     num_disparities : int or None, px
         Disparities from 0 to this are looked for; a multiple of 16, of 32 for ``"fast"``. None takes what
@@ -156,20 +156,20 @@ def fill_matched(
     matched: SGMResult,
     pair: EvenPair,
     *,
-    speckle_px: int = _SPECKLE_PX,
+    rim_px: int = _RIM_PX,
     median_px: int = _MEDIAN_PX,
     surface: Callable[[Float32, Bools, UInt8], Surfaces] = choose_surface,
     planes: Callable[[Float32, Float32], Float32] = smooth_by_planes,
 ) -> FilledMap:
-    """Make the dense map of ``"best"``: checked, specks removed, holes filled, steps moved to the colour's, smoothed.
+    """Make the dense map of ``"best"``: checked, holes filled, steps moved to the colour's, smoothed.
 
     Parameters
     ----------
     matched : SGMResult
     pair : EvenPair
         What was matched; the left picture's colours tell where near surfaces end.
-    speckle_px : int
-        Patches of fewer than ``speckle_px ** 2`` pixels are removed.
+    rim_px : int
+        No hole is filled with the disparity of a patch of fewer than ``rim_px ** 2`` pixels. The patch itself stays.
     median_px : {3, 5}
         Edge of the median.
     surface, planes : callable
@@ -181,10 +181,11 @@ def fill_matched(
     """
     checked = left_right_check(matched.left_px, matched.right_px)
     checked[checked > np.arange(checked.shape[1])] = np.nan
-    checked = remove_speckles(checked, speckle_px)
-    dense = fill_by_color(continue_background(checked), checked, pair.left)
-    if np.isnan(dense).any():  # nothing was accepted anywhere
+    rims = remove_speckles(checked, rim_px)
+    dense = fill_by_color(continue_background(rims), rims, pair.left)
+    if np.isnan(dense).any():  # nothing to fill from
         dense = matched.left_px
+    dense = np.where(np.isnan(checked), dense, checked)
     dense, moved = surface(dense, np.isfinite(checked), pair.left)
     checked[moved] = np.nan  # another surface's: no match any more
     disparity = planes(cv2.medianBlur(dense, median_px), pair.detail())

@@ -61,9 +61,12 @@ def continue_background(disparity_px: npt.ArrayLike) -> Float32:
     [11.0, 10.2]
     """
     disparity, _ = check_map(disparity_px)
-    filled, width = fill_background(disparity), disparity.shape[1]
-    before, after = sides = neighbours(disparity)
+    width = disparity.shape[1]
     nearest = nearest_columns(disparity)
+    before, after = sides = neighbours(disparity, nearest)
+    filled = np.fmin(before, after)
+    if np.isnan(filled).any():  # rows without anything
+        filled = fill_background(disparity)
     length = nearest[1] - nearest[0] - 1
     nearer = np.where(np.isnan(before + after), np.float32(np.inf), np.maximum(before, after))
     for k, is_farther in enumerate(((before <= after) | np.isnan(after), (after < before) | np.isnan(before))):

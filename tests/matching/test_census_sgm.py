@@ -16,14 +16,16 @@ def small_pair(shape=(7, 12), seed=0):
     return (rng.integers(0, 256, (*shape, 3), dtype=np.uint8) for _ in range(2))
 
 
-def test_aggregation_is_hirschmuellers():
-    """Eight paths by recursion, pixel by pixel, straight from the equation."""
+@pytest.mark.parametrize(("slanted", "rows"), [(True, 6), (False, 6), (False, 5)])
+def test_aggregation_is_hirschmuellers(slanted, rows, monkeypatch):
+    """Eight or four paths by recursion, pixel by pixel, from the equation; whatever rows are turned at once."""
+    monkeypatch.setattr(paths, "_BAND_ROWS", 2)
     rng = np.random.default_rng(1)
-    cost = rng.integers(0, 60, (6, 5, 9)).astype(np.uint8)
-    grey = rng.integers(0, 256, (6, 9), dtype=np.uint8)
+    cost = rng.integers(0, 60, (rows, 5, 9)).astype(np.uint8)
+    grey = rng.integers(0, 256, (rows, 9), dtype=np.uint8)
     height, count, width = cost.shape
     expected = np.zeros(cost.shape, int)
-    for dy, dx in [(a, b) for a in (-1, 0, 1) for b in (-1, 0, 1) if (a, b) != (0, 0)]:
+    for dy, dx in [(a, b) for a in (-1, 0, 1) for b in (-1, 0, 1) if (a, b) != (0, 0) and (slanted or not a * b)]:
         path = {}
         for y in range(height) if dy >= 0 else range(height - 1, -1, -1):
             for x in range(width) if dx >= 0 else range(width - 1, -1, -1):
@@ -40,7 +42,7 @@ def test_aggregation_is_hirschmuellers():
                 ])  # fmt: skip
         for (y, x), values in path.items():
             expected[y, :, x] += values
-    np.testing.assert_array_equal(paths.aggregate(cost, grey, 7, 40, 30.0), expected)
+    np.testing.assert_array_equal(paths.aggregate(cost, grey, 7, 40, 30.0, slanted=slanted), expected)
 
 
 def test_census_tells_darker_neighbours():
@@ -201,23 +203,37 @@ def test_too_little_memory_is_told_with_what_would_fit(monkeypatch):
 
 @pytest.mark.parametrize("depth", [7, 300])
 def test_what_is_read_off_by_loops(depth):
-    """Both views' least sums, refined, and the margin; among equals the smallest disparity."""
+    """Least sums, refined, and the margin; among equals the smallest disparity."""
     rng = np.random.default_rng(3)
     total = rng.integers(0, 500, (4, depth, depth + 5)).astype(np.int16)
     total[0, 2:4, -1] = -1
-    left, right, margin = paths.read_off(total)
-    for y, x in np.ndindex(left.shape):
+    before = total.copy()
+    disparity, margin = paths.read_off(total)
+    np.testing.assert_array_equal(total, before)
+    for y, x in np.ndindex(disparity.shape):
         here = total[y, :, x]
-        seen = [total[y, d, x + d] for d in range(depth) if x + d < total.shape[2]]
-        for sums, found in ((here, left[y, x]), (np.array(seen), right[y, x])):
-            best = int(sums.argmin())
-            assert abs(found - best) <= 0.5
-            if 0 < best < depth - 1:  # beyond the rim of the other picture nothing is cheap
-                low, least, high = (int(value) for value in (*sums, paths._NEVER)[best - 1 : best + 2])
-                expected = best + (low - high) / (2 * max(low - least, high - least, 1))
-                assert found == pytest.approx(expected, abs=1e-4)
+        best = int(here.argmin())
+        assert abs(disparity[y, x] - best) <= 0.5
+        if 0 < best < depth - 1:
+            low, least, high = (int(value) for value in here[best - 1 : best + 2])
+            expected = best + (low - high) / (2 * max(low - least, high - least, 1))
+            assert disparity[y, x] == pytest.approx(expected, abs=1e-4)
         far = [int(value) for d, value in enumerate(here) if abs(d - here.argmin()) > 1]
         assert margin[y, x] == min(far) - here.min()
+
+
+def test_the_right_view_is_matched_as_a_left_one_would_be():
+    """In a mirror the right picture is a left one: along rows and columns, its disparities are those of that pair."""
+    rng = np.random.default_rng(12)
+    wide = cv2.GaussianBlur(rng.integers(0, 256, (40, 90, 3), dtype=np.uint8), (0, 0), 1.0)
+    left, right = wide[:, :70].copy(), wide[:, 5:75].copy()
+    right[12:28, 20:40] = wide[12:28, 31:51]  # a near thing
+    params = census_sgm.CensusSGM(16, halvings=0)  # shares are of the left picture alone
+    found = census_sgm.match_census_sgm(left, right, params)
+    mirrored = [np.ascontiguousarray(side[:, ::-1]) for side in (right, left)]
+    cost = census_sgm._cost(*mirrored, params)
+    expected, _ = census_sgm._least(cost, mirrored[0], params, slice(None), slanted=False)
+    np.testing.assert_array_equal(found.right_px, expected[:, ::-1])
 
 
 def test_two_sizes_are_mixed_by_their_shares():

@@ -79,6 +79,18 @@ def test_best_owns_up_to_its_guesses():
     assert (deviation.std_px(filled.kind, filled.signs) > 5).all()
 
 
+def test_a_small_island_stays_and_fills_nothing():
+    """Nonsense that both views happen to agree about is not spread over the hole that it lies in."""
+    left = np.full((60, 120), 40, np.float32)
+    right = np.where((np.arange(60) >= 20)[:, None] & (np.arange(60) < 40)[:, None], np.float32(0), left)
+    left[26:34, 76:84], right[26:34, 66:74] = 10, 10  # 8 x 8 px in a hole
+    matched = census_sgm.SGMResult(left, right, np.full_like(left, 100))
+    pair, steps = EvenPair(*[np.full(left.shape, 90, np.uint8)] * 2, 1.0), {"planes": lambda d, _: d}
+    found, spread = (pipelines.fill_matched(matched, pair, rim_px=n, **steps).disparity_px for n in (11, 1))
+    assert found[30, 80] == spread[30, 80] == 10
+    assert found[30, 60] == found[30, 100] == 40 and spread[30, 100] == pytest.approx(10, abs=0.01)
+
+
 def test_signs_tell_what_the_pictures_contradict():
     """Where the map is 3 px off, the pictures differ there and nowhere else; a step is as far as it is."""
     left = np.random.default_rng(5).integers(0, 256, (40, 120), np.uint8)
@@ -225,7 +237,9 @@ def test_the_settings_are_those_that_the_script_chose(monkeypatch):
 
     chosen, rows = chosen_from(script.FILE, script.GRID, script.KNOBS)
     assert chosen.pop("blur_from_grey") == 1.0  # which reads texture as noise: what replaced it has no such limit
-    assert (chosen.pop("speckle_px"), chosen.pop("median_px")) == (pipelines._SPECKLE_PX, pipelines._MEDIAN_PX)
+    assert chosen.pop("speckle_px") and chosen.pop("median_px")  # nothing is removed any more; the other, chosen anew
+    tidied, (first_tidied, *_) = chosen_from(script.TIDIED_FILE, script.TIDIED, script.TIDIED_KNOBS)
+    assert tidied == {"rim_px": pipelines._RIM_PX, "median_px": pipelines._MEDIAN_PX}
     chosen |= chosen_from(script.COARSE_FILE, script.COARSE, script.COARSE_KNOBS)[0]
     assert census_sgm.CensusSGM(**chosen) == census_sgm.CensusSGM()
     surface, (first_surface, *_) = chosen_from(script.SURFACE_FILE, script.SURFACE, script.SURFACE_KNOBS)
@@ -234,8 +248,9 @@ def test_the_settings_are_those_that_the_script_chose(monkeypatch):
     assert planes == smooth_by_planes.__kwdefaults__
     rival, (first_rival, *_) = chosen_from(script.RIVAL_FILE, script.RIVAL, script.RIVAL_KNOBS)
     assert rival == importlib.import_module("rivals").CHOSEN
-    shared, *same = ([name for name in row if "@" in name] for row in (first_rival, first_surface, first_planes))
-    assert same == [shared, shared]  # the rival has seen what "best" has
+    firsts = first_rival, first_tidied, first_surface, first_planes
+    shared, *same = ([name for name in row if "@" in name] for row in firsts)
+    assert same == [shared] * 3  # the rival has seen what "best" has
     sets = importlib.import_module("layered_pairs").SETS
     tested = {f"{look.textures}@{seed}" for look, seeds in sets["test"] for seed in seeds}
     assert len(shared) > 70 and not tested & set(shared)

@@ -28,10 +28,11 @@ file is ever begun anew. Tried on every second one of these scenes and not taken
 right picture warped by the first map; at its best it took the mean from 3.56 to 3.52 %.
 
 Later the right view got sums along paths of its own. What it then keeps is surer, so small patches stay; but what is
-wrong in them shall not spread: below which size they fill no holes, the surest first, and the median's edge are chosen
+wrong in them shall not spread: below which size they count as holes, the surest first, and the median's edge are chosen
 from ``TIDIED``, by both measures, on all scenes that the rival's are chosen on; their lines are in
 ``results/choose_tidied.csv``. Tried on the same scenes: eight paths for the right view, too, are 1.5 % worse than four;
-small patches removed, at their best 5 x 5 px, are within the plateau, but spread nonsense on glossy things.
+small patches removed, at their best 5 x 5 px, are within the plateau, but spread nonsense on glossy things. What was
+chosen before was not chosen anew; the first file's patches were removed.
 
 Then came `surfaces.choose_surface`, from ``SURFACE``: infinitely sure leaves it out; and last the planes of
 `plane_smoothing`, from ``PLANES``: windows of one pixel leave all as it is, and with an infinite detail it counts for

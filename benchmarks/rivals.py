@@ -35,7 +35,8 @@ def with_our_steps(left: Array, right: Array, num_disparities: int) -> Array:
     """The same matcher on the pictures that "best" matches, and all that "best" does after its own."""
     even = even_out(left, right)
     kept, back = matched_twice(to_grey(even.left), to_grey(even.right), num_disparities, CHOSEN)
-    return pipelines.fill_matched(SGMResult(kept, back, np.ones_like(kept)), even).disparity_px
+    found = SGMResult(kept, back, np.ones_like(kept))
+    return pipelines.fill_matched(found, even, rim_px=CHOSEN["speckle_px"]).disparity_px
 
 
 def matched_twice(left: Array, right: Array, num_disparities: int, setting: dict[str, int]) -> tuple[Array, Array]:

@@ -152,7 +152,7 @@ def match_census_sgm(left: UInt8, right: UInt8, params: CensusSGM | None = None)
     -----
     Each pixel takes the disparity of the least sum along eight paths (`paths.aggregate`), refined by two straight lines
     of equal slope through it and its neighbours. The right view has the same costs, ``C_right(x, d) = C(x + d, d)``,
-    but sums of its own, with the steps of its own picture, along rows and columns alone: that takes half the time and
+    but sums of its own, with the steps of its own picture, along rows and columns alone: that takes less time and
     checks as well. Read off the left view's sums it would repeat their faults, and the check would miss them. Costs are
     ``C_0 = (1 - w_0) c_0 + w_0 C_1``, ``C_1 = (1 - w_1) c_1 + w_1 C_2`` and so on: c_0 is that of the pictures, census
     plus colour; c_1 and c_2 are census distances in half and quarter size, whose right picture is moved by d before it

@@ -68,8 +68,8 @@ def compiled(loops: Callable[P, None]) -> Callable[P, None]:
             try:
                 machine_code(kept=True)(*args, **kwargs)
                 return
-            except Exception:  # before anything ran: no folder, a full disk, a damaged file there, or the loops' own
-                is_kept = False  # fault, which shows again below
+            except Exception:  # no folder, a full disk, a damaged file, or the loops' own fault, which shows again
+                is_kept = False
         machine_code(kept=False)(*args, **kwargs)
 
     return run

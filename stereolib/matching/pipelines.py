@@ -28,7 +28,7 @@ from stereolib.matching.sgbm import SGBMParams, check_window
 from stereolib.matching.surfaces import Surfaces, choose_surface
 from stereolib.rig import check_pair, to_grey
 
-_RIM_PX = 11  # patches below 11 x 11 px fill no holes
+_RIM_PX = 11  # patches below 11 x 11 px are guesses: no holes are filled from them
 _MEDIAN_PX = 5
 _FARTHEST, _ROOM, _ROOM_PX = 0.999, 1.05, 8.0  # share of the rough match that the range holds, and room beyond it
 _RANGE = 128  # where nothing tells
@@ -169,7 +169,8 @@ def fill_matched(
     pair : EvenPair
         What was matched; the left picture's colours tell where near surfaces end.
     rim_px : int
-        No hole is filled with the disparity of a patch of fewer than ``rim_px ** 2`` pixels. The patch itself stays.
+        A patch of fewer than ``rim_px ** 2`` pixels keeps its disparities as the best guess that there is, but counts
+        as a hole: nothing is filled from it, and it has no vote.
     median_px : {3, 5}
         Edge of the median.
     surface, planes : callable
@@ -181,16 +182,16 @@ def fill_matched(
     """
     checked = left_right_check(matched.left_px, matched.right_px)
     checked[checked > np.arange(checked.shape[1])] = np.nan
-    rims = remove_speckles(checked, rim_px)
-    dense = fill_by_color(continue_background(rims), rims, pair.left)
-    if np.isnan(dense).any():  # nothing to fill from
+    kept = remove_speckles(checked, rim_px)
+    dense = fill_by_color(continue_background(kept), kept, pair.left)
+    if np.isnan(dense).any():  # nothing was accepted anywhere
         dense = matched.left_px
     dense = np.where(np.isnan(checked), dense, checked)
-    dense, moved = surface(dense, np.isfinite(checked), pair.left)
-    checked[moved] = np.nan  # another surface's: no match any more
+    dense, moved = surface(dense, np.isfinite(kept), pair.left)
+    kept[moved] = np.nan  # another surface's: no match any more
     disparity = planes(cv2.medianBlur(dense, median_px), pair.detail())
-    signs = deviation.signs(disparity, matched, checked, pair)
-    return FilledMap(disparity, deviation.kinds(disparity, checked), signs)
+    signs = deviation.signs(disparity, matched, kept, pair)
+    return FilledMap(disparity, deviation.kinds(disparity, kept), signs)
 
 
 def match_best(pair: EvenPair, num_disparities: int, params: CensusSGM | None = None) -> SGMResult:

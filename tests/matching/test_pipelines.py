@@ -73,10 +73,13 @@ def test_best_owns_up_to_its_guesses():
     assert np.median(found.std_px[~found.matched]) > 2 * np.median(found.std_px[found.matched])
     ones = np.ones((40, 64), np.float32)  # the views contradict each other everywhere: nothing may claim to be known
     grey = ones.astype(np.uint8)
-    matched = census_sgm.SGMResult(9 * ones, 3 * ones, 300 * ones)
-    filled = pipelines.fill_matched(matched, EvenPair(grey, grey, 1.0))
-    assert (filled.kind == deviation.Kind.BORDER).all()
-    assert (deviation.std_px(filled.kind, filled.signs) > 5).all()
+    by_chance = 3 * ones
+    by_chance[10:15, 30:35] = 9
+    for right_px in (3 * ones, by_chance):  # but for a patch that agrees by chance
+        matched = census_sgm.SGMResult(9 * ones, right_px, 300 * ones)
+        filled = pipelines.fill_matched(matched, EvenPair(grey, grey, 1.0))
+        assert (filled.kind == deviation.Kind.BORDER).all()
+        assert (deviation.std_px(filled.kind, filled.signs) > 5).all()
 
 
 def test_a_small_island_stays_and_fills_nothing():
@@ -86,8 +89,8 @@ def test_a_small_island_stays_and_fills_nothing():
     left[26:34, 76:84], right[26:34, 66:74] = 10, 10  # 8 x 8 px in a hole
     matched = census_sgm.SGMResult(left, right, np.full_like(left, 100))
     pair, steps = EvenPair(*[np.full(left.shape, 90, np.uint8)] * 2, 1.0), {"planes": lambda d, _: d}
-    found, spread = (pipelines.fill_matched(matched, pair, rim_px=n, **steps).disparity_px for n in (11, 1))
-    assert found[30, 80] == spread[30, 80] == 10
+    (found, kind, _), (spread, *_) = (pipelines.fill_matched(matched, pair, rim_px=n, **steps) for n in (11, 1))
+    assert found[30, 80] == spread[30, 80] == 10 and kind[30, 80] > deviation.Kind.STEP  # no match
     assert found[30, 60] == found[30, 100] == 40 and spread[30, 100] == pytest.approx(10, abs=0.01)
 
 
@@ -237,7 +240,7 @@ def test_the_settings_are_those_that_the_script_chose(monkeypatch):
 
     chosen, rows = chosen_from(script.FILE, script.GRID, script.KNOBS)
     assert chosen.pop("blur_from_grey") == 1.0  # which reads texture as noise: what replaced it has no such limit
-    assert chosen.pop("speckle_px") and chosen.pop("median_px")  # nothing is removed any more; the other, chosen anew
+    del chosen["speckle_px"], chosen["median_px"]  # nothing is removed any more; the other was chosen anew
     tidied, (first_tidied, *_) = chosen_from(script.TIDIED_FILE, script.TIDIED, script.TIDIED_KNOBS)
     assert tidied == {"rim_px": pipelines._RIM_PX, "median_px": pipelines._MEDIAN_PX}
     chosen |= chosen_from(script.COARSE_FILE, script.COARSE, script.COARSE_KNOBS)[0]

@@ -290,7 +290,7 @@ def test_the_benchmark_says_what_the_library_uses():
 
 
 #: On the motorcycle, measured with OpenCV 4.14: it rounds the corrected rows otherwise, in 6 % of the pixels.
-OPENCV4_BAD2_PCT = 5.16
+OPENCV4_BAD2_PCT = 5.17
 
 
 def test_best_on_a_real_pair():

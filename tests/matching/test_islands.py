@@ -42,7 +42,7 @@ def test_occluded_wall_of_the_walk_loses_its_ghosts() -> None:
     off = np.abs(before.disparity_px - truth.disparity_px)
     ghost, good = before.matched & (off > 10), before.matched & (off < 1)
     assert ghost.sum() > 1400
-    assert (ghost & after.matched).sum() < 0.45 * 1900
+    assert (ghost & after.matched).sum() < 0.45 * 1900  # no more than when there were most of them
     surely = ghost & (off > 3 * before.std_px)
     assert (surely & after.matched).sum() < 0.45 * surely.sum()
     assert (good & after.matched).sum() > 0.99 * good.sum()

@@ -30,6 +30,7 @@ _EVEN, _WEIGHT = 0.5, 1.0  # correlation that speaks neither for nor against a s
 _LEAST_POWER = 1e-12  # of two lines' slopes: a correlation of nothing with nothing is 0
 _GOES_ON, _UNMATCHED, _ELSEWHERE = 1.0, -0.25, -2.0  # votes of lines past an end: a surface was matched, none, another
 _FATTENED = 10.0  # votes that a surface gets beyond its end, as blocks of pixels are matched
+_NEAR_RIM = 40  # lines: from where pictures disagree so near to a rim on, what is farther would have been matched
 _HIDES = 2  # half of them hide it; so many, where all of them are nearer than any of the surface
 _BESIDE = 12  # lines past an end that tell what is there
 _SURFACE, _COVERS = 0.25, 0.5  # less than this share of a line's samples matched is no surface, or hides none
@@ -140,7 +141,8 @@ class Agreement:
         between, and where the contrast is less than 0.3 of what is typical (0.7 where the surface was matched: there,
         noise and JPEG disagree) or than twice the noise, they tell nothing, unless they disagree and something farther
         was matched there, on more than 1.3 times the noise: over a plain part, what is behind is matched too. Three
-        lines in a row that disagree, or one that a picture does not show, stop it.
+        lines in a row that disagree, or one that a picture does not show, stop it; along a row not the former where the
+        latter is at most 40 lines away, and nothing farther was matched in between: noise and JPEG disagree, too.
 
         Examples
         --------
@@ -156,12 +158,18 @@ class Agreement:
         gained = np.cumsum(good - _COST * ~good - _AGAIN * run - _OTHER * (aside & self._elsewhere & ~good))[:rim]
         last = int(np.argmax(gained)) if good[:rim].any() else -1
         stop = min(last + 1 + _first(run[last + 1 :], len(values)), rim)
+        if aside and self._may_go_on_to(rim, stop):
+            stop = rim
         cut = stop < len(values) and not shown[stop : stop + (_WINDOW if aside else _MARGIN)].all()
         hidden = self._is_hidden_beyond(last, aside=aside)
         past = Past.HIDDEN if hidden else Past.CUT if cut else Past.OPEN
         sure = int(np.flatnonzero((good & self._has_own(known))[: last + 1]).max(initial=min(last, 0)))
         last, sure = (max(at - _MARGIN, min(at, 0)) for at in (last, sure))
         return Reach(last, max(stop - 1, 0), past, sure)
+
+    def _may_go_on_to(self, rim: int, stop: int) -> bool:
+        """The picture ends there, near where the pictures disagree, and in between nothing farther was matched."""
+        return rim < len(self.fine) and rim - stop <= _NEAR_RIM and not self._farther[stop:rim].any()
 
     def _is_hidden_beyond(self, last: int, *, aside: bool) -> bool:
         """Something nearer was matched beyond a line.
@@ -439,8 +447,8 @@ class Samples:
         alike, (_, _, _, slope_a, _, slope_b, slope, n) = self.correlations, np.moveaxis(self.sums, -1, 0)
         n = np.maximum(n, 1)
         contrast, relief = np.sqrt(np.minimum(slope_a, slope_b) / n), np.sqrt(slope / n)
-        whole, predicted = (alike[..., 0] + alike[..., 1]) / 2, self.predicted_px.mean(axis=-1)
         shown, seen = np.where(self.inside, self.matched_px, np.nan), np.count_nonzero(self.inside, axis=1)
+        whole, predicted = (alike[..., 0] + alike[..., 1]) / 2, self.predicted_px.sum(axis=1) / np.maximum(seen, 1)
         matched, covering = (_medians(shown, share * seen) for share in (_SURFACE, _COVERS))
         noise = np.full(len(whole), self.noise)
         return Agreement(alike[..., 1], whole, contrast, relief, predicted, matched, covering, noise)

@@ -44,6 +44,8 @@ class Peak:
         Part of `std_px`: how far other peaks lie, which may be the edge as well.
     log_odds : (lines,) float64
         Of each line to be the edge, against the likeliest one.
+    is_outermost : bool
+        It is the last line that was looked at: the edge may lie beyond.
     """
 
     position_px: float
@@ -51,6 +53,7 @@ class Peak:
     contrast: float
     rivals_px: float
     log_odds: Float64 = field(default_factory=lambda: np.zeros(0), repr=False, compare=False)
+    is_outermost: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,7 +152,8 @@ def locate_edge(
     others = rivals(likely - likely[best], middle - middle[best], strength)
     std = float(np.sqrt(scatter**2 + blur**2 + (_FLOOR * _width_px(strength, best)) ** 2 + others**2))
     contrast = float(strength[best] / max(median(strength), 1e-9))
-    return Peak(float(in_light + in_grey) / 2, std, contrast, others, log_odds)
+    is_outermost = best in (0, len(strength) - 1)
+    return Peak(float(in_light + in_grey) / 2, std, contrast, others, log_odds, is_outermost)
 
 
 def _light_along(light: Light, lines: ParallelLines, samples: int) -> list[Float32]:

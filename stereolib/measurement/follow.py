@@ -41,7 +41,7 @@ _FARTHER_PX = 1.0  # of disparity: what stands before a gap
 _AT_FLOOR, _AT_FLOOR_PX = 0.03, 2.0  # of disparity, share and px: the floor that lies so little behind a face may be it
 _DOWNWARDS = 0.5  # of the noise: the floor in the shadow of what hangs is nearly plain, and no face
 _REACHED = 8  # lines: so near to there, it goes down to the floor
-_PLAIN_PX = 6  # lines up to the picture's rim that show nothing: a face may end anywhere among more
+_PLAIN_PX = 6  # lines up to the picture's upper rim that show nothing: a face may end anywhere among more
 _BELOW_PX = 10  # a face is followed so far below the floor, to see that it ends there
 
 
@@ -70,12 +70,17 @@ class End:
     may_be_cut: bool = False
 
     @property
+    def is_sure(self) -> bool:
+        """It ends there, and is not cut."""
+        return self.past is Past.OPEN and not self.may_be_cut
+
+    @property
     def spread_px(self) -> float:
         """Standard deviation of a place anywhere from so far inside to so far outside."""
         return (self.inside_px + self.outside_px) / 12**0.5
 
     @classmethod
-    def of(cls, reach: Reach, where: Float64, *, second: bool = False) -> End:
+    def of(cls, reach: Reach, where: Float64, *, aside: bool = True, second: bool = False) -> End:
         """Where a surface ends of which a reach tells.
 
         Parameters
@@ -83,6 +88,8 @@ class End:
         reach : Reach
         where : (lines,) float64
             Places of its lines, which stand a pixel from each other.
+        aside : bool
+            It was followed along a row: what lies there beyond the rim of one picture, the other one shows.
         second : bool
             Its place was only predicted.
 
@@ -91,7 +98,7 @@ class End:
         End
         """
         may_be_cut = reach.past is Past.CUT
-        if may_be_cut and reach.stop - reach.last <= _PLAIN_PX:
+        if may_be_cut and not aside and reach.stop - reach.last <= _PLAIN_PX:
             return cls(float(where[max(reach.stop - 1, 0)]), reach.past)
         lean, spread = _SECOND if second else _FIRST
         plain = max(float(reach.stop - reach.last) - _WINDOW_PX, 0.0)
@@ -210,7 +217,7 @@ def _upwards(views: Views, world: World, face: Face, top_mm: float) -> Stretch:
     foot = _carried_down(along, heights, middle, down, float(world.camera_height)) if foot > 0 else foot
     foot = 0.0 if down.past is Past.HIDDEN and foot > 0 and _nearer_below(along, heights, foot) else foot
     is_cut = bool(np.isnan(along.fine[(heights >= 0.0) & (heights < foot)]).any())
-    high = End.of(up, heights[middle:])
+    high = End.of(up, heights[middle:], aside=False)
     return Stretch(line, End(a, Past.OPEN), End(b, Past.OPEN), low, foot, is_cut, high, per_px)
 
 
@@ -274,7 +281,7 @@ def look_round(views: Views, world: World, stretch: Stretch, outwards: int) -> C
     f = float(world.focal)
     tried = end.at - outwards * _FIRST[0] / f + _CORNER_PX / f
     tried = tried[outwards * (tried - other.at) * f > _NARROWEST_PX]
-    if end.past is not Past.OPEN or end.may_be_cut or not len(tried):  # what is plain to the rim is no second face
+    if not (end.is_sure and len(tried)):  # what is plain to the rim is no second face
         return None
     _, ground = _second(stretch.line, tried, outwards, np.arange(1.0, _FIRST_PX) / f)
     alike = Samples.of(views, world, upright(ground, stretch.heights_mm)).correlations.mean(axis=-1)
@@ -387,7 +394,7 @@ def follow_top(views: Views, world: World, own: Float64, front: Side, height_std
     if len(depth) <= _LEAST_SECOND_PX:
         return None
     reach = agreement(views, world, points).reach(_FIRST_PX, Look.SECOND)
-    return (height, End.of(reach, depth)) if reach.last >= _LEAST_SECOND_PX else None
+    return (height, End.of(reach, depth, aside=False)) if reach.last >= _LEAST_SECOND_PX else None
 
 
 def _top(world: World, own: Float64, front: Side, height_mm: float, most_px: int) -> tuple[Float64, Float64]:

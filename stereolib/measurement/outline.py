@@ -26,6 +26,7 @@ _NEARER_PX = 20.0  # by so much nearer edges are e times as likely, where a surf
 _BEFORE = 0.2  # how likely an edge is where it was located, if its face was followed elsewhere since
 _LEAST_PX_PER_MM = 1e-3
 _LEAST_REACH_PX, _MOST_REACH_PX = 4.0, 120.0
+_FARTHER_PX = 8.0  # beyond, where the likeliest place is the last one
 _FAR_MM, _EARLY = np.arange(0.0, 1000.0, 2.0), 10  # depths that are tried; a tenth of them is a likely one
 _LEAST_SLIVER_PX, _WIDEST_SLIVER_PX = 3.0, 60.0
 _LEAST_AHEAD_MM = 1.0  # of the camera
@@ -133,6 +134,8 @@ class Expected:
         Where a plain part begins, over which the surface could not be followed: there nearer edges are likelier.
     was_located : bool
         It was located where the model has it, before it was expected elsewhere.
+    farther_px : float
+        It is looked for so much farther, either way, than is likely.
     """
 
     std_px: float
@@ -140,6 +143,7 @@ class Expected:
     high_px: float = 0.0
     plain_px: float = 0.0
     was_located: bool = False
+    farther_px: float = 0.0
 
     @property
     def is_wide(self) -> bool:
@@ -182,7 +186,7 @@ class Expected:
 
     def places(self) -> Float64:
         """Where it is looked for, outwards, `STEP_PX` apart. (N,)."""
-        reach = max(3.0 * self.std_px, _LEAST_REACH_PX)
+        reach = max(3.0 * self.std_px, _LEAST_REACH_PX) + self.farther_px
         low, high = min(self.low_px, 0.0), max(min(self.high_px, _MOST_REACH_PX), 0.0)
         first, last = -round((reach - low) / STEP_PX), round((reach + high) / STEP_PX)
         return np.asarray(STEP_PX * np.arange(first, last + 1), np.float64)
@@ -258,8 +262,17 @@ def find_edge(
     Notes
     -----
     Each place is as likely as it was expected, times the odds that the pictures agree about the surface up to there and
-    no farther: a line printed on a face is no end of it.
+    no farther: a line printed on a face is no end of it. Where the last of them is the likeliest, it is looked for 8
+    px farther, either way; what is still the last is no edge.
     """
+    found = _find_among(views, world, own, edge, first, expected)
+    if found is not None and found.peak.is_outermost:
+        found = _find_among(views, world, own, edge, first, replace(expected, farther_px=_FARTHER_PX))
+    return None if found is None or found.peak.is_outermost else found
+
+
+def _find_among(views: Views, world: World, own: Float64, edge: Edge, first: Side, expected: Expected) -> Found | None:
+    """The likeliest of the places where an edge is expected."""
     eye = _Eye.of(world, edge, own, edge_direction(edge, own, first))
     if not abs(eye.per_mm) > _LEAST_PX_PER_MM:
         return None
@@ -408,7 +421,7 @@ def find_far_end(light: Light, world: World, own: Float64, first: Side) -> tuple
         [np.interp(off, width, _FAR_MM) if k == side.extent else np.full(len(off), own[k]) for k in Own]
     ), off)  # fmt: skip
     peak = None if lines is None else locate_edge(eye.looks_at(light), lines, np.exp(-off / _NEARER_PX), _POWERS)
-    if peak is None or peak.contrast < _CLEAR_ALONE:
+    if peak is None or peak.is_outermost or peak.contrast < _CLEAR_ALONE:
         return None
     return float(np.interp(peak.position_px, width, _FAR_MM)), peak
 

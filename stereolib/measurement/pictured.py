@@ -65,7 +65,7 @@ _LEAST_TOP_PX = 8.0
 _MOST_CHANGE = 3.0  # factor between a face's width as it was followed and as its edges have it
 _SLANTED = 2.0  # a top, whose rows the picture crowds, is aligned so much worse than its alignment says
 _KNOWN = 0.1  # of a face's width: what is known so well is not asked of the top
-_FAR_END_PX = 2.0  # how well the end of a sliver is known
+_FAR_END_PX = 2.0  # how well the end of a sliver is known, at best
 _GOES_ON = 6.0  # logarithm of the odds that an upper edge goes on beyond an end, from which on it is none
 _GOES_ON_PX = (2.0, 4.0)  # so far beyond an upper edge, or an upright one, what was matched of a face may go on
 _GOES_ON_LINES = 7.0  # and lines that both pictures show alike there, from which on it does
@@ -249,7 +249,7 @@ def _rough_box(stretch: Stretch, left: Corner | None, right: Corner | None) -> _
     at_left = left is not None and (right is None or left.width_px > right.width_px)
     corner = left if at_left else right
     if corner is None:
-        at_left = stretch.left.past is Past.OPEN or stretch.right.past is not Past.OPEN
+        at_left = stretch.left.is_sure or not stretch.right.is_sure
     inner, outer = (stretch.left, stretch.right) if at_left else (stretch.right, stretch.left)
     first = Side.RIGHT if at_left else Side.LEFT
     t = corner.t if corner else inner.at
@@ -308,7 +308,8 @@ def _with_far_end(views: Views, world: World, stretch: Stretch, rough: _Rough) -
     found = {
         side: got
         for side, at in rooted.items()
-        if ends[side].past is Past.OPEN and (got := find_far_end(views.pair.pictures, world, at.own, side))
+        if (Edge.CORNER if side is first else first.end) in rough.open
+        and (got := find_far_end(views.pair.pictures, world, at.own, side))
     }
     if not found:
         return rough, {}
@@ -319,7 +320,8 @@ def _with_far_end(views: Views, world: World, stretch: Stretch, rough: _Rough) -
         followed_to = stretch.line.at(ends[side.other].at)
         own[side.extent] = max(float(np.linalg.norm(followed_to - own[[Own.X, Own.Y]])), _LEAST_MM)
     shown = {side.end: ends[side.other], Edge.CORNER: ends[side], side.top: stretch.high}
-    shown[side.other.end] = End(np.nan, Past.OPEN, _FAR_END_PX, _FAR_END_PX, _FAR_END_PX)
+    far_px = max(_FAR_END_PX, found[side][1].std_px)
+    shown[side.other.end] = End(np.nan, Past.OPEN, far_px, far_px, far_px)
     # Its slope tells how far a sliver goes back better than its width; where nobody sees a top, none is looked for.
     shown[side.other.top] = End(np.nan, stretch.high.past)
     again = replace(rough, own=own, first=side, ends=shown)

@@ -86,6 +86,32 @@ def test_a_surface_that_disagrees_just_before_the_rim_is_cut():
     assert lines(nearly).reach(16, aside=True).past is Past.CUT
 
 
+@pytest.mark.parametrize(
+    ("matched", "rim", "past"),
+    [(50.0, 40, Past.CUT), (np.nan, 40, Past.CUT), (30.0, 40, Past.OPEN), (np.nan, 70, Past.OPEN)],
+)
+def test_near_the_rim_a_surface_that_disagrees_may_go_on_unless_something_farther_was_matched(matched, rim, past):
+    """Noise and JPEG disagree where a face is nearly plain."""
+    at = np.arange(80)
+    alike = np.where(at < 20, 0.95, np.where(at < rim, 0.3, np.nan))
+    there, flat = np.where(at < 24, 50.0, matched), np.ones(80)
+    along = Agreement(alike, alike, flat, flat, 50 * flat, there, there, 0 * flat)
+    assert along.reach(16, aside=True).past is past and along.reach(16, aside=True).last == 17
+    assert along.reach(16).past is Past.OPEN
+
+
+def test_the_disparity_of_a_line_is_that_of_what_both_pictures_show(wall):
+    """At a rim they show a part of a line that leans."""
+    views, world, plane = wall
+    points = np.empty((40, 16, 3))
+    points[..., 0], points[..., 2] = 800.0, np.linspace(50, 250, 16)
+    points[..., 1] = np.linspace(150.0, 400.0, 40)[:, None] + np.linspace(0.0, 60.0, 16)  # over the right picture's rim
+    found, inside = agreement(views, world, points), Samples.of(views, world, points).inside
+    partly = inside.any(axis=1)
+    assert (partly & ~inside.all(axis=1)).any()
+    assert found.predicted_px[partly] == pytest.approx(plane[2] + plane[0] * 320, rel=0.1)
+
+
 def test_an_edge_s_trace_has_no_texture_of_its_own():
     """Beside it, both pictures agree, as they would about a plain wall's shade."""
     at = np.arange(N)

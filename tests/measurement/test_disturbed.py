@@ -166,3 +166,18 @@ def test_a_box_in_plain_view_before_a_plain_wall_is_told_whole(row: str, number:
     one = tell(*case(row, number, shoot))
     pct, z = np.abs(list(one.off.values())).T
     assert len(one.off) == 4 and pct.max() < 3 and z.max() < 4
+
+
+@pytest.mark.parametrize(
+    ("row", "number", "least"),
+    [("cartons_webcam", 1085, 4), ("neighbour", 1114, 4), ("cartons_jpeg_20", 1124, 4), ("cartons_webcam", 1063, 2)],
+)
+def test_an_edge_beyond_where_it_is_looked_for_is_found_or_told_as_cut(row: str, number: int, least: int) -> None:
+    """A width was 7.7 % too large, two heights 8 deviations off: the last line that was looked at was the likeliest.
+
+    Of the last an end lies outside of the right picture, beyond blank cardboard that JPEG makes disagree: it was 12 %
+    too narrow. None is one of the bench's 160.
+    """
+    one = tell(*case(row, number, shoot))
+    pct, z = np.abs(list(one.off.values())).T
+    assert len(one.off) >= least and pct.max() < 4 and z.max() < 4

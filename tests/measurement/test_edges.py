@@ -74,6 +74,12 @@ def test_the_stated_deviation_holds_on_faint_edges():
     assert np.sqrt(np.mean(np.square(z))) < 1.5 and np.abs(z).max() < 4
 
 
+def test_what_stands_out_at_the_rim_of_what_was_looked_at_may_lie_beyond():
+    inside = located(both((120.0, 0.3)), lines(), FLAT)
+    beyond = located(both((120.0 + OFF[-1], 0.3)), lines(), FLAT)
+    assert beyond.is_outermost and not inside.is_outermost
+
+
 def test_a_rival_widens_the_deviation():
     alone = located(both((120.0, 0.3)), lines(), FLAT)
     beside = located(both((120.0, 0.3), (125.0, -0.29)), lines(), FLAT)

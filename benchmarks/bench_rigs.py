@@ -1,15 +1,18 @@
 """What real rigs do to the sizes: virtual boxes, each disturbance a row, refusals beside every accuracy.
 
-Pictures are rendered once, into ``benchmarks/.cache``: half an hour on two cores the first time, then some minutes.
-``--row NAME`` measures some rows, ``--quick`` 20 scenes of each; only a whole run writes ``results/rigs.json``.
+About an hour on two cores. What was rendered and measured is kept in ``benchmarks/.cache``: a run that was
+interrupted goes on, and so does one after single rows (``--row NAME``), while the code is the same. ``--quick``
+measures 20 scenes of each row; only a whole run writes ``results/rigs.json``.
 """
 
 from __future__ import annotations
 
 import argparse
+import hashlib
 import json
 import os
 from collections import Counter
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -17,15 +20,17 @@ import cv2
 import numpy as np
 from common import PAPER_RIG, RESULTS, chance_outside, loaded, save
 from joblib import Parallel, delayed
-from support.box_scenes import NAMES
+from support.box_scenes import CACHE, NAMES
 from support.disturbances import ROWS, SCENES, Told, case, tell
 from tqdm.auto import tqdm
 
-from stereolib.base import write_atomic
+from stereolib.base import ROOT, write_atomic
+from stereolib.reproduction import code_sha256
 
 SCENES_A_ROW, QUICK = 160, 20
 ROOMS = ("base", "rig", "laser", "calibration", "matching", "measurement", *PAPER_RIG, "virtual")
 INTERVAL_STDS = 1.96  # of a 95 % interval
+Kept = dict[tuple[str, int], Told]  # by row and scene
 
 
 def of_scene(rows: tuple[str, ...], number: int) -> tuple[dict[str, Told], set[str]]:
@@ -77,16 +82,46 @@ def _spread(pairs: np.ndarray) -> dict[str, float]:
 
 
 def run(rows: list[str], scenes: int, jobs: int) -> tuple[dict[str, dict[str, Any]], set[str]]:
-    """Measure rows, those of the same scenes together; and the modules that this took."""
+    """Measure rows, those of the same scenes together, but for what was kept; and the modules that this took."""
+    file = CACHE / f"rigs_{_code()}.jsonl"
+    told, modules = kept(file)
     groups = [tuple(row for row in rows if ROWS[row].scenes == kind) for kind in SCENES]
-    work = [(group, number) for group in groups if group for number in range(scenes)]
+    all_of = [(group, number) for group in groups if group for number in range(scenes)]
+    work = [(left, n) for group, n in all_of if (left := tuple(row for row in group if (row, n) not in told))]
     running = Parallel(n_jobs=jobs, return_as="generator")(delayed(of_scene)(*one) for one in work)
-    told, modules = {row: list[Told]() for row in rows}, set[str]()
-    for of_rows, took in tqdm(running, "scenes", len(work), unit="scene"):
-        modules |= took
-        for row, one in of_rows.items():
-            told[row].append(one)
-    return {row: {"about": ROWS[row].about, **summary(told[row], ROWS[row].silent_pct)} for row in rows}, modules
+    file.parent.mkdir(exist_ok=True)
+    with file.open("a", encoding="utf-8") as keep:
+        bar = tqdm(running, "scenes", len(all_of), unit="scene", initial=len(all_of) - len(work))
+        for (_, number), (of_rows, took) in zip(work, bar, strict=True):
+            for row, one in of_rows.items():
+                told[row, number] = one
+                line = {"row": row, "number": number, "told": asdict(one), "modules": sorted(took - modules)}
+                keep.write(json.dumps(line, default=float) + "\n")
+                modules |= took
+            keep.flush()
+    found = {row: [told[row, number] for number in range(scenes)] for row in rows}
+    return {row: {"about": ROWS[row].about, **summary(found[row], ROWS[row].silent_pct)} for row in rows}, modules
+
+
+def kept(file: Path) -> tuple[Kept, set[str]]:
+    """What earlier runs of the same code told, and the modules that took; a line that was cut short is left out."""
+    told, modules = Kept(), set[str]()
+    for text in file.read_text(encoding="utf-8").splitlines() if file.is_file() else ():
+        try:
+            line = json.loads(text)
+        except json.JSONDecodeError:
+            continue
+        told[line["row"], line["number"]] = Told(**line["told"])
+        modules |= set(line["modules"])
+    return told, modules
+
+
+def _code() -> str:
+    """What the figures depend on: the library's rooms, and what stages and measures the scenes."""
+    support = sorted((ROOT / "tests" / "support").glob("*.py"))
+    return hashlib.sha256(
+        b"".join([code_sha256(ROOMS).encode(), *(file.read_bytes() for file in support)])
+    ).hexdigest()[:16]
 
 
 def table(found: dict[str, dict[str, Any]]) -> str:

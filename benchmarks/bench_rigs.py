@@ -96,7 +96,7 @@ def run(rows: list[str], scenes: int, jobs: int) -> tuple[dict[str, dict[str, An
             for row, one in of_rows.items():
                 told[row, number] = one
                 line = {"row": row, "number": number, "told": asdict(one), "modules": sorted(took - modules)}
-                keep.write(json.dumps(line, default=float) + "\n")
+                keep.write("\n" + json.dumps(line, default=float))  # on a line of its own, however the last run ended
                 modules |= took
             keep.flush()
     found = {row: [told[row, number] for number in range(scenes)] for row in rows}

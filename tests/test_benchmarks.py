@@ -22,7 +22,7 @@ from support.box_scenes import (
     leaning_scene,
     scan,
 )
-from support.disturbances import ROWS
+from support.disturbances import ROWS, Told
 from support.instruments import INSTRUMENT
 
 from stereolib import paper
@@ -154,3 +154,25 @@ def test_the_rival_s_window_is_the_narrowest_that_holds_the_cube(bench) -> None:
     params, seen = study.cut(view), view.truth_px[view.regions["cube"]]
     low, high = params.min_disparity, params.min_disparity + params.num_disparities
     assert low + 8 <= seen.min() < low + 9 and high - 8 - 16 <= seen.max() <= high - 8
+
+
+def test_the_bench_of_rigs_goes_on_where_it_was_interrupted(bench, tmp_path, monkeypatch: pytest.MonkeyPatch) -> None:
+    rigs, asked = bench("bench_rigs"), []
+
+    def of_scene(rows: tuple[str, ...], number: int) -> tuple[dict[str, Told], set[str]]:
+        asked.append((rows, number))
+        told = Told({"height": (np.float64(number), 0.5)}, True, True, "", False)
+        return dict.fromkeys(rows, told), {"base/files.py"}
+
+    monkeypatch.setattr(rigs, "of_scene", of_scene)
+    monkeypatch.setattr(rigs, "CACHE", tmp_path)
+    first = rigs.run(["cartons"], 2, 1)
+    (file,) = tmp_path.iterdir()
+    file.write_text(file.read_text() + '\n{"row": "car')
+    assert rigs.run(["cartons"], 2, 1) == first and asked == [(("cartons",), 0), (("cartons",), 1)]
+    more, _ = rigs.run(["cartons", "cartons_rows_1"], 3, 1)
+    both = ("cartons", "cartons_rows_1")
+    assert asked[2:] == [(("cartons_rows_1",), 0), (("cartons_rows_1",), 1), (both, 2)]
+    assert more["cartons"]["height"]["told"] == 3 and rigs.kept(file)[1] == {"base/files.py"}
+    monkeypatch.setattr(rigs, "code_sha256", lambda rooms: "another")
+    assert rigs.run(["cartons"], 2, 1) == first and len(asked) == 7

@@ -89,7 +89,7 @@ class End:
         where : (lines,) float64
             Places of its lines, which stand a pixel from each other.
         aside : bool
-            It was followed along a row: what lies there beyond the rim of one picture, the other one shows.
+            It was followed along a row: what lies beyond the right picture's rim there, the left one shows.
         second : bool
             Its place was only predicted.
 

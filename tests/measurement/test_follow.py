@@ -97,7 +97,7 @@ def test_ends_of_reaches():
     plain = End.of(Reach(40, 80, Past.OPEN, 40), where)
     assert plain.outside_px > 36 and plain.std_px > 10 and plain.at == end.at
     assert End.of(Reach(40, 46, Past.CUT, 40), where, aside=False) == End(45.0, Past.CUT)
-    assert End.of(Reach(40, 46, Past.CUT, 40), where).may_be_cut  # the other picture may show what is beyond
+    assert End.of(Reach(40, 46, Past.CUT, 40), where).may_be_cut  # the left picture may show what is beyond
     unsure = End.of(Reach(20, 50, Past.CUT, 20), where)  # plain from there to the rim: it may end anywhere, or be cut
     assert unsure.past is Past.OPEN and unsure.may_be_cut and unsure.at + unsure.outside_px > 49
     second = End.of(Reach(40, 42, Past.OPEN, 40), where, second=True)

@@ -393,7 +393,7 @@ def test_what_has_no_size_says_why_in_text_and_picture(room, tmp_path, capsys):
 def test_a_thing_without_sizes_is_labelled_with_its_reason(room):
     measured = measure_objects(*recordings.load_pair("room/3"), recordings.scan("room/1"), Instrument.load(room))
     (nameless,) = [thing for thing in measured.objects if not np.isfinite(thing.size_mm).any()]
-    assert why_text(nameless) == "no size: depth hidden, cut, hidden"
+    assert why_text(nameless) == "no size: depth hidden, cut, top cut"
     with_all, others = (draw_objects(each) for each in (measured, replace(measured, objects=measured.objects[:-1])))
     assert nameless is measured.objects[-1] and (with_all != others).any()
     brighter = (with_all.astype(int) - others > 60).all(axis=2)

@@ -11,6 +11,7 @@ import numpy as np
 
 from stereolib.base import Bools, Float32, Float64, Floats, Ints, median
 from stereolib.measurement.light import Light, light_at
+from stereolib.rig import grey_step
 
 #: Neighbouring lines are so far apart in the picture, px.
 STEP_PX = 0.25
@@ -120,7 +121,8 @@ def locate_edge(
     geometric mean over both pictures and eight groups of samples, so that what only one of them, or a part of the line,
     shows is none. On a texture neighbouring lines resemble each other, across an outline they do not, and often one
     side of it has more texture than the other: the odds of two lines are a power of their strengths' ratio, times one
-    of E's beside them, larger over smaller, times their belief's. A parabola refines the likeliest.
+    of E's beside them, larger over smaller, times their belief's. To each E a grey level is added for that, in light:
+    what steps by less tells nothing. A parabola refines the likeliest.
 
     A lens blurs light, what a webcam does to its picture afterwards blurs grey levels, and the same edge stands
     elsewhere in light than in grey levels, of which the root of light is near enough: the wider the blur and the larger
@@ -136,7 +138,8 @@ def locate_edge(
     groups = _differences(seen, half)
     middle = lines.off_px[half:-half]
     strength = _mean(groups)
-    likely = powers.strength * np.log(strength) + powers.step * _steps(strength) + np.log(belief[half:-half])
+    told = strength + _grey_level(seen)
+    likely = powers.strength * np.log(told) + powers.step * _steps(told) + np.log(belief[half:-half])
     best = int(likely.argmax())
     log_odds = np.pad(likely - likely[best], half, mode="edge")
     start = max(best - 3 * half, 0)
@@ -151,7 +154,7 @@ def locate_edge(
     blur = (in_grey - in_light) / UNIFORM
     others = rivals(likely - likely[best], middle - middle[best], strength)
     std = float(np.sqrt(scatter**2 + blur**2 + (_FLOOR * _width_px(strength, best)) ** 2 + others**2))
-    contrast = float(strength[best] / max(median(strength), 1e-9))
+    contrast = float(told[best] / median(told))
     is_outermost = best in (0, len(strength) - 1)
     return Peak(float(in_light + in_grey) / 2, std, contrast, others, log_odds, is_outermost)
 
@@ -185,6 +188,11 @@ def _differences(seen: list[Float32], half: int) -> Float32:
     differences = [cv2.absdiff(values[2 * half :], values[: -2 * half]) for values in seen]
     first, *second = (cv2.resize(each, (_GROUPS, len(each)), interpolation=cv2.INTER_AREA) for each in differences)
     return np.asarray(np.sqrt(first * second[0]) if second else first)
+
+
+def _grey_level(seen: list[Float32]) -> float:
+    """One grey level, as light, where the lines lie: JPEG leaves less of the noise that would hide faint steps."""
+    return grey_step(max(float(np.mean([values.mean() for values in seen])), _LEAST))
 
 
 def _mean(groups: Float32) -> Float64:

@@ -80,7 +80,7 @@ class End:
         return (self.inside_px + self.outside_px) / 12**0.5
 
     @classmethod
-    def of(cls, reach: Reach, where: Float64, *, aside: bool = True, second: bool = False) -> End:
+    def of(cls, reach: Reach, where: Float64, *, aside: bool = False, second: bool = False) -> End:
         """Where a surface ends of which a reach tells.
 
         Parameters
@@ -188,7 +188,7 @@ def follow_face(views: Views, world: World, face: Face, top_mm: float) -> Stretc
         samples = Samples.of(views, world, points)
         bands = (samples.part(part).agreement().reach(inside) for part in (slice(None, _BAND), slice(-_BAND, None)))
         reaches = [reach_aside(views, world, points, samples.agreement(), inside), *bands]
-        ends[outwards] = [End.of(reach, t) for reach in reaches]
+        ends[outwards] = [End.of(reach, t, aside=True) for reach in reaches]
     stretch = replace(stretch, right=ends[-1][0], left=ends[1][0])
     rise_px = (shown[-_BAND:].mean() - shown[:_BAND].mean()) / stretch.mm_per_px
     sure = [(foot, top) for _, foot, top in ends.values() if not (foot.may_be_cut or top.may_be_cut)]
@@ -217,7 +217,7 @@ def _upwards(views: Views, world: World, face: Face, top_mm: float) -> Stretch:
     foot = _carried_down(along, heights, middle, down, float(world.camera_height)) if foot > 0 else foot
     foot = 0.0 if down.past is Past.HIDDEN and foot > 0 and _nearer_below(along, heights, foot) else foot
     is_cut = bool(np.isnan(along.fine[(heights >= 0.0) & (heights < foot)]).any())
-    high = End.of(up, heights[middle:], aside=False)
+    high = End.of(up, heights[middle:])
     return Stretch(line, End(a, Past.OPEN), End(b, Past.OPEN), low, foot, is_cut, high, per_px)
 
 
@@ -252,12 +252,15 @@ class Corner:
         Where it ends.
     width_px : float
         0: it was not followed, only its end was found.
+    plain_px : float
+        Where the first face ends in a plain part, the corner may stand so much farther out.
     """
 
     t: float
     depth_mm: float
     end: End
     width_px: float
+    plain_px: float = 0.0
 
 
 def look_round(views: Views, world: World, stretch: Stretch, outwards: int) -> Corner | None:
@@ -297,9 +300,10 @@ def look_round(views: Views, world: World, stretch: Stretch, outwards: int) -> C
     reach = reach_aside(views, world, points, agreement(views, world, points), _FIRST_PX, Look.SECOND)
     if reach.last < _LEAST_SECOND_PX:
         return None
-    end, corner = End.of(reach, t, second=True), float(best[0])
-    far_end = stretch.line.round_corner(corner, outwards).at(end.at)
-    return Corner(corner, float(np.linalg.norm(far_end - stretch.line.at(corner))), end, float(reach.last + 1))
+    edge, corner = End.of(reach, t, aside=True, second=True), float(best[0])
+    far_mm = stretch.line.round_corner(corner, outwards).at(edge.at)
+    depth_mm = float(np.linalg.norm(far_mm - stretch.line.at(corner)))
+    return Corner(corner, depth_mm, edge, float(reach.last + 1), end.outside_px - 2 * _FIRST[1])
 
 
 def _second(line: UprightLine, t0: Float64, outwards: int, beyond: Float64) -> tuple[Float64, Float64]:
@@ -341,7 +345,7 @@ def follow_again(views: Views, world: World, own: Float64, side: Side) -> End | 
     known = int(np.count_nonzero(outwards * t[seen] < outwards * y / x))
     if reach.last < _LEAST_SECOND_PX or along.evidence()[reach.stop : known].sum() > 0:
         return None
-    return End.of(reach, t[seen])
+    return End.of(reach, t[seen], aside=True)
 
 
 def width_mm(own: Float64, side: Side, end: float) -> float:
@@ -394,7 +398,7 @@ def follow_top(views: Views, world: World, own: Float64, front: Side, height_std
     if len(depth) <= _LEAST_SECOND_PX:
         return None
     reach = agreement(views, world, points).reach(_FIRST_PX, Look.SECOND)
-    return (height, End.of(reach, depth, aside=False)) if reach.last >= _LEAST_SECOND_PX else None
+    return (height, End.of(reach, depth)) if reach.last >= _LEAST_SECOND_PX else None
 
 
 def _top(world: World, own: Float64, front: Side, height_mm: float, most_px: int) -> tuple[Float64, Float64]:

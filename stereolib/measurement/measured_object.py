@@ -42,8 +42,8 @@ class MeasuredObject:
     shape : str
         ``"box"`` (two faces seen), ``"face"`` (one; the depth is unknown), ``"circle"`` (a cylinder), ``"irregular"``.
     size_mm : (3,) float64
-        Length (the longer side), width, height. Of a face the width is that of the face; a circle's length and width
-        are its diameter.
+        Length (the longer side; where both are equal within their deviations, either may be), width, height. Of a face
+        the width is that of the face; a circle's length and width are its diameter.
     covariance : (3, 3) float64
         Of `size_mm`, mm^2; NaN where a size is unknown.
     position_mm : (2,) float64

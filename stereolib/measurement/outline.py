@@ -18,8 +18,8 @@ from stereolib.measurement.views import Views
 
 #: How well an edge is expected beyond the stretch in which an end may lie, px.
 END_PX = 1.5
-_CLEAR = 1.4  # least contrast of an edge that is looked for afar, against the lines around it
-_STILL_CLEAR = 1.15  # and of one whose place is known
+_CLEAR = 1.33  # least contrast of an edge that is looked for afar, against the lines around it
+_STILL_CLEAR = 1.13  # and of one whose place is known
 _AFAR_PX = 12.0  # the least stretch in which an edge is looked for afar
 _CLEAR_ALONE = 2.0  # and of one that ends a face about which nothing else is known
 _NEARER_PX = 20.0  # by so much nearer edges are e times as likely, where a surface ends in a plain part

@@ -261,7 +261,8 @@ def _rough_box(stretch: Stretch, left: Corner | None, right: Corner | None) -> _
     ends = {first.end: outer, Edge.CORNER: inner, first.top: stretch.high}
     if corner:
         own[first.other.extent] = corner.depth_mm
-        ends |= {first.other.end: corner.end, Edge.CORNER: End(t, Past.OPEN), first.other.top: stretch.high}
+        at = End(t, Past.OPEN, _CORNER_PX, _CORNER_PX + corner.plain_px)
+        ends |= {first.other.end: corner.end, Edge.CORNER: at, first.other.top: stretch.high}
     return _Rough(own, first, ends, corner.width_px if corner else 0.0)
 
 

@@ -133,7 +133,7 @@ class Scene:
 
     def _of_a_wall(self, thing: Thing, objects_mm: Float64) -> bool:
         """Whether the scan has a wall where the pictures show nothing that surely stands."""
-        unclear = thing.why is not None and thing.why.reason in (Reason.NO_TEXTURE, *NOT_STANDING)
+        unclear = thing.why is not None and thing.why.reason in (Reason.NO_TEXTURE, Reason.NO_EDGE, *NOT_STANDING)
         return (
             unclear and thing.region is not None and is_wall(thing.region, self.priors.floor, self.walls_mm, objects_mm)
         )

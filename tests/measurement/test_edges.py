@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from stereolib.measurement.edges import SHARP_PX, STEP_PX, ParallelLines, Powers, locate_edge
-from stereolib.measurement.outline import _POWERS
-from stereolib.rig import to_light
+from stereolib.measurement.outline import _CLEAR, _POWERS
+from stereolib.rig import grey_step, to_light
 
 OFF = STEP_PX * np.arange(-60, 61)
 SHIFT_PX = 40.0
@@ -72,6 +72,12 @@ def test_the_stated_deviation_holds_on_faint_edges():
         peak = located(pair, lines(), np.exp(-0.5 * (OFF / 4) ** 2))
         z.append((peak.position_px - 0.4) / peak.std_px)
     assert np.sqrt(np.mean(np.square(z))) < 1.5 and np.abs(z).max() < 4
+
+
+def test_what_steps_by_less_than_a_grey_level_is_no_edge():
+    """JPEG takes the noise away that would hide it, and leaves such steps on plain cardboard."""
+    faint, clear = (located(both((120.0, by * grey_step(0.4)), noise=1e-4), lines(), FLAT) for by in (0.6, 6.0))
+    assert faint.contrast < _CLEAR and -faint.log_odds.min() < 5 and clear.contrast > 3 and -clear.log_odds.min() > 10
 
 
 def test_what_stands_out_at_the_rim_of_what_was_looked_at_may_lie_beyond():

@@ -96,9 +96,11 @@ def test_ends_of_reaches():
     assert end.at == pytest.approx(41.5, abs=1) and end.inside_px == end.outside_px and end.std_px == 2.5
     plain = End.of(Reach(40, 80, Past.OPEN, 40), where)
     assert plain.outside_px > 36 and plain.std_px > 10 and plain.at == end.at
-    assert End.of(Reach(40, 46, Past.CUT, 40), where, aside=False) == End(45.0, Past.CUT)
-    assert End.of(Reach(40, 46, Past.CUT, 40), where).may_be_cut  # the left picture may show what is beyond
-    unsure = End.of(Reach(20, 50, Past.CUT, 20), where)  # plain from there to the rim: it may end anywhere, or be cut
+    assert End.of(Reach(40, 46, Past.CUT, 40), where) == End(45.0, Past.CUT)
+    assert End.of(Reach(40, 46, Past.CUT, 40), where, aside=True).may_be_cut  # the left picture may show what is beyond
+    unsure = End.of(
+        Reach(20, 50, Past.CUT, 20), where, aside=True
+    )  # plain from there to the rim: it may end anywhere, or be cut
     assert unsure.past is Past.OPEN and unsure.may_be_cut and unsure.at + unsure.outside_px > 49
     second = End.of(Reach(40, 42, Past.OPEN, 40), where, second=True)
     assert second.at < 40 and second.std_px > end.std_px
@@ -131,6 +133,10 @@ def test_a_sliver_round_the_corner_is_found():
     found = look_round(shown.views, shown.world, stretch, -1)
     assert found.t == pytest.approx(tangent(corner), abs=4 / f) and holds(found.end, tangent(right), f)
     assert 10 < found.width_px < 30
+    plain = replace(stretch, right=replace(stretch.right, outside_px=stretch.right.outside_px + 40))
+    assert (
+        look_round(shown.views, shown.world, plain, -1).plain_px == found.plain_px + 40
+    )  # it may stand anywhere there
     assert look_round(shown.views, shown.world, stretch, 1) is None
     assert follow_top(shown.views, shown.world, own, Side.LEFT, 1.0) is None  # the camera stands below it
 

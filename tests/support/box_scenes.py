@@ -451,8 +451,9 @@ def errors(thing: MeasuredObject | None, truth: BoxScene) -> dict[str, tuple[flo
     if thing is None:
         return {}
     true = truth.sides_mm()
-    if thing.shape == "face":  # its width is that of the face's own direction
-        true[1] = truth.size_mm[0 if np.cos(thing.yaw_rad - truth.yaw_rad) ** 2 > 0.5 else 1]
+    if thing.shape in ("box", "face"):  # each side with itself: of two that are nearly equal either may come out longer
+        is_own_x = np.cos(thing.yaw_rad - truth.yaw_rad) ** 2 > 0.5
+        true[:2] = truth.size_mm[[0, 1] if is_own_x == (thing.shape == "box") else [1, 0]]
     off = thing.size_mm - true
     found = {n: (100 * off[k] / true[k], off[k] / thing.std_mm[k]) for k, n in enumerate(NAMES[:3])}
     volume, std = thing.volume_l

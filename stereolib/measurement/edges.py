@@ -10,8 +10,7 @@ import cv2
 import numpy as np
 
 from stereolib.base import Bools, Float32, Float64, Floats, Ints, median
-from stereolib.measurement.light import Light, light_at
-from stereolib.rig import grey_step
+from stereolib.measurement.light import Light, grey_step, light_at
 
 #: Neighbouring lines are so far apart in the picture, px.
 STEP_PX = 0.25

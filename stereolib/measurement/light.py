@@ -12,6 +12,8 @@ import numpy as np
 from stereolib.base import Float32, Float64, UInt8
 from stereolib.rig import to_light
 
+_LEVELS = to_light(np.arange(256, dtype=np.uint8))
+
 
 @dataclass(frozen=True, eq=False)
 class RawPicture:
@@ -78,6 +80,26 @@ class RawPicture:
 Picture: TypeAlias = UInt8 | Float32 | RawPicture
 #: Left and right one; None for one that is not looked at.
 Light: TypeAlias = tuple[Picture | None, Picture | None]
+
+
+def grey_step(light: float) -> float:
+    """By how much light differs from one grey level to the next.
+
+    Parameters
+    ----------
+    light : float, 0..1
+        As `stereolib.rig.to_light` has it.
+
+    Returns
+    -------
+    float
+
+    Examples
+    --------
+    >>> round(grey_step(0.22), 4)
+    0.0038
+    """
+    return float(np.interp(light, _LEVELS[:-1], np.diff(_LEVELS)))
 
 
 def light_at(picture: Picture, x: Float32, y: Float32) -> Float32:

@@ -1,6 +1,6 @@
 from .camera import Camera, distort
 from .formats import load_kalibr, load_opencv, load_rig, load_ros, save_kalibr, save_opencv, save_ros
-from .images import check_image, check_pair, grey_step, image_size, read_image, read_pair, to_grey, to_light
+from .images import check_image, check_pair, image_size, read_image, read_pair, to_grey, to_light
 from .live_camera import CameraError, CameraWish, LiveCamera
 from .live_pair import LivePair, LiveRig
 from .matlab_format import from_matlab_struct, to_matlab_struct
@@ -26,7 +26,6 @@ __all__ = [
     "find_pair",
     "find_pairs",
     "from_matlab_struct",
-    "grey_step",
     "image_size",
     "left_pictures",
     "load_kalibr",

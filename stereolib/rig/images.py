@@ -202,26 +202,6 @@ def to_light(image: UInt8) -> Float32:
     return np.asarray(cv2.LUT(image, _LIGHT))
 
 
-def grey_step(light: float) -> float:
-    """By how much light differs from one grey level to the next: ``d(x^2.2) = 2.2 x^1.2 dx``.
-
-    Parameters
-    ----------
-    light : float, 0..1
-        As `to_light` has it.
-
-    Returns
-    -------
-    float
-
-    Examples
-    --------
-    >>> round(grey_step(0.22), 4)
-    0.0038
-    """
-    return float(_GAMMA * light ** (1 - 1 / _GAMMA) / 255)
-
-
 def to_grey(image: UInt8) -> UInt8:
     """Turn a picture into grey levels.
 

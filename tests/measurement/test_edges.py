@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from stereolib.measurement.edges import SHARP_PX, STEP_PX, ParallelLines, Powers, locate_edge
+from stereolib.measurement.light import grey_step
 from stereolib.measurement.outline import _CLEAR, _POWERS
-from stereolib.rig import grey_step, to_light
+from stereolib.rig import to_light
 
 OFF = STEP_PX * np.arange(-60, 61)
 SHIFT_PX = 40.0

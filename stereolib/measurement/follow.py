@@ -278,7 +278,8 @@ def look_round(views: Views, world: World, stretch: Stretch, outwards: int) -> C
     Returns
     -------
     Corner or None
-        None where the end is not seen, or all is plain there, or the pictures agree about no second face.
+        None where the end is not seen, or all is plain there, or the pictures agree about no second face, or no more
+        than about the first one going on.
     """
     end, other = (stretch.left, stretch.right) if outwards > 0 else (stretch.right, stretch.left)
     f = float(world.focal)
@@ -297,13 +298,20 @@ def look_round(views: Views, world: World, stretch: Stretch, outwards: int) -> C
     seen = np.isfinite(ground[0, :, 0])
     t, ground = t[0, seen], ground[0, seen]
     points = upright(ground, stretch.heights_mm)
-    reach = reach_aside(views, world, points, agreement(views, world, points), _FIRST_PX, Look.SECOND)
-    if reach.last < _LEAST_SECOND_PX:
+    along = agreement(views, world, points)
+    reach = reach_aside(views, world, points, along, _FIRST_PX, Look.SECOND)
+    if reach.last < _LEAST_SECOND_PX or _goes_on_as_well(views, world, stretch, t, along.whole[: reach.last + 1]):
         return None
     edge, corner = End.of(reach, t, aside=True, second=True), float(best[0])
     far_mm = stretch.line.round_corner(corner, outwards).at(edge.at)
     depth_mm = float(np.linalg.norm(far_mm - stretch.line.at(corner)))
     return Corner(corner, depth_mm, edge, float(reach.last + 1), end.outside_px - 2 * _FIRST[1])
+
+
+def _goes_on_as_well(views: Views, world: World, stretch: Stretch, t: Float64, second: Float64) -> bool:
+    """Whether both pictures are as alike where a second face was followed if it is the first one that goes on."""
+    first = agreement(views, world, upright(stretch.line.at(t[: len(second)]), stretch.heights_mm)).whole
+    return bool(np.nansum(first) >= np.nansum(second))
 
 
 def _second(line: UprightLine, t0: Float64, outwards: int, beyond: Float64) -> tuple[Float64, Float64]:

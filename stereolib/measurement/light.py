@@ -12,7 +12,7 @@ import numpy as np
 from stereolib.base import Float32, Float64, UInt8
 from stereolib.rig import to_light
 
-_LEVELS = to_light(np.arange(256, dtype=np.uint8))
+_LEVELS = to_light(np.arange(256, dtype=np.uint8)[None])[0]
 
 
 @dataclass(frozen=True, eq=False)

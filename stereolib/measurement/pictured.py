@@ -277,8 +277,7 @@ def _seen_again(
     end = follow_again(views, world, rough.own, side) if side.end in rough.open else None
     if end is None or end.past is not Past.OPEN:
         return rough, {}
-    x, y = Box(rough.own).edge(side.end)[0, :2]
-    beyond_px = (y / x - end.at) * float(world.focal) * (1 if side is Side.LEFT else -1)
+    beyond_px = _beyond_px(world, rough.own, side.end, end)
     if not end.overlaps(rough.ends[side.end], float(world.focal)):
         if beyond_px < 0:
             return rough, {}
@@ -292,6 +291,17 @@ def _expected(end: End, beyond_px: float = 0.0, *, was_located: bool = False) ->
     """Where an edge is expected, of a face that was followed to an end, if the model has it so far beyond that."""
     low, high = -end.inside_px - beyond_px, end.outside_px - beyond_px
     return Expected(END_PX, low, high, end.inside_px - beyond_px, was_located)
+
+
+def _beyond_px(world: World, own: Float64, edge: Edge, end: End) -> float:
+    """How far a box has an edge beyond where its face was followed to."""
+    place = Box(own).edge(edge)
+    if not edge.is_top:
+        x, y = place[0, :2]
+        return float((y / x - end.at) * world.focal * (1 if edge is Edge.LEFT_END else -1))
+    x, y, high_mm = place.mean(axis=0)
+    (_, followed), (_, at) = world.pixels(np.array([[x, y, end.at], [x, y, high_mm]]))
+    return float(followed - at)
 
 
 def _top_px(world: World, own: Float64) -> float:
@@ -380,14 +390,21 @@ def _goes_on(
 def _as_far_as_matched(
     views: Views, world: World, region: ObjectRegion, rough: _Rough
 ) -> tuple[_Rough, dict[Edge, Expected]]:
-    """Faces that were matched beyond their edges: those were lines on them, they end where what was matched does."""
+    """Faces that were matched beyond their edges: those were lines on them, they end where what was matched does.
+
+    Or in what is left of a plain part, over which they could not be followed: it shows no match either.
+    """
     own, expected = rough.own.copy(), dict[Edge, Expected]()
     for side, edge, more_mm in _goes_on(views, world, region, rough, rough.own):
         if edge is side.end:
-            own[side.extent], expected[edge] = rough.own[side.extent] + more_mm, _AT_MATCHED
+            own[side.extent] = rough.own[side.extent] + more_mm
+            expected[edge] = _AT_MATCHED
         elif edge.is_top:
             own[Own.HEIGHT] = max(own[Own.HEIGHT], rough.own[Own.HEIGHT] + more_mm)
             expected |= {top: _AT_MATCHED for top in rough.open if top.is_top}
+    for edge, at in expected.items():
+        plain_px = rough.ends[edge].outside_px - _beyond_px(world, own, edge, rough.ends[edge])
+        expected[edge] = replace(at, high_px=max(0.0, plain_px))  # 0 where it was not followed: NaN is no maximum
     return replace(rough, own=own), expected
 
 

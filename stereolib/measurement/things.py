@@ -165,7 +165,8 @@ class Scene:
                 continue
             scanned = not _contradicts(thing.pictured, thing.seen, judged.solution, k)
             agree = tuple(o for o in thing.seen.observations if scanned or not o.of_scan)
-            seen = Seen(judged.solution.boxes[k], agree, judged.solution.shared)
+            start = judged.solution.at(judged.solution.boxes[k]) if scanned else thing.pictured.solution
+            seen = Seen(start.boxes[0], agree, start.shared)  # not from where a scan of another place led it
             pictured = thing.pictured if scanned else _doubted(self.priors, thing.pictured, thing.seen)
             kept.append(replace(thing, pictured=pictured, seen=seen, scanned=scanned, disagrees=not scanned))
         count = [len(t.seen.observations) if t.seen else 0 for t in things]

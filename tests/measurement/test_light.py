@@ -10,7 +10,7 @@ from support.ground import RECT
 from stereolib.measurement import Views
 from stereolib.measurement.edges import STEP_PX, ParallelLines, locate_edge
 from stereolib.measurement.jpeg_blocks import without_blocks
-from stereolib.measurement.light import RawPicture, light_at
+from stereolib.measurement.light import RawPicture, grey_step, light_at
 from stereolib.measurement.outline import _POWERS
 from stereolib.rig import to_light
 from stereolib.virtual import recordings
@@ -104,3 +104,10 @@ def test_views_of_raw_pictures_locate_edges_in_them():
 def test_where_neither_picture_shows_an_edge_none_is_found():
     lines = ParallelLines(np.zeros((len(OFF), 2, 2)), np.zeros((len(OFF), 2)), OFF)
     assert locate_edge((None, None), lines, np.ones(len(OFF)), _POWERS) is None
+
+
+def test_a_grey_level_s_step_is_that_of_the_table():
+    """Midway between two grey levels; black's step is the least."""
+    light = to_light(np.arange(256, dtype=np.uint8)[None])[0]
+    assert grey_step(float(light[128])) == pytest.approx(light[129] - light[128], rel=1e-6)
+    assert 0 < grey_step(0.0) < grey_step(0.5) < grey_step(1.0)

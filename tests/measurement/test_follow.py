@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 from support.boxes import OWN, PRIORS, STILL, planes
-from support.pictured import HIGH, recorded, rendered, true_box
+from support.pictured import HIGH, of_pair, recorded, rendered, true_box
 
 from stereolib.measurement import Face
 from stereolib.measurement.agreement import Agreement, Past, Reach
@@ -139,6 +139,17 @@ def test_a_sliver_round_the_corner_is_found():
     )  # it may stand anywhere there
     assert look_round(shown.views, shown.world, stretch, 1) is None
     assert follow_top(shown.views, shown.world, own, Side.LEFT, 1.0) is None  # the camera stands below it
+
+
+@pytest.mark.parametrize("share", [0.5, 0.6, 0.7, 0.8])
+def test_where_a_face_goes_on_as_well_there_is_no_second_one(share):
+    """Taken to end within it, and blurred: five to nine pixels of it had been a face round a corner."""
+    sharp = rendered(1100.0, (250.0, 110.0, 110.0), 8.0).views
+    shown = of_pair(*(cv2.GaussianBlur(picture, (0, 0), 4.0) for picture in (sharp.left, sharp.right)))
+    stretch = shown.stretch()
+    within = stretch.right.at + share * (stretch.left.at - stretch.right.at)
+    early = replace(stretch, left=End(within, Past.OPEN, 2.5, 2.5, 2.5))
+    assert look_round(shown.views, shown.world, early, 1) is None
 
 
 @pytest.mark.parametrize("off_mm", [0.0, -6.0, 6.0])

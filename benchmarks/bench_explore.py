@@ -7,11 +7,12 @@ from __future__ import annotations
 
 import json
 import time
+from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
 from common import asked, save
-from support.browser import Page, bench_page
+from support.browser import Page, bench_page, chromium
 from tqdm.auto import tqdm
 
 ROOMS = ("base", "rig", "laser", "matching", "measurement", "paper", "virtual", "notebook")
@@ -52,6 +53,9 @@ def dragged(page: Page, label: str) -> float:
 def main() -> None:
     """Open the page, move, print and save."""
     if "time" not in asked(__doc__):
+        return
+    if find_spec("playwright") is None or chromium() is None:
+        print("left out: without Playwright (`make test-browser` installs it) and Chromium no page can be timed")
         return
     result: dict[str, Any] = {"moves": _MANY}
     with bench_page() as page:

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 
 _AUTO = "auto"
 _WIDEST_PX = 2**15  # no picture is wider
-_HARDLY = 0.1  # share of matched pixels: pairs of a scene have half or more, pictures of two scenes 1 to 4 % by chance
-_ONE_SCENE = "are both pictures of one scene and one moment? What was filled is a guess"
+_BY_CHANCE, _HARDLY = 0.05, 0.1  # shares of matched pixels: pictures of two scenes have 1 to 4 %, in poor light 14
+_ONE_SCENE = "are both pictures of one scene and one moment?"
 _OPTIONS = {
     "looks for a multiple of 16 disparities, got": "needs a --max-disparity that is a multiple of 16, got",
     "looks for a multiple of 32 disparities, got": "needs a --max-disparity that is a multiple of 32, got",
@@ -106,9 +106,11 @@ def _run(arguments: argparse.Namespace) -> int:
     with named(*files), _named_as_options(arguments.calibration):
         depth = None if instrument is None else measure_depth(*pair, instrument, *how, filled=arguments.filled)
         match = depth.match if depth else match_checked(*pair, *how)
+    if (matched := match.shares["matched"]) < _BY_CHANCE:
+        raise ValueError(f"{files[0]} and {files[1]}: {100 * matched:.1f} % match, as chance has it: {_ONE_SCENE}")
     said = [*said_of(arguments.calibration), *depth.instrument.warnings] if depth else []
-    if match.shares["matched"] < _HARDLY:
-        said.append(f"hardly anything matches: {_ONE_SCENE}")
+    if matched < _HARDLY:
+        said.append(f"hardly anything matches: {_ONE_SCENE} What was filled is a guess")
     for text in (*said, *map(_as_options, match.notes)):
         print(f"warning: {text}")
     _write(paths, match.estimate.disparity_px, match.estimate.std_px, depth)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 from stereolib.cli.command import Command
@@ -55,20 +56,31 @@ def _run(arguments: argparse.Namespace) -> int:
         written = report_rig(arguments.folder, out, name)
     except NotebookError as error:
         raise ValueError(f"{arguments.folder}: {_first_line(str(error))}") from error
-    for line in _verdict(written):
+    texts = _outputs(written)
+    for line in (*_verdict(texts), *(_left_out(texts, own.absent) if name == "report" else ())):
         print(line)
     print(f"written to {out}: {', '.join(path.name for path in written)}")
     return DONE
 
 
-def _verdict(written: list[Path]) -> list[str]:
-    """The cameras' verdict and why, as the notebook that was run prints them; nothing where it had no boards."""
+def _outputs(written: list[Path]) -> list[str]:
+    """What the cells of the notebook that was run print."""
+    cells = [cell for path in written if path.suffix == ".ipynb" for cell in json.loads(path.read_bytes())["cells"]]
+    return ["".join(output.get("text", ())) for cell in cells for output in cell.get("outputs", ())]
+
+
+def _verdict(texts: list[str]) -> list[str]:
+    """The cameras' verdict and why; nothing where there were no boards."""
     from stereolib.calibration import VERDICT_MEANINGS
 
-    cells = [cell for path in written if path.suffix == ".ipynb" for cell in json.loads(path.read_bytes())["cells"]]
-    texts = ("".join(output.get("text", ())) for cell in cells for output in cell.get("outputs", ()))
     verdicts = tuple(f"{verdict}: {meaning}" for verdict, meaning in VERDICT_MEANINGS.items())
     return next((text.splitlines() for text in texts if text.startswith(verdicts)), [])
+
+
+def _left_out(texts: list[str], absent: Sequence[str]) -> list[str]:
+    """What is left out and why, but for what the folder does not hold, which was said before."""
+    said = {f"left out: {text}" for text in absent}
+    return [line for text in texts for line in text.splitlines() if "left out" in line and line not in said]
 
 
 def _first_line(text: str) -> str:

@@ -308,7 +308,7 @@ def draw_own_pair(
     disparity = compute_disparity(*pair, params, whole=True)
     rectified, matched = instrument.rectified, np.isfinite(disparity)
     nearest_mm = rectified.f_px * rectified.baseline_mm / num_disparities
-    text = f"{100 * matched.mean():.0f} % of the pixels matched; nothing nearer than {nearest_mm:.0f} mm can be"
+    text = f"{100 * matched.mean():.0f} % of the pixels matched; nothing nearer than {nearest_mm:.0f} mm can be matched"
     return np.hstack([pair[0], color_disparity(disparity, 0, num_disparities)]), text
 
 

@@ -158,6 +158,8 @@ def plot_top_view(room: Map, ax: Axes, title: str = "", *, true_mm: list[Float64
         )
     for outline in true_mm or []:
         ax.add_patch(Polygon(outline, fill=False, ec="black", ls=":", lw=1.0, zorder=4))
+    if true_mm:
+        ax.plot([], [], ":", color="black", lw=1.0, label="the true outlines")
     for station, name in zip(room.stations, station_names(room.stations), strict=True):
         plot_station(station, ax, name)
     ax.plot([], [], "-", color="black", lw=1.5, label="from a station,\nwhere its camera looks")

@@ -83,7 +83,8 @@ def plot_row_cost(costs: Floats | Ints, true_px: Floats, ax: Axes, title: str = 
     ax.set(title=title, xlabel="column (px)", ylabel="disparity d (px)", xlim=frame[:2], ylim=frame[2:])
     ax.legend(fontsize=_FONT_PT, loc="upper right", framealpha=0.9, markerscale=2)
     if ax.figure is not None:
-        ax.figure.colorbar(shown, ax=ax, label=label, pad=0.01)
+        ends_early = "max" if seen.max() > dearest else "neither"
+        ax.figure.colorbar(shown, ax=ax, label=label, pad=0.01, extend=ends_early)
     return shown
 
 

@@ -145,11 +145,23 @@ def test_a_picture_of_another_moment_is_told(raw, tmp_path, capsys):
     assert re.search(r"warning: \d\d of .* lie [67] px too low in right: something moved", told(capsys))
 
 
-def test_pictures_of_two_places_are_asked_about(raw, tmp_path, capsys):
-    room = [data_path(f"virtual/room/{name}.jpg") for name in ("3_left", "2_right")]
+@pytest.mark.parametrize(("left", "right"), [(3, 2), (3, 5), (1, 2)])
+def test_pictures_of_two_places_are_refused(raw, tmp_path, capsys, left, right):
+    room = [data_path(f"virtual/room/{name}.jpg") for name in (f"{left}_left", f"{right}_right")]
+    assert run(*room, *raw[2:], "--pipeline", "fast", "--output", tmp_path / "d.npy") == 2
+    assert re.search(r"[1-4]\.\d % match, as chance has it: are both pictures of one scene", capsys.readouterr().err)
+    assert not list(tmp_path.glob("d*"))
+
+
+def test_where_few_pixels_match_it_is_asked_whether_both_show_one_scene(raw, tmp_path, capsys):
+    """Of the right picture a tenth is left, the rest is of another place."""
+    right, other = (cv2.imread(str(file)) for file in (raw[1], data_path("virtual/room/5_right.jpg")))
+    width = right.shape[1]
+    other[:, 45 * width // 100 : 53 * width // 100] = right[:, 45 * width // 100 : 53 * width // 100]
+    cv2.imwrite(str(tmp_path / "mixed.png"), other)
     words = ["--pipeline", "fast", "--output", tmp_path / "d.npy"]
-    run(*room, *raw[2:], *words)
-    assert told(capsys).startswith("warning: hardly anything matches: are both pictures of one scene and one moment?")
+    assert run(raw[0], tmp_path / "mixed.png", *raw[2:], *words) == 0
+    assert "warning: hardly anything matches: are both pictures of one scene and one moment? What" in told(capsys)
     run(*raw, *words, "--force")
     assert "hardly" not in told(capsys)
 

@@ -59,6 +59,7 @@ def test_report_of_a_laser_alone_leaves_out_the_rest(folder, capsys):
     said = capsys.readouterr().out
     assert not re.search(r"^(good|usable|bad): ", said, re.MULTILINE)
     assert "0 pairs of the board, 0 pairs to measure, 1 scan\n  nothing in boards: no calibration" in said
+    assert said.count("nothing in boards") == 1 and "\nleft out: sizes and the map. without boards" in said
     assert sorted(path.name for path in (folder / "report").iterdir()) == ["report.html", "report.ipynb"]
     text = told(folder / "report" / "report.ipynb")
     assert re.search(r"0\.5 to 1 m: \d+ beams, half of them scatter by less than \d\.\d mm", text)

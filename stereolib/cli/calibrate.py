@@ -13,6 +13,7 @@ from stereolib.cli.command import Command
 from stereolib.cli.errors import DONE, REFUSED
 from stereolib.cli.outputs import check_outputs
 from stereolib.cli.ranges import MM, number
+from stereolib.cli.told import say_on_a_terminal
 
 #: Kind of file that `stereolib.rig` saves -> its names, and how many lens coefficients it holds at most.
 _FORMATS = {"opencv": (["opencv.yml"], 14), "ros": (["left.yaml", "right.yaml"], 8), "kalibr": (["camchain.yaml"], 4)}
@@ -99,9 +100,9 @@ def _run(arguments: argparse.Namespace) -> int:
             f"{counted(len(views), 'pair')} ({', '.join(views.names)}), not in {', '.join(views.missing)}: at least "
             f"{MIN_PAIRS} are needed, 15 to 30 give a trustworthy rig; is the board's size right?"
         )
-    _say_on_a_terminal(f"calibrating with {counted(len(views), 'pair')} ...")
+    say_on_a_terminal(f"calibrating with {counted(len(views), 'pair')} ...")
     result = diagnose(views, model=arguments.model, ruler_mm=arguments.ruler_mm, at_mm=arguments.at_mm)
-    _say_on_a_terminal("drawing the report, in some seconds ...")
+    say_on_a_terminal("drawing the report, in some seconds ...")
     write_calibration_report(written[1], result, dict(zip((path.name for path in left), pairs, strict=True)))
     save_calibration(written[0], result)
     for kind, paths in others.items():
@@ -117,11 +118,6 @@ def _run(arguments: argparse.Namespace) -> int:
         if result.verdict != "bad":
             print(f"next: open {written[1]}; then stereolib measure LEFT RIGHT --calibration {written[0]}")
     return REFUSED if result.verdict == "bad" else DONE
-
-
-def _say_on_a_terminal(text: str) -> None:
-    if sys.stderr.isatty():
-        print(text, file=sys.stderr, flush=True)
 
 
 CALIBRATE = Command(

@@ -13,7 +13,7 @@ from stereolib.cli.command import Command
 from stereolib.cli.errors import DONE, named
 from stereolib.cli.outputs import check_ending, check_outputs, default_name
 from stereolib.cli.ranges import whole
-from stereolib.cli.told import wrapped
+from stereolib.cli.told import say_on_a_terminal, wrapped
 
 if TYPE_CHECKING:
     from stereolib.base import Floats
@@ -103,6 +103,7 @@ def _run(arguments: argparse.Namespace) -> int:
     instrument = Instrument.load(arguments.calibration) if arguments.calibration else None
     pair = read_pair(*files)
     check_matchable(*pair, (str(files[0]), str(files[1])))
+    say_on_a_terminal(f"matching {files[0].name} and {files[1].name}, in some seconds ...")
     with named(*files), _named_as_options(arguments.calibration):
         depth = None if instrument is None else measure_depth(*pair, instrument, *how, filled=arguments.filled)
         match = depth.match if depth else match_checked(*pair, *how)

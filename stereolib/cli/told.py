@@ -1,8 +1,9 @@
-"""A measured object, told: in numbers for JSON, in words for people."""
+"""What commands tell: of a measured object in numbers for JSON and in words for people; and what takes so long."""
 
 from __future__ import annotations
 
 import math
+import sys
 import textwrap
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
@@ -79,3 +80,9 @@ def wrapped(lines: Iterable[str]) -> str:
     """Lines for a terminal, broken where they are too long."""
     broken = (textwrap.wrap(line, _WIDTH, subsequent_indent="     ", drop_whitespace=False) for line in lines)
     return "\n".join(part for line in broken for part in line)
+
+
+def say_on_a_terminal(text: str) -> None:
+    """Tell who waits what takes so long; a file that standard error is sent to has nothing of it."""
+    if sys.stderr.isatty():
+        print(text, file=sys.stderr, flush=True)

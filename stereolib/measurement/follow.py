@@ -309,9 +309,15 @@ def look_round(views: Views, world: World, stretch: Stretch, outwards: int) -> C
 
 
 def _goes_on_as_well(views: Views, world: World, stretch: Stretch, t: Float64, second: Float64) -> bool:
-    """Whether both pictures are as alike where a second face was followed if it is the first one that goes on."""
-    first = agreement(views, world, upright(stretch.line.at(t[: len(second)]), stretch.heights_mm)).whole
-    return bool(np.nansum(first) >= np.nansum(second))
+    """Whether both pictures are as alike where a second face was followed if it is the first one that goes on.
+
+    And show it there by texture of its own: noise on a plain part tells of neither.
+    """
+    known, count = _FIRST_PX, len(second)
+    before = t[0] + (t[0] - t[1]) * np.arange(known, 0, -1)
+    along = agreement(views, world, upright(stretch.line.at(np.append(before, t[:count])), stretch.heights_mm))
+    is_shown = np.count_nonzero(along.shows(known)[known:]) > count / 2
+    return bool(is_shown and np.nansum(along.whole[known:]) >= np.nansum(second))
 
 
 def _second(line: UprightLine, t0: Float64, outwards: int, beyond: Float64) -> tuple[Float64, Float64]:

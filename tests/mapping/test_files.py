@@ -290,8 +290,12 @@ def test_top_view_draws_what_the_map_holds(found):
     texts = {text.get_text() for text in ax.texts}
     assert texts >= {"A", "B", "C", "D", "E", "1", "5"}
     legend = [text.get_text() for text in ax.get_legend().get_texts()]
-    assert len(legend) == 8 and re.fullmatch(r"A  (19|20)\d x 1[56]\d x \d+ mm", legend[1])
-    larger = re.fullmatch(r"ellipse: standard\ndeviation of a place,\n(\d+) times enlarged", legend[7])
+    assert (
+        len(legend) == 9
+        and legend[6] == "the true outlines"
+        and re.fullmatch(r"A  (19|20)\d x 1[56]\d x \d+ mm", legend[1])
+    )
+    larger = re.fullmatch(r"ellipse: standard\ndeviation of a place,\n(\d+) times enlarged", legend[8])
     assert legend[0] == "the laser's readings" and larger
     ellipses = [patch for patch in ax.patches if type(patch).__name__ == "Ellipse"]
     for thing, ellipse in zip(found.measured, ellipses, strict=True):

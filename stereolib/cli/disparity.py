@@ -107,8 +107,8 @@ def _run(arguments: argparse.Namespace) -> int:
     with named(*files), _named_as_options(arguments.calibration):
         depth = None if instrument is None else measure_depth(*pair, instrument, *how, filled=arguments.filled)
         match = depth.match if depth else match_checked(*pair, *how)
-    if (matched := match.shares["matched"]) < _BY_CHANCE:
-        raise ValueError(f"{files[0]} and {files[1]}: {100 * matched:.1f} % match, as chance has it: {_ONE_SCENE}")
+        if (matched := match.shares["matched"]) < _BY_CHANCE:
+            raise ValueError(f"{100 * matched:.1f} % match, as chance has it: {_ONE_SCENE}")
     said = [*said_of(arguments.calibration), *depth.instrument.warnings] if depth else []
     if matched < _HARDLY:
         said.append(f"hardly anything matches: {_ONE_SCENE} What was filled is a guess")

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from stereolib.base import Bools, Floats, Ints, UInt8
 from stereolib.plotting.gallery import Exhibit, plot_gallery
 from stereolib.plotting.pictures import plot_image
-from stereolib.plotting.quantities import plot_disparity
+from stereolib.plotting.quantities import key_ends, plot_disparity
 from stereolib.plotting.style import GREY_NONE, OURS, TRUTH, default_style, panels
 
 _BGR_MARKED = (200, 0, 230)
@@ -83,8 +83,7 @@ def plot_row_cost(costs: Floats | Ints, true_px: Floats, ax: Axes, title: str = 
     ax.set(title=title, xlabel="column (px)", ylabel="disparity d (px)", xlim=frame[:2], ylim=frame[2:])
     ax.legend(fontsize=_FONT_PT, loc="upper right", framealpha=0.9, markerscale=2)
     if ax.figure is not None:
-        ends_early = "max" if seen.max() > dearest else "neither"
-        ax.figure.colorbar(shown, ax=ax, label=label, pad=0.01, extend=ends_early)
+        ax.figure.colorbar(shown, ax=ax, label=label, pad=0.01, extend=key_ends(seen, shown))
     return shown
 
 

@@ -75,16 +75,20 @@ def _plot_map(values: Floats, ax: Axes, title: str, limits: tuple[float, float |
     return shown
 
 
+def key_ends(known: Floats | Ints, shown: Any) -> str:
+    """Which ends of a map's key are pointed, as `extend` of a colour bar: those beyond which values lie."""
+    low, high = shown.get_clim()
+    beyond = bool((known < low).any()), bool((known > high).any())
+    return {(False, False): "neither", (True, False): "min", (False, True): "max", (True, True): "both"}[beyond]
+
+
 def _bar(shown: Any, values: Floats, ax: Axes, label: str) -> None:
     """The key of a map's colours, as tall as the map, pointed where values lie beyond its end."""
     known = np.asarray(values)[np.isfinite(values)]
-    low, high = shown.get_clim()
-    beyond = bool((known < low).any()), bool((known > high).any())
-    extend = {(False, False): "neither", (True, False): "min", (False, True): "max", (True, True): "both"}[beyond]
     grey = GREY_NONE if known.size < np.size(values) else ""
     place = ax.inset_axes((1.04, 0.0, 0.05, 1.0))
     assert ax.figure is not None
-    ax.figure.colorbar(shown, cax=place, label=label + grey, extend=extend)
+    ax.figure.colorbar(shown, cax=place, label=label + grey, extend=key_ends(known, shown))
 
 
 @default_style

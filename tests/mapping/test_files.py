@@ -290,11 +290,8 @@ def test_top_view_draws_what_the_map_holds(found):
     texts = {text.get_text() for text in ax.texts}
     assert texts >= {"A", "B", "C", "D", "E", "1", "5"}
     legend = [text.get_text() for text in ax.get_legend().get_texts()]
-    assert (
-        len(legend) == 9
-        and legend[6] == "the true outlines"
-        and re.fullmatch(r"A  (19|20)\d x 1[56]\d x \d+ mm", legend[1])
-    )
+    assert len(legend) == 9 and legend[6] == "the true outlines"
+    assert re.fullmatch(r"A  (19|20)\d x 1[56]\d x \d+ mm", legend[1])
     larger = re.fullmatch(r"ellipse: standard\ndeviation of a place,\n(\d+) times enlarged", legend[8])
     assert legend[0] == "the laser's readings" and larger
     ellipses = [patch for patch in ax.patches if type(patch).__name__ == "Ellipse"]

@@ -107,7 +107,7 @@ def test_where_neither_picture_shows_an_edge_none_is_found():
 
 
 def test_a_grey_level_s_step_is_that_of_the_table():
-    """Midway between two grey levels; black's step is the least."""
+    """At a grey level it is the step to the next one; the darker, the less, and more than nothing for black."""
     light = to_light(np.arange(256, dtype=np.uint8)[None])[0]
     assert grey_step(float(light[128])) == pytest.approx(light[129] - light[128], rel=1e-6)
     assert 0 < grey_step(0.0) < grey_step(0.5) < grey_step(1.0)

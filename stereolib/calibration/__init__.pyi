@@ -7,6 +7,7 @@ from .check_wording import CHECK_MEANINGS
 from .coverage import Coverage, boards_per_cell
 from .detection import find_in_files
 from .diagnosis import Diagnosis, diagnose
+from .disparity_errors import DisparityErrors
 from .findings import Check
 from .first_boards import check_first_boards, check_sides
 from .fresh_check import CalibrationCheck, Estimate, check_calibration
@@ -16,7 +17,7 @@ from .lens_choice import HoldOut, choose_lens_model, hold_out_errors, hold_out_r
 from .lens_models import LENS_MODELS, LensFold, fold_inside
 from .movement import MOVEMENTS, Moved, Movement
 from .outliers import MIN_PAIRS
-from .record import CalibrationRecord
+from .record import CalibrationRecord, damage
 from .solve import (
     CameraCalibration,
     StereoCalibration,
@@ -30,6 +31,7 @@ from .uncertainty import (
     ErrorMap,
     RigStd,
     compare_calibrations,
+    deviations,
     error_map,
     interval_table,
     rectified_covariance,
@@ -76,6 +78,7 @@ __all__ = [
     "CornerOff",
     "Coverage",
     "Diagnosis",
+    "DisparityErrors",
     "ErrorMap",
     "Estimate",
     "HoldOut",
@@ -103,6 +106,8 @@ __all__ = [
     "check_sides",
     "choose_lens_model",
     "compare_calibrations",
+    "damage",
+    "deviations",
     "diagnose",
     "epipolar_errors_px",
     "error_map",

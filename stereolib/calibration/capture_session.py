@@ -182,7 +182,7 @@ class CaptureSession:
         self._is_asked = False
         coverage = watch.coverage
         advice = coverage.advice if coverage else ()
-        said = f"so far, {advice[0]}" if advice else "nothing is missing" if coverage else ""
+        said = f"so far, {advice[0]}" if advice else "nothing more is needed" if coverage else ""
         return CaptureState(pair, look, self.taken, name, said)
 
     def _stuck(self, watch: BoardWatch, advice: str) -> str:

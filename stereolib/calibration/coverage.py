@@ -57,7 +57,10 @@ class Coverage:
         return tuple(said)
 
     def __str__(self) -> str:
-        return "; ".join(self.advice) or f"nothing is missing (the boards cover {100 * self.image:.0f} % of the images)"
+        return (
+            "; ".join(self.advice)
+            or f"nothing more is needed (boards were seen in {100 * self.image:.0f} % of the images)"
+        )
 
 
 def judge_coverage(views: BoardViews, turns: Float64, shifts: Float64) -> Coverage:

@@ -24,6 +24,28 @@ _POSE = slice(-6, None)  # R and T among the shared parameters
 _SIDES = ("left", "right")
 
 
+def damage(error: Exception) -> str:
+    """Tell what is wrong with what a file holds, in words that name its entries and nothing of Python.
+
+    Parameters
+    ----------
+    error : Exception
+        What came of using it.
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> damage(KeyError("covariance")), damage(TypeError("'int' object is not subscriptable"))
+    ("it has no 'covariance'", 'an entry is of another kind')
+    """
+    if isinstance(error, KeyError):
+        return f"it has no {error}"
+    return str(error) if isinstance(error, ValueError) else "an entry is of another kind"
+
+
 @dataclass(frozen=True, eq=False)
 class CalibrationRecord:
     """How sure a calibration is, and which boards made it.
@@ -98,7 +120,7 @@ class CalibrationRecord:
             numbers = finite_array([kept["sigma_px"], kept["scatter"]], (2,), "sigma_px and scatter", most=_MOST)
             return cls(covariance, float(numbers[0]), float(numbers[1]), outer)
         except (ValueError, LookupError, TypeError, AttributeError) as error:
-            why = f"it has no {error}" if isinstance(error, KeyError) else str(error).partition(":")[0]  # no matrix
+            why = damage(error).partition(":")[0]  # no matrix
             raise ValueError(f"{path}: what it says of its calibration is damaged ({why}): calibrate again") from error
 
     def facts(self) -> dict[str, Any]:

@@ -22,6 +22,7 @@ from stereolib.calibration import (
     Diagnosis,
     diagnose,
     find_in_files,
+    rig_covariance,
     save_calibration,
 )
 from stereolib.mapping.asked_length import AskedLength
@@ -150,7 +151,10 @@ class RigFolder:
             return Instrument.load(own)
         if diagnosis is None or diagnosis.unrectified:
             return None
-        return Instrument(diagnosis.rig.rectify(), None, SystematicUncertainty(**diagnosis.rectified_std))
+        rectified = diagnosis.rig.rectify()
+        if not diagnosis.rectified_std:
+            return Instrument(rectified)
+        return Instrument(rectified, None, SystematicUncertainty.of(rectified, rig_covariance(diagnosis.fit)))
 
     def save_calibration(self, path: Path, diagnosis: Diagnosis) -> Path:
         """Write the calibration of the boards, with the laser's pose where the folder's own calibration knows it.
@@ -349,7 +353,10 @@ class _Said:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.parts = read_toml(path)
+        try:
+            self.parts = read_toml(path)
+        except ValueError as error:
+            raise ValueError(f"{error}; mend it there, or move the file away: then the folder alone is asked") from None
         for part, entries in self.parts.items():
             self._known(part, _ENTRIES, "part")
             for entry in entries if part == "length" else [entries]:

@@ -38,9 +38,11 @@ class DepthMap:
 
     @cached_property
     def depth_mm(self) -> Float32:
-        """``Z = f B / d``, NaN where invalid. (H, W)."""
+        """``Z = f B / d``, NaN where invalid, and where d is not above its deviation: that may be anywhere. (H, W)."""
         estimate, rectified = self.match.estimate, self.instrument.rectified
         told = estimate.disparity_px if self.is_filled else np.where(estimate.matched, estimate.disparity_px, np.nan)
+        if estimate.std_px is not None:
+            told = np.where(told > estimate.std_px, told, np.nan)
         return disparity_to_depth(told, rectified.f_px, rectified.baseline_mm).astype(np.float32)
 
     @cached_property

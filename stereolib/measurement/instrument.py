@@ -13,7 +13,15 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from stereolib.base import Float64, finite_array, read_json, write_atomic
-from stereolib.calibration import LASER_SCALE_STD, LidarCamera
+from stereolib.calibration import (
+    LASER_SCALE_STD,
+    CalibrationRecord,
+    DisparityErrors,
+    LidarCamera,
+    damage,
+    deviations,
+    rectified_std,
+)
 from stereolib.rig import RectifiedRig, StereoRig, calibration_notes, formats
 
 _ROTATION_TOLERANCE = 1e-6  # of R R', for which a file's digits are enough
@@ -34,12 +42,51 @@ class SystematicUncertainty:
         Error that shifts every disparity of the picture alike.
     correlation : tuple of 3 floats
         Of the focal length with the baseline and with the offset, and of these two.
+    errors : DisparityErrors or None
+        Errors besides, from place to place, where the covariance of all parameters is known.
     """
 
     f_px: float = 0.0
     baseline_mm: float = 0.0
     offset_px: float = 0.0
     correlation: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    errors: DisparityErrors | None = None
+
+    @classmethod
+    def of(cls, rectified: RectifiedRig, covariance: Float64) -> SystematicUncertainty:
+        """Tell all that a calibration leaves open.
+
+        Parameters
+        ----------
+        rectified : RectifiedRig
+            Of the calibrated rig.
+        covariance : (s, s) float64
+            From `stereolib.calibration.rig_covariance`.
+
+        Returns
+        -------
+        SystematicUncertainty
+
+        Raises
+        ------
+        ValueError
+            If the cameras see nothing together where rigs measure.
+        """
+        return cls(**rectified_std(rectified, covariance), errors=DisparityErrors(rectified, covariance))
+
+    def at(self, u: Float64, v: Float64) -> SystematicUncertainty:
+        """The same at one place of the picture, where the errors from place to place are known.
+
+        Parameters
+        ----------
+        u, v : (N,) float64, px
+            Pixels of the rectified left picture that lie there; three and more that lie on no line.
+
+        Returns
+        -------
+        SystematicUncertainty
+        """
+        return self if self.errors is None else replace(self, **deviations(self.errors.alike(u, v)))
 
     @property
     def covariance(self) -> Float64:
@@ -131,15 +178,19 @@ class Instrument:
         rig, text = _read_rig(path)
         with formats.naming(path):
             rectified = rig.rectify()
-        remedy, std = "run `stereolib calibrate` again", calibration_notes(path).get("std", {})
+        notes, remedy = calibration_notes(path), "run `stereolib calibrate` again"
+        std = notes.get("std", {})
         try:
             uncertainty = _uncertainty(**std.get("rectified", {}))
             laser = text.get("lidar")
             remedy = 'run `stereolib calibrate-laser` again, or take the entry "lidar" out of the file'
             lidar = None if laser is None else _lidar(laser["T_left_lidar"], laser["covariance"], laser.get("scale"))
         except (ValueError, LookupError, TypeError, AttributeError) as error:
-            what = f"what it says of the laser or of deviations is damaged ({error})"
+            what = f"what it says of the laser or of deviations is damaged ({damage(error)})"
             raise ValueError(f"{path}: {what}: {remedy}") from error
+        if "record" in notes and std.get("rectified"):
+            covariance = CalibrationRecord.load(path, rig).covariance
+            uncertainty = replace(uncertainty, errors=DisparityErrors(rectified, covariance))
         return cls(rectified, lidar, uncertainty)
 
 
@@ -175,12 +226,15 @@ def _read_rig(path: str | PathLike[str]) -> tuple[StereoRig, Mapping[str, Any]]:
     return StereoRig.load(path), read_json(path)
 
 
-def _uncertainty(correlation: Any = (0.0, 0.0, 0.0), **stds: Any) -> SystematicUncertainty:
+def _uncertainty(
+    f_px: Any = 0.0, baseline_mm: Any = 0.0, offset_px: Any = 0.0, correlation: Any = (0.0, 0.0, 0.0)
+) -> SystematicUncertainty:
+    given = {"f_px": f_px, "baseline_mm": baseline_mm, "offset_px": offset_px}
+    f, b, offset = (float(finite_array(value, (), name, most=_MOST_STD)) for name, value in given.items())
+    if min(f, b, offset) < 0:
+        raise ValueError(f"a deviation is 0 or more, got {given}")
     r = finite_array(correlation, (3,), "correlation", most=1.0)
-    known = {name: float(finite_array(value, (), name, most=_MOST_STD)) for name, value in stds.items()}
-    if any(value < 0 for value in known.values()):
-        raise ValueError(f"a deviation is 0 or more, got {known}")
-    return SystematicUncertainty(**known, correlation=(float(r[0]), float(r[1]), float(r[2])))
+    return SystematicUncertainty(f, b, offset, (float(r[0]), float(r[1]), float(r[2])))
 
 
 def _lidar(pose: Any, covariance: Any, scale: Any) -> LidarCamera:

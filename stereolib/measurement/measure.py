@@ -192,6 +192,11 @@ def _said_of_lean(lean: Lean | None) -> list[str]:
     return [f"{how}: {where}; for objects and walls there level it over the floor, and run calibrate-laser again"]
 
 
+def _off(value_mm: float, std_mm: float, first: str, second: str) -> str:
+    """How far off something is, and to which of two sides."""
+    return f"{abs(value_mm):.0f} ± {std_mm:.0f} mm {first if value_mm >= 0 else second}"
+
+
 def _said_of_the_rig(views: Views, judged: Judged, near_mm: float, instrument: Instrument) -> list[str]:
     """What has moved since its calibration, and what nobody could tell."""
     said, solution = [*views.rows.warnings, *instrument.warnings], judged.solution
@@ -199,12 +204,12 @@ def _said_of_the_rig(views: Views, judged: Judged, near_mm: float, instrument: I
         said.append(instrument.turned_unseen(near_mm))
     if instrument.lidar is None and judged.scanned:
         (x, y, yaw, _), std = solution.laser, solution.laser_std
-        place = f"{x:.0f} ± {std[0]:.0f} mm ahead, {y:.0f} ± {std[1]:.0f} mm to the left"
-        turn = f"turned by {np.degrees(yaw):.1f} ± {np.degrees(std[2]):.1f} degrees against the pictures' axis"
+        place = f"{_off(x, std[0], 'ahead', 'behind')}, {_off(y, std[1], 'to the left', 'to the right')}"
+        turn = f"turned by {np.degrees(yaw):z.1f} ± {np.degrees(std[2]):.1f} degrees against the pictures' axis"
         said.append(f"the objects place the laser {place}, {turn}")
     elif judged.chance(laser=True) > _LIKELY:
         (x, y, yaw, _), std = solution.laser, solution.laser_std
-        move = f"{np.hypot(x, y):.0f} mm and {np.degrees(yaw):.1f} ± {np.degrees(std[2]):.1f} degrees"
+        move = f"{np.hypot(x, y):.0f} mm and {np.degrees(yaw):z.1f} ± {np.degrees(std[2]):.1f} degrees"
         said.append(
             f"the laser has moved since its calibration, by {move}; corrected here: calibrate it again. If nobody "
             "moved it, the cameras' scale has changed (check it with --ruler-mm), or the laser's"

@@ -273,7 +273,7 @@ def _why(size: int, facts: BoxFacts, value: float, std: float, worst_std: float)
         return Why(Reason.CUT if side else Reason.TOP_CUT)
     if Past.HIDDEN in shown:
         return Why(Reason.HIDDEN)
-    return Why(Reason.TOO_UNCERTAIN, f"{value:.0f} ± {std:.0f} mm")
+    return Why(Reason.TOO_UNCERTAIN, f"{max(value, 0.0):.0f} ± {std:.0f} mm")
 
 
 def _why_unsure(solution: Solution, box: int, size: int) -> str:

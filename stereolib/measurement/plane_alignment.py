@@ -12,10 +12,12 @@ import cv2
 import numpy as np
 
 from stereolib.base import Bools, Float32, Float64, Floats, Ints, UInt8, clustered_covariance, median
+from stereolib.calibration import DisparityErrors
 from stereolib.measurement.light import Picture
 from stereolib.rig import check_pair, to_grey
 
 _MOST_PIXELS = 1500  # more add nothing but time
+_ASKED = 60  # of them, what the calibration leaves open
 _CELL_PX = 24  # neighbouring pixels err together: those of one cell count as one witness
 _BACKGROUND_PX = (31, 1)  # brightness that changes more slowly than this is taken away: the cameras' exposures differ
 _DEVIATION, _LEAST_DEVIATION = 30.0, 3.0  # grey levels that it is given; less than so many are noise, and stay small
@@ -56,11 +58,14 @@ class AlignedPair:
         What edges are located in: as they came, or as the cameras gave them.
     rows_covariance : (3, 3) float64
         Of the row offset that may be left between them (`RowOffset.covariance`).
+    errors : DisparityErrors or None
+        What the calibration leaves open of their disparities, from place to place.
     """
 
     levels: tuple[tuple[Float32, Float32], ...]
     pictures: tuple[Picture, Picture]
     rows_covariance: Float64 = field(default_factory=lambda: np.zeros((3, 3)))
+    errors: DisparityErrors | None = None
 
     @classmethod
     def of(cls, left: UInt8, right: UInt8, rows_covariance: Float64 | None = None) -> AlignedPair:
@@ -190,7 +195,13 @@ def align(
         by_rows = np.linalg.solve(curved @ x, bent @ (down[:, None] * np.stack([where, v, np.ones(len(v))], axis=1)))
     except np.linalg.LinAlgError:
         raise CannotMeasure("no texture", _NOTHING) from None
-    return PlaneFit(parameters, covariance + by_rows @ pair.rows_covariance @ by_rows.T)
+    covariance = covariance + by_rows @ pair.rows_covariance @ by_rows.T
+    if pair.errors is not None:
+        some = slice(None, None, -(-len(u) // _ASKED))
+        shared = pair.errors.within(u[some], v[some], x[some] @ parameters)
+        by_calibration = np.linalg.lstsq(x[some], shared, rcond=None)[0]
+        covariance = covariance + by_calibration @ by_calibration.T
+    return PlaneFit(parameters, covariance)
 
 
 def _places(px: Float64, zoom: float = 1.0) -> Float32:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,6 +23,7 @@ from stereolib.rig import pose_left_world, rigid
 _BELOW = LaserOnFloor(np.eye(2), np.zeros(2), np.diag([50.0**2, 50.0**2, np.radians(5.0) ** 2, LASER_SCALE_STD**2]))
 _LASER_ABOVE_FLOOR_MM = 100.0  # where no floor is seen; the scan's sizes do not depend on it
 _LEAST_STD = 1e-5  # of what a calibration knows, px or mm
+_ASKED = 60  # pixels of objects, what the calibration leaves open there
 _CALIBRATED = [2, 3, 0]  # of offset, rows, focal length and baseline: in the order of `SystematicUncertainty`
 
 
@@ -69,12 +71,13 @@ def see_standing(views: Views, instrument: Instrument, *, floor: Floor | None = 
     Standing
     """
     no_floor, regions = None, list[ObjectRegion]()
+    views = replace(views, pair=replace(views.pair, errors=instrument.uncertainty.errors))
     try:
         floor = floor or find_floor(views, instrument.rectified)
         regions = find_objects(views.disparity_px, floor)
     except CannotMeasure as error:
         no_floor = error
-    priors = scene_priors(views, instrument, floor or _floor_below(instrument))
+    priors = scene_priors(views, instrument, floor or _floor_below(instrument), regions)
     boxes = tuple(_box(views, priors, region) for region in regions)
     return Standing(views, instrument, priors, floor, no_floor, tuple(regions), boxes)
 
@@ -86,7 +89,7 @@ def _box(views: Views, priors: Priors, region: ObjectRegion) -> Pictured | Canno
         return error
 
 
-def scene_priors(views: Views, instrument: Instrument, floor: Floor) -> Priors:
+def scene_priors(views: Views, instrument: Instrument, floor: Floor, regions: Sequence[ObjectRegion] = ()) -> Priors:
     """What calibration, pictures and floor tell of what all objects share.
 
     Parameters
@@ -94,6 +97,8 @@ def scene_priors(views: Views, instrument: Instrument, floor: Floor) -> Priors:
     views : Views
     instrument : Instrument
     floor : Floor
+    regions : sequence of ObjectRegion
+        Where the objects are: what the calibration leaves open is told there.
 
     Returns
     -------
@@ -103,8 +108,12 @@ def scene_priors(views: Views, instrument: Instrument, floor: Floor) -> Priors:
     share[2:] = rectified.f_px, rectified.baseline_mm
     cameras = np.diag([_LEAST_STD**2] * 4)
     cameras[1, 1] += views.rows.std_px**2
-    known = instrument.uncertainty.with_offset(views.rows.columns_std_px)
-    cameras[np.ix_(_CALIBRATED, _CALIBRATED)] += known.covariance
+    known = instrument.uncertainty
+    if regions:
+        u, v = np.concatenate([(region.u, region.v) for region in regions], axis=1)
+        every = -(-len(u) // _ASKED)
+        known = known.at(u[::every], v[::every])
+    cameras[np.ix_(_CALIBRATED, _CALIBRATED)] += known.with_offset(views.rows.columns_std_px).covariance
     laser = _BELOW if instrument.lidar is None else LaserOnFloor.of(instrument.lidar, floor)
     return Priors(floor, laser, cameras / np.outer(share, share))
 

@@ -37,7 +37,7 @@ def test_coverage_of_a_wide_set_is_high():
     assert found.missing == ()
     assert found.distance == found.tilt == 1.0
     assert 0.4 < found.image <= 1
-    assert str(found) == f"nothing is missing (the boards cover {100 * found.image:.0f} % of the images)"
+    assert str(found) == f"nothing more is needed (boards were seen in {100 * found.image:.0f} % of the images)"
 
 
 @pytest.mark.parametrize(

@@ -26,7 +26,6 @@ from stereolib.calibration import (
     calibrate_stereo,
     find_board_in_scan,
     find_in_pairs,
-    rectified_std,
     rig_covariance,
 )
 from stereolib.measurement import (
@@ -371,8 +370,8 @@ def _recorded_boards() -> StereoCalibration:
 
 def _instrument(found: StereoCalibration, views: list[LaserBoardView]) -> Instrument:
     rectified = found.rig.rectify()
-    how_well = rectified_std(rectified, rig_covariance(found.fit))
-    return Instrument(rectified, calibrate_lidar_to_camera(views), SystematicUncertainty(**how_well))
+    how_well = SystematicUncertainty.of(rectified, rig_covariance(found.fit))
+    return Instrument(rectified, calibrate_lidar_to_camera(views), how_well)
 
 
 def reading_too_far(sensor: VirtualLidar, pct: float) -> VirtualLidar:

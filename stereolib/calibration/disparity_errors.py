@@ -23,7 +23,7 @@ class DisparityErrors:
     rectified : RectifiedRig
         Of the calibrated rig.
     covariance : (s, s) float64
-        From `rig_covariance`.
+        From `rig_covariance`: symmetric, without negative variances.
 
     Notes
     -----
@@ -113,6 +113,7 @@ class DisparityErrors:
     @cached_property
     def _root(self) -> Float64:
         """Of the covariance: ``root root' = C``. (s, s)."""
-        std = np.sqrt(np.maximum(np.diag(self.covariance), np.finfo(float).tiny))
+        std = np.sqrt(np.diag(self.covariance))
+        std[std == 0] = 1.0  # what is known perfectly goes together with nothing
         values, vectors = np.linalg.eigh(self.covariance / np.outer(std, std))
         return np.asarray(std[:, None] * vectors * np.sqrt(np.maximum(values, 0.0)))

@@ -22,6 +22,7 @@ _DECIMALS = 3  # px: far finer than that
 _MOST = 1e12  # of any number that is kept: a larger one is damage, and products overflow
 _POSE = slice(-6, None)  # R and T among the shared parameters
 _SIDES = ("left", "right")
+_ROUNDING = 1e-6  # of a correlation
 
 
 def damage(error: Exception) -> str:
@@ -117,6 +118,8 @@ class CalibrationRecord:
                 str(name): finite_array(at, (8,), name, most=_MOST).tolist() for name, at in kept["outer_px"].items()
             }
             covariance = finite_array(kept["covariance"], (count, count), "covariance", most=_MOST)
+            if not _is_covariance(covariance):
+                raise ValueError("its covariance is none")
             numbers = finite_array([kept["sigma_px"], kept["scatter"]], (2,), "sigma_px and scatter", most=_MOST)
             return cls(covariance, float(numbers[0]), float(numbers[1]), outer)
         except (ValueError, LookupError, TypeError, AttributeError) as error:
@@ -183,6 +186,13 @@ def _outer_px(views: BoardViews) -> Float64:
         known: list[Bools] = [np.isfinite(corners).all(axis=1) for corners in pair]
         outer.append(np.concatenate([corners[at][[0, -1]].ravel() for corners, at in zip(pair, known, strict=True)]))
     return np.round(outer, _DECIMALS)
+
+
+def _is_covariance(matrix: Float64) -> bool:
+    """It is symmetric, and no combination of parameters has a negative variance."""
+    std = np.sqrt(np.maximum(np.diag(matrix), 0.0))
+    scaled = matrix / np.outer(*[np.where(std > 0, std, 1.0)] * 2)
+    return bool(np.allclose(scaled, scaled.T) and np.linalg.eigvalsh((scaled + scaled.T) / 2)[0] > -_ROUNDING)
 
 
 def _from_deviations(notes: Mapping[str, Any], count: int) -> Float64:

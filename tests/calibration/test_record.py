@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import operator
 from dataclasses import replace
 
 import numpy as np
@@ -49,6 +50,9 @@ def test_older_files_state_single_deviations_and_others_none(diagnosis, tmp_path
     [
         lambda record: record.pop("scatter"),
         lambda record: record.update(covariance=[[1.0]]),
+        lambda record: operator.setitem(record["covariance"][0], 0, -1.0),
+        lambda record: operator.setitem(record["covariance"][3], 4, 1e3),
+        lambda record: operator.setitem(record["covariance"][5], 5, 0.0),
         lambda record: record.update(outer_px=[1, 2]),
         lambda record: record["outer_px"].update(x="here"),
         lambda record: record.update(sigma_px=None),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from support.instruments import RECT
@@ -57,6 +59,20 @@ def test_points_lie_on_the_rays_of_their_pixels_and_the_uncertain_are_left_out()
     known = found.std_mm[row, column] / found.depth_mm[row, column]
     assert known.max() < 0.1 and len(points_mm) < np.isfinite(found.depth_mm).sum()
     assert len(depth_map(filled=True, std_px=None).points()[0]) == np.isfinite(found.depth_mm).sum()
+
+
+def test_what_may_be_anywhere_has_no_depth():
+    """A disparity that does not exceed its deviation, as of sky, is no 1e8 mm."""
+    for filled in (False, True):
+        unsure, sure = (depth_map(filled=filled, std_px=std_px) for std_px in (60.0, 0.2))
+        disparity_px = unsure.match.estimate.disparity_px
+        expected = np.isfinite(sure.depth_mm) & (disparity_px > 60.0)
+        np.testing.assert_array_equal(np.isfinite(unsure.depth_mm), expected)
+        np.testing.assert_array_equal(np.isfinite(unsure.std_mm), expected)
+    far = replace(depth_map(std_px=0.2).match.estimate, disparity_px=np.full(SHAPE, 1e-4, np.float32))
+    far.disparity_px[-1] = 50.0
+    told = DepthMap(CheckedMatch(far, ()), depth_map().left, Instrument(RECT)).depth_mm
+    assert np.nanmax(told) < 1e4
 
 
 def test_sixteen_bits_end_at_65_m():

@@ -6,9 +6,10 @@ import json
 
 import numpy as np
 import pytest
+from support.corners import corner_set
 from support.instruments import LIDAR, RECT
 
-from stereolib.calibration import LASER_SCALE_STD
+from stereolib.calibration import LASER_SCALE_STD, calibration_facts, diagnose, rig_covariance
 from stereolib.measurement import Instrument, SystematicUncertainty, save_laser_pose
 from stereolib.rig import StereoRig
 
@@ -72,6 +73,39 @@ def test_a_damaged_pose_of_the_laser_is_refused_with_what_to_do(tmp_path, entry,
     with pytest.raises(ValueError, match=rf"rig\.json.*{message}.*calibrate-laser") as refused:
         Instrument.load(path)
     assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("lidar", "message"),
+    [
+        ({}, "it has no 'T_left_lidar'"),
+        (5, "an entry is of another kind"),
+        ({"T_left_lidar": 3}, "it has no 'covariance'"),
+    ],
+)
+def test_damage_is_named_without_python_s_words(tmp_path, lidar, message):
+    path = StereoRig.save(RECT.rig, tmp_path / "rig.json")
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"lidar": lidar}))
+    with pytest.raises(ValueError, match=rf"rig\.json: .* is damaged \({message}\): run `stereolib calibrate-laser`"):
+        Instrument.load(path)
+
+
+def test_a_calibration_that_keeps_its_covariance_knows_its_errors_from_place_to_place(tmp_path):
+    views = corner_set(np.random.default_rng(41), rig=RECT.rig)
+    diagnosis = diagnose(views)
+    path = diagnosis.rig.save(tmp_path / "rig.json", calibration=calibration_facts(diagnosis))
+    found = Instrument.load(path)
+    known = SystematicUncertainty.of(found.rectified, rig_covariance(diagnosis.fit))
+    np.testing.assert_allclose(found.uncertainty.covariance, known.covariance, rtol=1e-6, atol=1e-12)
+    u, v = (a.ravel() for a in np.meshgrid(np.linspace(60, 140, 5), np.linspace(200, 280, 5)))
+    left, middle = found.uncertainty.at(u, v), found.uncertainty.at(u + 220, v)
+    assert left.offset_px > 1.5 * middle.offset_px > 0
+    np.testing.assert_allclose(left.covariance, known.at(u, v).covariance, rtol=1e-6, atol=1e-12)
+    text = json.loads(path.read_text())
+    del text["calibration"]["record"]
+    path.write_text(json.dumps(text))
+    old = Instrument.load(path).uncertainty
+    assert old.errors is None and old.at(u, v) is old and old.offset_px == found.uncertainty.offset_px
 
 
 def test_what_is_no_rig_file_is_refused_and_left_alone(tmp_path):

@@ -242,7 +242,9 @@ def test_pictures_of_another_size_are_refused():
 
 def test_a_laser_nobody_calibrated_is_found_by_the_scene():
     found = measured(lidar=None)
-    assert "straight below the left camera" in found.warnings[0] and "the objects place the laser" in found.warnings[1]
+    assert "straight below the left camera" in found.warnings[0]
+    place = r"the objects place the laser \d+ ± \d+ mm (ahead|behind), \d+ ± \d+ mm to the (left|right), turned by "
+    assert re.match(place + r"(?!-0\.0 )-?\d\.\d ± \d\.\d degrees", found.warnings[1])
     thing = the_cube(found)
     assert (np.abs(thing.size_mm - 300) < 3 * thing.std_mm).all() and thing.std_mm.max() < 3
     assert np.abs(found.laser.t).max() < 15 and abs(np.degrees(found.laser.yaw_rad)) < 1.5

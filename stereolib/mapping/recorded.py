@@ -141,7 +141,7 @@ def map_recordings(
     Raises
     ------
     ValueError
-        If a file cannot be read, or does not fit the calibration.
+        If a file cannot be read, or no pair fits the calibration; a station whose own pair does not is left out.
     NothingToMap
         If no station shows an object or a wall; the text says what each one says.
     """
@@ -155,16 +155,19 @@ def _map(stations: Sequence[RecordedStation], instrument: Instrument, bar: tqdm[
     """The same, with a bar that is told of each station."""
     size = instrument.rectified.size
     inputs = {each.name: (each.read_pair(size), each.read_scan()) for each in stations}  # all, before the work
-    measured, left_out = dict[str, Measurement](), dict[str, str]()
+    measured, left_out, unfit = dict[str, Measurement](), dict[str, str](), list[str]()
     bar.set_description("measuring")
     for each in stations:
         try:
             measured[each.name] = measure_station(*inputs.pop(each.name), instrument)
         except CannotMeasure as error:
             left_out[each.name] = str(error)
-        except ValueError as error:
-            raise ValueError(f"station {each.name}: {error}") from error
+        except ValueError as error:  # of its own pictures, as of a pair that was exchanged: the others may do
+            left_out[each.name] = str(error)
+            unfit.append(f"station {each.name}: {error}")
         bar.update()
+    if unfit and not measured:
+        raise ValueError(unfit[0])
     bar.set_description("placing")
     known = {each.name: each.pose for each in stations if each.pose is not None}
     somewhere = [_station(it, known.get(name, (0.0, 0.0, 0.0)), name) for name, it in measured.items()]

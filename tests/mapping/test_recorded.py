@@ -148,6 +148,22 @@ def test_a_box_below_the_laser_is_measured_by_the_pair(low):
             assert (grid.at(np.array([place]))[0] == OCCUPIED) is np.bool_(taken)
 
 
+def test_a_pair_that_does_not_fit_leaves_out_its_own_station(walked):
+    def exchange(name):
+        sides = [walked / f"{name}_{side}.jpg" for side in ("left", "right")]
+        left, right = (side.read_bytes() for side in sides)
+        sides[0].write_bytes(right), sides[1].write_bytes(left)
+
+    remove(walked, *(f"{k}_{part}" for k in "25" for part in ("left.jpg", "right.jpg", "scan.bin")))
+    exchange("3")
+    recorded = mapped(walked)
+    assert [s.name for s in recorded.room.stations] == ["1", "4"] and list(recorded.left_out) == ["3"]
+    assert "left and right are exchanged" in recorded.left_out["3"] and recorded.room.measured
+    remove(walked, *(f"{k}_{part}" for k in "14" for part in ("left.jpg", "right.jpg", "scan.bin")))
+    with pytest.raises(ValueError, match=r"^station 3: left and right are exchanged"):
+        mapped(walked)
+
+
 def test_nothing_to_map_is_said_with_its_reasons(tmp_path):
     grey = np.full((480, 640, 3), 90, np.uint8)
     for side in ("left", "right"):

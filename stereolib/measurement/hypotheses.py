@@ -13,11 +13,12 @@ from stereolib.measurement.box import Shared
 from stereolib.measurement.scene_solver import Priors, Seen, Solution, solve
 
 _MOVED_LASER = np.diag([50.0**2, 50.0**2, np.radians(5.0) ** 2])  # how far, if it has; its scale stays
-_MOVED_OFFSET_PX = 1.0  # by which a camera turned a little shifts all disparities
+_MOVED_OFFSET_PX = np.array([[1.0**2]])  # by which a camera turned a little shifts all disparities, squared
 _LASER_ODDS, _CAMERA_ODDS = 0.1, 0.02  # that they have moved, before anything was seen: a laser's mount is home-made
-_LASER = slice(Shared.LASER_X, Shared.LASER_SCALE + 1)
-_POSE = slice(0, len(_MOVED_LASER))  # in it
-_LEAST_EXCESS = 3.0  # of cost: moving gains no more, which outweighs no odds
+_LASER, _CAMERAS = slice(Shared.LASER_X, Shared.LASER_SCALE + 1), slice(Shared.OFFSET, len(Shared))
+_POSE = slice(0, len(_MOVED_LASER))  # in the former
+# Moving gains no more of cost than this excess, and cameras are no likelier to have moved: one solution tells enough.
+_LEAST_EXCESS, _LEAST_CHANCE = 3.0, 0.05
 
 
 class Moved(Enum):
@@ -90,19 +91,15 @@ def judge(priors: Priors, seen: Sequence[Seen], *, scanned: bool) -> Judged:
     -----
     A hypothesis H weighs ``P(H) exp(-cost) sqrt(det C / det C0)`` (Laplace's approximation of its evidence), C the
     covariance of its solution and C0 that of its priors. What moving could gain at most is the misfit there is: where
-    that is too little, none is solved. What such a scene tells nothing of, as the slide along one lone face, remains
-    as likely to have moved as it was.
+    that is too little, none is solved anew, but told from the first solution, linearised, unless the cameras may well
+    have moved. The laser is then as likely to have moved as it was: of some ways, as the slide along one lone face,
+    such a scene tells nothing.
     """
     first = solve(priors, seen)
     if not scanned:
         return Judged(first, {Moved.NOTHING: 1.0}, scanned)
-    if first.excess <= _LEAST_EXCESS:
-        loose, odds = _loosened(first, priors), _LASER_ODDS
-        return Judged(
-            _mixed({Moved.NOTHING: first, Moved.LASER: loose}, {Moved.NOTHING: 1 - odds, Moved.LASER: odds}),
-            {Moved.NOTHING: 1.0},
-            scanned,
-        )
+    if first.excess <= _LEAST_EXCESS and (linear := _linearised(priors, first)).chance(cameras=True) < _LEAST_CHANCE:
+        return linear
     solutions, logs = {Moved.NOTHING: first}, {Moved.NOTHING: _evidence(Moved.NOTHING, priors, first)}
     for what in (Moved.LASER, Moved.CAMERAS, Moved.BOTH):
         wide, nearest = widened(priors, what), min(solutions.values(), key=lambda solution: solution.cost)
@@ -135,21 +132,42 @@ def widened(priors: Priors, what: Moved) -> Priors:
         covariance[_POSE, _POSE] += _MOVED_LASER
         laser = replace(laser, covariance=covariance)
     if what.cameras:
-        cameras[0, 0] += _MOVED_OFFSET_PX**2
+        cameras[:1, :1] += _MOVED_OFFSET_PX
     return replace(priors, laser=laser, cameras=cameras)
 
 
-def _loosened(solution: Solution, priors: Priors) -> Solution:
-    """The same with the laser's pose less well known.
+def _linearised(priors: Priors, first: Solution) -> Judged:
+    """What the solution with nothing moved tells of the others; the laser keeps its odds and stays where it is."""
+    loose, _ = _loosened(first, _LASER, priors.laser.covariance, _MOVED_LASER)
+    turned, gain = _loosened(first, _CAMERAS, priors.cameras, _MOVED_OFFSET_PX)
+    weight = _CAMERA_ODDS * float(np.exp(gain))
+    chance = weight / (1 + weight)
+    solutions = {Moved.NOTHING: first, Moved.LASER: replace(first, covariance=loose.covariance), Moved.CAMERAS: turned}
+    still = {Moved.NOTHING: 1 - _LASER_ODDS, Moved.LASER: _LASER_ODDS}
+    shares = {what: (1 - chance) * share for what, share in still.items()} | {Moved.CAMERAS: chance}
+    return Judged(_mixed(solutions, shares), {Moved.NOTHING: 1 - chance, Moved.CAMERAS: chance})
 
-    By Woodbury's formula, twice: a wider prior has the precision ``P^-1 - U S^-1 U'`` with ``U = P^-1 E``, E the pose's
-    columns, and ``S = M^-1 + E' U``; so the covariance is ``C + C_L U (S - U' C_LL U)^-1 U' C_L'``.
+
+def _loosened(solution: Solution, at: slice, known: Float64, moved: Float64) -> tuple[Solution, float]:
+    """The same with some shared parameters, of a known covariance, less well known, linearised; and its log evidence.
+
+    The first of them may have moved, by a covariance M. By Woodbury's formula, twice: a wider prior has the precision
+    ``P^-1 - U S^-1 U'`` with ``U = P^-1 E``, E the moved ones' columns, and ``S = M^-1 + E' U``; so the covariance is
+    ``C + C_a U T^-1 U' C_a'`` with ``T = S - U' C_aa U``, the shift ``C_a U T^-1 t`` with ``t = U' x_a``, and the
+    evidence, over that of nothing moved, ``det(M T)^-1/2 exp(t' T^-1 t / 2)``.
     """
-    precision, C = np.linalg.inv(priors.laser.covariance), solution.covariance
-    U = precision[:, _POSE]
-    told = C[:, _LASER] @ U
-    left = np.linalg.inv(_MOVED_LASER) + U[_POSE] - U.T @ told[_LASER]
-    return replace(solution, covariance=C + told @ np.linalg.solve(left, told.T))
+    U, C = np.linalg.inv(known)[:, : len(moved)], solution.covariance
+    told, t = C[:, at] @ U, U.T @ solution.shared[at]
+    left = np.linalg.inv(moved) + U[: len(moved)] - U.T @ told[at]
+    by = told @ np.linalg.inv(left)
+    shared, *boxes = np.split(by @ t, np.arange(len(Shared), len(C), len(solution.boxes[0])) if solution.boxes else [])
+    found = replace(
+        solution,
+        shared=solution.shared + shared,
+        boxes=tuple(own + move for own, move in zip(solution.boxes, boxes, strict=True)),
+        covariance=C + by @ told.T,
+    )
+    return found, 0.5 * float(t @ np.linalg.solve(left, t) - np.linalg.slogdet(moved @ left)[1])
 
 
 def _prior_log(what: Moved, priors: Priors) -> float:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from support.boxes import OTHER, OWN, PRIORS, STILL, ends, everything, pictured, readings, shared, start
 
+from stereolib.measurement import hypotheses
 from stereolib.measurement.box import Edge, Own, Shared, Side
 from stereolib.measurement.hypotheses import Moved, judge
 from stereolib.measurement.scene_solver import Seen, solve
@@ -52,12 +53,39 @@ def test_sizes_change_without_a_jump():
     assert chances[0] < 0.05 and min(chances[4:]) > 0.9
 
 
+def turned(offset_px, boxes, rng=None):
+    """All disparities are off by so much, the floor's too: what the scan shows of distances decides."""
+    world = PRIORS.world(shared(offset=offset_px))
+    floor = replace(PRIORS.floor, plane=PRIORS.floor.plane + np.array([0.0, 0.0, offset_px]))
+    seen = [Seen(start(own), everything(world, own, rng)) for own in boxes]
+    return judge(replace(PRIORS, floor=floor), seen, scanned=True)
+
+
+@pytest.mark.parametrize("offset_px", [0.0, 0.1, 0.2, 0.3])
+def test_what_one_solution_tells_of_turned_cameras_is_what_two_tell(offset_px, monkeypatch):
+    """Where little speaks for it, no second solution is sought: the chance is near, and so are sizes and intervals."""
+    found = []
+    for least in (np.inf, -1.0):
+        monkeypatch.setattr(hypotheses, "_LEAST_EXCESS", least)
+        monkeypatch.setattr(hypotheses, "_LEAST_CHANCE", 1.0)
+        found.append(turned(offset_px, [OWN]))
+    linear, solved = found
+    assert linear.chance(cameras=True) == pytest.approx(solved.chance(cameras=True), rel=0.5, abs=0.01)
+    off = linear.solution.boxes[0][SIZES] - solved.solution.boxes[0][SIZES]
+    assert (np.abs(off) < 0.5 * size_std(solved)).all()
+
+
+def test_cameras_are_told_to_have_turned_the_surer_the_farther_they_have():
+    found = [turned(offset_px, [OWN]) for offset_px in np.arange(0.0, 2.1, 0.1)]
+    chances = np.array([one.chance(cameras=True) for one in found])
+    assert (np.diff(chances) > -0.02).all()
+    assert chances[0] < 0.02 and chances[-1] > 0.9
+    off = np.array([one.solution.boxes[0][SIZES] - OWN[SIZES] for one in found])
+    assert (np.abs(off) < 3 * np.array([size_std(one) for one in found])).all()
+
+
 def test_cameras_that_have_turned_are_told_from_the_laser():
-    """All disparities are off by 1.5 px, the floor's too: what the scan shows of distances decides."""
-    rng, world = np.random.default_rng(5), PRIORS.world(shared(offset=1.5))
-    floor = replace(PRIORS.floor, plane=PRIORS.floor.plane + np.array([0.0, 0.0, 1.5]))
-    seen = [Seen(start(own), everything(world, own, rng)) for own in (OWN, OTHER)]
-    found = judge(replace(PRIORS, floor=floor), seen, scanned=True)
+    found = turned(1.5, [OWN, OTHER], np.random.default_rng(5))
     assert found.chance(cameras=True) > 0.5
     off = found.solution.boxes[0][SIZES] - OWN[SIZES]
     assert (np.abs(off) < 3 * size_std(found)).all()

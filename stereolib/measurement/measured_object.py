@@ -59,7 +59,8 @@ class MeasuredObject:
     reasons : dict of Why
         Why ``"length"``, ``"width"`` or ``"height"`` is unknown, or the whole ``"object"`` not measured.
     scan_share : float
-        Share of what is known of the faces' lines that the scan gave, 0..1.
+        Share of what is known of the faces' lines that the scan gave, 0..1; 0 where it gave less than the chance that
+        the cameras have turned, of which it alone can tell, leaves open.
     common_mm : (3, 7) float64
         What `size_mm` is off for one standard deviation of each error that other pairs of the same calibration share;
         ``common_mm @ common_mm.T`` is a part of `covariance`. 0 where that is unknown.

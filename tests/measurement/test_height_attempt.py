@@ -115,8 +115,11 @@ def test_a_wrong_focal_length_moves_the_object_and_hardly_its_height(name):
 
 
 def test_a_calibration_s_errors_are_those_of_other_calibrations():
-    """The cube measured by ten rigs, each calibrated from other corners: the scatter is what one of them states."""
-    heights, stated = [], []
+    """The cube measured by ten rigs, each calibrated from other corners: they scatter by what one of them states.
+
+    Each rectifies the pictures in its own way, so that some of their noise differs too.
+    """
+    heights, stated, whole = [], [], []
     for k in range(10):
         fitted = fit_rig(corner_set(np.random.default_rng([k, 5]), rig=RECT.rig), RECT.rig)
         rectified = fitted.rig.rectify(0.0)
@@ -125,7 +128,8 @@ def test_a_calibration_s_errors_are_those_of_other_calibrations():
         tried, perfect = attempt_height(*pictures, rectified, uncertainty=how), attempt_height(*pictures, rectified)
         heights.append(tried.height_mm)
         stated.append(tried.std_mm**2 - perfect.std_mm**2)
-    assert np.std(heights, ddof=1) == pytest.approx(np.sqrt(np.mean(stated)), rel=0.5)
+        whole.append(tried.std_mm)
+    assert 0.5 * np.sqrt(np.mean(stated)) < np.std(heights, ddof=1) < np.mean(whole)
     assert 0.02 < np.sqrt(np.mean(stated)) < 0.1
 
 

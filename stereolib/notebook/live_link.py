@@ -65,7 +65,7 @@ class LiveLink:
         self._listener = Listener((_HOST, 0), authkey=self._key)
         self._about = {"title": title, "buttons": buttons}
         self._changed, self._number, self._is_closed = threading.Condition(), 0, False
-        self._view, self._pressed, self._pages, self._fetched = LiveView(), list[str](), 0, 0
+        self._view, self._pressed, self._fetched = LiveView(), list[str](), dict[Any, int]()  # by page
         threading.Thread(target=self._accept, daemon=True, name="live link").start()
 
     @property
@@ -100,7 +100,7 @@ class LiveLink:
         """Show the last view as the last, let pages paint it, then take no more."""
         self.show(replace(self._view, is_last=True))
         with self._changed:
-            self._changed.wait_for(lambda: not self._pages or self._fetched >= self._number, _LEFT_S)
+            self._changed.wait_for(lambda: min(self._fetched.values(), default=self._number) >= self._number, _LEFT_S)
             self._is_closed = True
             self._changed.notify_all()
         with suppress(OSError):
@@ -117,12 +117,12 @@ class LiveLink:
     def _serve(self, page: Connection[Any, Any]) -> None:
         sent = 0
         with self._changed:
-            self._pages += 1
+            self._fetched[page] = sent
         try:
             while not self._is_closed:
                 asked = json.loads(page.recv_bytes(_MOST_BYTES))
                 with self._changed:
-                    self._fetched = max(self._fetched, sent)
+                    self._fetched[page] = sent
                     self._pressed += [name for name in asked["pressed"] if name in self._about["buttons"]]
                     self._changed.notify_all()
                     self._changed.wait_for(lambda: self._number > sent or self._is_closed, _POLL_S)  # noqa: B023
@@ -133,7 +133,7 @@ class LiveLink:
         finally:
             page.close()
             with self._changed:
-                self._pages -= 1
+                del self._fetched[page]
                 self._changed.notify_all()
 
 
@@ -158,7 +158,8 @@ def follow(link: dict[str, Any], pressed: list[str]) -> Iterator[LiveView]:
     """
     with Client((_HOST, link["port"]), authkey=bytes.fromhex(link["key"])) as command:
         while True:
-            names, pressed[:] = pressed[:], []
+            names = pressed[:]
+            del pressed[: len(names)]  # not one that came meanwhile
             try:
                 command.send_bytes(json.dumps({"pressed": names}).encode())
                 head = json.loads(command.recv_bytes(_MOST_BYTES))

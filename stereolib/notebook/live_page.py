@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from html import escape
 from pathlib import Path
@@ -82,10 +83,10 @@ def open_live_page() -> LivePage | None:
 
     def run() -> None:
         last = LiveView()
-        try:
+        with suppress(OSError):
             for last in follow(link, pressed):
                 page.show(last)
-        except OSError:  # the command has gone
+        if not last.is_last:  # the command has gone
             page.show(replace(last, is_last=True))
 
     threading.Thread(target=run, daemon=True, name="live page").start()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import suppress
 from multiprocessing import AuthenticationError
@@ -60,6 +61,29 @@ def test_the_last_view_is_fetched_before_the_end() -> None:
     assert (seen[-1].html, seen[-1].is_last) == ("verdict", True)
     with suppress(OSError):  # refused, or let in once and told nothing
         assert not list(follow(told, []))
+
+
+def test_the_last_view_is_fetched_by_every_page_before_the_end() -> None:
+    """The kernel of a page that was closed in the browser follows on, and is quicker than the one that is looked at."""
+    link, seen = LiveLink("live", BUTTONS), dict[float, list[LiveView]]()
+    told = json.loads(link.environment[LINK])
+    link.show(LiveView(html="verdict"))
+
+    def look(slow_s: float) -> None:
+        for view in follow(told, []):
+            time.sleep(slow_s)  # it paints
+            seen.setdefault(slow_s, []).append(view)
+
+    pages = [threading.Thread(target=look, args=(slow_s,)) for slow_s in (0.0, 0.6)]
+    for page in pages:
+        page.start()
+    while len(seen) < len(pages):
+        time.sleep(0.01)
+    link.close()
+    assert all(views[-1].is_last for views in seen.values())
+    for page in pages:
+        page.join(10)
+        assert not page.is_alive()
 
 
 def test_who_has_not_the_key_is_turned_away(link: LiveLink) -> None:

@@ -23,6 +23,13 @@ def face(at, slant_rad):
     return AHEAD_MM * np.array([*at, 1.0]) + sides
 
 
+def seen_by(truth, rectified, points):
+    """Pixels of points and their disparities as the true cameras see them and a calibration rectifies them."""
+    left = rectified.rectify_points(truth.left.project(points), "left")
+    right = rectified.rectify_points(truth.right.project(points @ truth.R.T + truth.T), "right")
+    return left, left[:, 0] - right[:, 0]
+
+
 def turn_and_tilt(points):
     """Of a face, against the line of sight to its middle, rad. (2,)."""
     middle = points.mean(axis=0)
@@ -61,11 +68,10 @@ def test_faces_turn_and_tilt_by_what_is_stated(calibrated):
     for errors in every:
         rectified = errors.rectified
         for points in (face(at, slant) for at in PLACES for slant in SLANTS_RAD):
-            left = rectified.rectify_points(truth.left.project(points), "left")
-            right = rectified.rectify_points(truth.right.project(points @ truth.R.T + truth.T), "right")
-            believed = rectified.triangulate(left, left[:, 0] - right[:, 0]) @ rectified.R1
+            left, disparity = seen_by(truth, rectified, points)
+            believed = rectified.triangulate(left, disparity) @ rectified.R1
             off = turn_and_tilt(believed) - turn_and_tilt(points)
-            z.append(off / stated(errors, left, left[:, 0] - right[:, 0]))
+            z.append(off / stated(errors, left, disparity))
     turn, tilt = np.sqrt(np.mean(np.square(z), axis=0))
     assert 0.75 < turn < 1.3 and 0.75 < tilt < 1.3
 
@@ -77,9 +83,7 @@ def test_disparities_are_shifted_and_scaled_by_what_is_stated(calibrated):
     for errors in every:
         rectified = errors.rectified
         for points in (face(at, 0.0) for at in PLACES):
-            left = rectified.rectify_points(truth.left.project(points), "left")
-            right = rectified.rectify_points(truth.right.project(points @ truth.R.T + truth.T), "right")
-            disparity = left[:, 0] - right[:, 0]
+            left, disparity = seen_by(truth, rectified, points)
             believed = rectified.triangulate(left, disparity)
             turn, _ = Rotation.align_vectors(*(a / np.linalg.norm(a, axis=1)[:, None] for a in (believed, points)))
             true = rectified.f_px * rectified.baseline_mm / turn.apply(points)[:, 2]

@@ -7,7 +7,6 @@ from .check_wording import CHECK_MEANINGS
 from .coverage import Coverage, boards_per_cell
 from .detection import find_in_files
 from .diagnosis import Diagnosis, diagnose
-from .disparity_errors import DisparityErrors
 from .findings import Check
 from .first_boards import check_first_boards, check_sides
 from .fresh_check import CalibrationCheck, Estimate, check_calibration
@@ -18,6 +17,7 @@ from .lens_models import LENS_MODELS, LensFold, fold_inside
 from .movement import MOVEMENTS, Moved, Movement
 from .outliers import MIN_PAIRS
 from .record import CalibrationRecord, damage
+from .rectified_errors import DisparityErrors, deviations, rectified_covariance, rectified_std
 from .solve import (
     CameraCalibration,
     StereoCalibration,
@@ -31,11 +31,8 @@ from .uncertainty import (
     ErrorMap,
     RigStd,
     compare_calibrations,
-    deviations,
     error_map,
     interval_table,
-    rectified_covariance,
-    rectified_std,
     rig_covariance,
     rig_parameter_names,
     rig_std,

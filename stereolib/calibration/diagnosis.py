@@ -23,8 +23,9 @@ from stereolib.calibration.lens_choice import (
 )
 from stereolib.calibration.misfits import by_reason
 from stereolib.calibration.outliers import sort_pairs
+from stereolib.calibration.rectified_errors import rectified_std
 from stereolib.calibration.solve import epipolar_errors_px, rectified_scale
-from stereolib.calibration.uncertainty import ErrorMap, RigStd, error_map, rectified_std, rig_covariance, rig_std
+from stereolib.calibration.uncertainty import ErrorMap, RigStd, error_map, rig_covariance, rig_std
 from stereolib.calibration.wrong_corners import CornerOff, corners_off
 from stereolib.rig import StereoRig
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.special import stdtrit
@@ -18,7 +18,7 @@ from stereolib.calibration.bundle_adjustment import (
     turn_derivatives,
     with_coefficients,
 )
-from stereolib.rig import Camera, RectifiedRig, StereoRig
+from stereolib.rig import StereoRig
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -29,7 +29,6 @@ _INTERVAL, _USUAL_PAIRS = 0.975, 30  # quantile of Student's t, and the number o
 _DIST_NAMES = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4", "tau_x", "tau_y")
 #: Parameters of a lens, the coefficients in OpenCV's order.
 LENS_NAMES = ("fx", "fy", "cx", "cy", *_DIST_NAMES)
-BASELINES = (6.5, 10.0, 15.0)  # depths over which the rectified pictures' errors are asked: where rigs measure
 
 
 @dataclass(frozen=True, eq=False)
@@ -253,142 +252,32 @@ def triangulation_jacobian(rig: StereoRig, points_mm: Float64) -> Float64:
     return np.asarray(-np.linalg.solve(AT @ A, AT @ B))
 
 
-def rectified_std(rectified: RectifiedRig, covariance: Float64, *, step_px: int = 40) -> dict[str, Any]:
-    """Tell what the uncertainty of a calibration leaves open in its rectified pictures, as standard deviations.
+def left_grid(rig: StereoRig, at_mm: float, step_px: int) -> tuple[Ints, Ints, Float64, Bools]:
+    """Lay a grid of left pixels at one depth.
 
     Parameters
     ----------
-    rectified : RectifiedRig
-        Of the calibrated rig.
-    covariance : (s, s) float64
-        From `rig_covariance`.
+    rig : StereoRig
+    at_mm : float
+        Depth along the left optical axis.
     step_px : int
-        Spacing of the left pixels that are asked.
+        Spacing of the grid.
 
     Returns
     -------
-    dict
-        ``f_px`` and ``baseline_mm``; ``offset_px``, by which all disparities are shifted alike; ``correlation``, of the
-        first with the second and the third, and of these two: ready for ``SystematicUncertainty(**...)`` of
-        `stereolib.measurement`.
-
-    See Also
-    --------
-    rectified_covariance : with what goes together.
+    columns, rows : (M,), (N,) int
+    points_mm : (N * M, 3) float64
+        In the left camera's frame, row by row.
+    in_sight : (N * M,) bool
+        The right camera sees them.
     """
-    return deviations(rectified_covariance(rectified, covariance, step_px=step_px))
-
-
-def deviations(covariance: Float64) -> dict[str, Any]:
-    """Turn a covariance as `rectified_covariance` tells it into standard deviations and correlations.
-
-    Parameters
-    ----------
-    covariance : (3, 3) float64
-
-    Returns
-    -------
-    dict
-        As of `rectified_std`.
-    """
-    std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    correlation = (covariance / np.maximum(np.outer(std, std), 1e-30))[np.triu_indices(3, 1)]
-    return dict(zip(("f_px", "baseline_mm", "offset_px"), std.tolist(), strict=True)) | {
-        "correlation": tuple(np.clip(correlation, -1.0, 1.0).tolist())
-    }
-
-
-def rectified_covariance(rectified: RectifiedRig, covariance: Float64, *, step_px: int = 40) -> Float64:
-    """Tell what the uncertainty of a calibration leaves open in its rectified pictures, and what of it goes together.
-
-    Parameters
-    ----------
-    rectified : RectifiedRig
-        Of the calibrated rig.
-    covariance : (s, s) float64
-        From `rig_covariance`.
-    step_px : int
-        Spacing of the left pixels that are asked.
-
-    Returns
-    -------
-    (3, 3) float64
-        Of the focal length (px), the baseline (mm) and the shift of all disparities (px), as true minus believed.
-
-    Raises
-    ------
-    ValueError
-        If the cameras see nothing together there.
-
-    Notes
-    -----
-    Pixels stay, the parameters move: the inverse depth moves by ``a + b / Z`` over the image and depths of 6.5 to
-    15 baselines, fitted by least squares with weights from 1 in the picture's middle down to 0 on its rim: what is
-    measured lies in it, and in the corners, where boards hardly come, errors are many times as large. So disparities
-    are ``f B / Z + offset`` with ``offset = -f B a`` and the baseline changed by ``-b - df / f`` of itself. The focal
-    length is that of the whole left picture, weighted likewise, by which all its rays zoom: what fx is off, the lens's
-    distortion mostly makes good. Taken from the whole covariance: the errors of cx and of the turn about y, each of
-    some tenths of a pixel, cancel but for their sum.
-    """
-    rows = rectified_rows(rectified, step_px=step_px)
-    return np.asarray(rows @ covariance @ rows.T)
-
-
-def rectified_rows(rectified: RectifiedRig, *, step_px: int = 40) -> Float64:
-    """Differentiate what `rectified_covariance` tells of by the rig's parameters.
-
-    Parameters
-    ----------
-    rectified : RectifiedRig
-    step_px : int
-
-    Returns
-    -------
-    (3, s) float64
-        Focal length (px), baseline (mm) and the shift of all disparities (px), as true minus believed.
-
-    Raises
-    ------
-    ValueError
-        If the cameras see nothing together there.
-    """
-    rig, scale = rectified.rig, rectified.f_px * rectified.baseline_mm
-    grids = [_grid(rig, k * rig.baseline_mm, step_px)[2:] for k in BASELINES]
-    points = np.concatenate([points[in_sight] for points, in_sight in grids])
-    if not len(points):
-        raise ValueError(f"the cameras see nothing together between {BASELINES[0]:g} and {BASELINES[-1]:g} baselines")
-    depth, weight = points[:, 2], _middle(rig.left, points)
-    moves = -triangulation_jacobian(rig, points)[:, 2] / depth[:, None] ** 2
-    constant, by_depth = _fitted(np.column_stack([np.ones_like(depth), 1 / depth]), moves, weight)
-    focal = np.zeros(moves.shape[1])
-    focal[: 4 + rig.left.dist.size] = -rectified.f_px * _zoom(rig.left, points, weight)
-    return np.stack([focal, -rectified.baseline_mm * (by_depth + focal / rectified.f_px), -scale * constant])
-
-
-def _middle(camera: Camera, points_mm: Float64) -> Float64:
-    """Weights (N,) of points by where a camera sees them: 1 in the picture's middle, 0 on its rim."""
-    share = 2 * camera.project(points_mm) / (np.array(camera.size) - 1) - 1
-    return np.asarray(np.maximum(1 - share**2, 0.0).prod(axis=1))
-
-
-def _fitted(x: Float64, y: Float64, weight: Float64) -> Float64:
-    """Weighted least squares of ``x @ c = y``: c."""
-    root = np.sqrt(weight)[:, None]
-    return np.asarray(np.linalg.lstsq(root * x, root * y, rcond=None)[0])
-
-
-def _zoom(camera: Camera, points_mm: Float64, weight: Float64) -> Float64:
-    """Share by which the rays of pixels that see points (N, 3) spread for each parameter of a lens, (4 + n,).
-
-    Fitted to the rays of all pixels, which stay, beside a shift and a turn; each by its weight.
-    """
-    rays = points_mm / points_mm[:, 2:]
-    _, by_ray, by_lens = project_with_derivatives(camera, rays)
-    moves = -np.linalg.solve(by_ray[..., :2], by_lens)  # (N, 2, 4 + n)
-    (x, y, one), none = rays.T, np.zeros(len(rays))
-    like = np.stack([[x, y], [one, none], [none, one], [-y, x]], axis=-1)  # (2, N, 4)
-    found = _fitted(like.reshape(-1, 4), np.concatenate([moves[:, 0], moves[:, 1]]), np.tile(weight, 2))
-    return np.asarray(found[0])
+    width, height = rig.left.size
+    columns, rows = np.arange(step_px // 2, width, step_px), np.arange(step_px // 2, height, step_px)
+    pixels = np.stack(np.meshgrid(columns, rows), -1).reshape(-1, 2)
+    points = rig.left.rays(pixels, clamp=True) * at_mm
+    where = rig.right.project(points @ rig.R.T + rig.T)
+    in_sight = np.all((where >= 0) & (where <= np.array(rig.right.size) - 1), axis=1)
+    return columns, rows, points, in_sight
 
 
 def error_map(
@@ -417,7 +306,7 @@ def error_map(
     ``sigma^2 = g C g'`` with g the row of `triangulation_jacobian` for the depth, or the difference of two for a
     length. The noise of a matched pixel comes on top of it.
     """
-    columns, rows, points, in_sight = _grid(rig, at_mm, step_px)
+    columns, rows, points, in_sight = left_grid(rig, at_mm, step_px)
     half = np.array([of_mm / 2, 0.0, 0.0])
     ends = triangulation_jacobian(rig, points + half)[:, 0] - triangulation_jacobian(rig, points - half)[:, 0]
     depth = triangulation_jacobian(rig, points)[:, 2]
@@ -443,19 +332,8 @@ def compare_calibrations(first: RigFit, second: RigFit, *, at_mm: float = 700.0,
     """
     difference = rig_difference(first.rig, second.rig)
     total = rig_covariance(first) + rig_covariance(second)
-    _, rows, points, in_sight = _grid(second.rig, at_mm, step_px)
+    _, rows, points, in_sight = left_grid(second.rig, at_mm, step_px)
     by_depth = triangulation_jacobian(second.rig, points)[:, 2]
     values = by_depth @ difference, np.sqrt(np.einsum("ni,ij,nj->n", by_depth, total, by_depth))
     depth, predicted = (np.where(in_sight, v, np.nan).reshape(len(rows), -1) for v in values)
     return Agreement(rig_parameter_names(first.rig), difference / np.sqrt(np.diag(total)), depth, predicted)
-
-
-def _grid(rig: StereoRig, at_mm: float, step_px: int) -> tuple[Ints, Ints, Float64, Bools]:
-    """Columns, rows, points at a depth on a grid of left pixels (N, 3), and whether the right camera sees them."""
-    width, height = rig.left.size
-    columns, rows = np.arange(step_px // 2, width, step_px), np.arange(step_px // 2, height, step_px)
-    pixels = np.stack(np.meshgrid(columns, rows), -1).reshape(-1, 2)
-    points = rig.left.rays(pixels, clamp=True) * at_mm
-    where = rig.right.project(points @ rig.R.T + rig.T)
-    in_sight = np.all((where >= 0) & (where <= np.array(rig.right.size) - 1), axis=1)
-    return columns, rows, points, in_sight

@@ -58,9 +58,6 @@ class MeasuredObject:
         What gave what: ``"lines"`` (of the faces), ``"right end"``, ``"left end"`` and ``"height"`` -> `Source`.
     reasons : dict of Why
         Why ``"length"``, ``"width"`` or ``"height"`` is unknown, or the whole ``"object"`` not measured.
-    scan_share : float
-        Share of what is known of the faces' lines that the scan gave, 0..1; 0 where it gave less than the chance that
-        the cameras have turned, of which it alone can tell, leaves open.
     common_mm : (3, 7) float64
         What `size_mm` is off for one standard deviation of each error that other pairs of the same calibration share;
         ``common_mm @ common_mm.T`` is a part of `covariance`. 0 where that is unknown.
@@ -81,7 +78,6 @@ class MeasuredObject:
     outline_mm: Float64
     sources: dict[str, Source] = field(default_factory=dict)
     reasons: dict[str, Why] = field(default_factory=dict)
-    scan_share: float = 0.0
     common_mm: Float64 = field(default_factory=lambda: np.zeros((len(SIZE_NAMES), COMMON_ERRORS)))
     unsure: dict[str, str] = field(default_factory=dict)
     disagrees: bool = False
@@ -175,7 +171,6 @@ class BoxFacts:
         As `MeasuredObject.sources`.
     reasons : dict
         Why something is unknown, so far.
-    scan_share : float
     doubtful : frozenset of Edge
         Edges that contradict the others.
     doubt : (8, 8) float64
@@ -185,7 +180,6 @@ class BoxFacts:
     past: dict[Edge, Past] = field(default_factory=dict)
     sources: dict[str, Source] = field(default_factory=dict)
     reasons: dict[str, Why] = field(default_factory=dict)
-    scan_share: float = 0.0
     doubtful: frozenset[Edge] = frozenset()
     doubt: Float64 = field(default_factory=lambda: np.zeros((len(Own), len(Own))))
 
@@ -246,7 +240,6 @@ def from_box(solution: Solution, box: int, facts: BoxFacts, *, worst_std: float 
         outline_mm=corners if whole else corners[[1, 0] if is_right else [0, 3]],
         sources=facts.sources,
         reasons={SIZE_NAMES[name]: reasons[k] for name, k in enumerate(named) if k in reasons} | facts.reasons,
-        scan_share=facts.scan_share,
         common_mm=common,
         unsure={SIZE_NAMES[name]: text for name in known if (text := _why_unsure(solution, box, named[name]))},
     )

@@ -10,7 +10,7 @@ import numpy as np
 from stereolib.base import Float64, direction
 from stereolib.laser import Footprint, LaserScan, find_segments, fit_footprint
 from stereolib.measurement.agreement import Past
-from stereolib.measurement.box import Box, Edge, Own, Shared, Side
+from stereolib.measurement.box import Box, Edge, Own, Side
 from stereolib.measurement.contradictions import sharp_edges, weigh_ends
 from stereolib.measurement.floor import Floor
 from stereolib.measurement.hypotheses import Judged, judge
@@ -201,7 +201,7 @@ class Scene:
         return without_shared_places(told)
 
     def _measured(self, solution: Solution, thing: Thing, number: int | None) -> MeasuredObject:
-        facts = self._facts(solution, thing, number)
+        facts = self._facts(thing, number)
         if number is not None and not thing.is_round:
             return self._as_scan_allows(thing, from_box(solution, number, facts))
         height, common = (np.nan, np.nan), np.zeros(COMMON_ERRORS)
@@ -246,7 +246,7 @@ class Scene:
         wider = Place.of(readings_mm).span_rad > _FAR_WIDER * Place.of(_ends_mm(pictured)).span_rad
         return wider and not any({Edge.CORNER, side.end} <= sharp_edges(pictured.seen) for side in Side)
 
-    def _facts(self, solution: Solution, thing: Thing, number: int | None) -> BoxFacts:
+    def _facts(self, thing: Thing, number: int | None) -> BoxFacts:
         """What is told of an object besides its sizes."""
         reasons, pictured = dict[str, Why](), thing.pictured
         if thing.why is not None:
@@ -258,13 +258,12 @@ class Scene:
         if number is None:
             return BoxFacts(reasons=reasons)
         if pictured is None:
-            return BoxFacts(sources={"lines": Source.SCAN}, reasons=reasons, scan_share=1.0)
-        share = _scan_share(solution, number, pictured.solution) if thing.scanned else 0.0
+            return BoxFacts(sources={"lines": Source.SCAN}, reasons=reasons)
         sources = {"lines": Source.BOTH if thing.scanned else Source.IMAGE, "height": Source.IMAGE}
         for name, edge in (("right end", Edge.RIGHT_END), ("left end", Edge.LEFT_END)):
             shown = pictured.past.get(edge, pictured.past.get(Edge.CORNER))
             sources[name] = Source.IMAGE if shown is Past.OPEN or not thing.scanned else Source.SCAN
-        return BoxFacts(pictured.past, sources, reasons, share, pictured.doubtful, pictured.doubt)
+        return BoxFacts(pictured.past, sources, reasons, pictured.doubtful, pictured.doubt)
 
 
 def _pictured(region: ObjectRegion, box: Pictured | CannotMeasure) -> Thing:
@@ -316,14 +315,6 @@ def _contradicts(pictured: Pictured, seen: Seen, solution: Solution, number: int
 def _doubted(priors: Priors, pictured: Pictured, seen: Seen) -> Pictured:
     """A box about whose ends the scan disagrees: if it confirms the faces, nobody knows who is mistaken."""
     return replace(pictured, doubt=pictured.doubt + weigh_ends(priors, seen, pictured.own))
-
-
-def _scan_share(both: Solution, number: int, pictured: Solution) -> float:
-    """Share of what is known of a box's place and turn that the scan gave: ``1 - tr(C_both C_pair^-1) / 3``."""
-    first, n = len(Shared), 3
-    at = first + len(Own) * number
-    mine, theirs = both.covariance[at : at + n, at : at + n], pictured.covariance[first : first + n, first : first + n]
-    return float(np.clip(1 - np.trace(mine @ np.linalg.inv(theirs)) / n, 0.0, 1.0))
 
 
 def _place(thing: Thing, floor: Floor) -> Place:

@@ -14,15 +14,11 @@ from stereolib.calibration import (
     compare_calibrations,
     error_map,
     interval_table,
-    rectified_std,
     rig_covariance,
     rig_parameter_names,
     rig_std,
     triangulate,
 )
-from stereolib.calibration.uncertainty import rectified_covariance, triangulation_jacobian
-from stereolib.paper import paper_rig
-from stereolib.rig import Camera, StereoRig
 
 
 def std(covariance):
@@ -188,64 +184,6 @@ def test_table_shows_every_parameter_beside_the_truth(fitted, covariance, rig):
     assert list(rows["inside"] == "yes") == list(off <= INTERVAL_STDS * std(covariance))
     width = rows["± (95 %)"].astype(float)
     np.testing.assert_allclose(width, INTERVAL_STDS * std(covariance), rtol=0.06, atol=0.06)
-
-
-def test_rectified_errors_of_single_parameters():
-    """A principal point shifts all disparities, a longer T only the baseline, and a focal length only itself."""
-    rig = paper_rig()
-    rectified, names = rig.rectify(0.0), rig_parameter_names(rig)
-    zoom = rectified.f_px / np.mean([camera.K[i, i] for camera in (rig.left, rig.right) for i in (0, 1)])
-
-    def moved_by(rectified=rectified, **parts):
-        moves = np.array([parts.get(name.replace(" ", "_"), 0.0) for name in names])
-        found = rectified_std(rectified, np.outer(moves, moves))
-        return {name: found[name] for name in ("f_px", "baseline_mm", "offset_px")}
-
-    assert moved_by(right_cx=0.5) == pytest.approx(
-        {"f_px": 0, "baseline_mm": 0, "offset_px": 0.5 * zoom}, rel=0.02, abs=2e-3
-    )
-    along = rig.T / rig.baseline_mm
-    longer = moved_by(**{f"T{axis}": 0.2 * part for axis, part in zip("xyz", along, strict=True)})
-    assert longer == pytest.approx({"f_px": 0, "baseline_mm": 0.2, "offset_px": 0}, abs=2e-3)
-    left, right = (Camera(camera.K, 0 * camera.dist, camera.size) for camera in (rig.left, rig.right))
-    plain = StereoRig(left, right, rig.R, rig.T).rectify(0.0)  # a lens that distorts spreads its rays a little more
-    focal = moved_by(plain, **{f"{side}_f{axis}": 2.0 for side in ("left", "right") for axis in "xy"})
-    share = 2.0 / np.mean([left.K[i, i] for i in (0, 1)])  # of the left picture, in which lengths are taken
-    assert (focal["f_px"], focal["baseline_mm"]) == pytest.approx((share * plain.f_px, 0), abs=1e-2)
-    # A turn of the right camera about y and the opposite shift of its principal point cancel, but for the middle.
-    turn = 0.5 / rig.right.K[0, 0]
-    both = [moved_by(right_cx=0.5, Ry=sign * turn)["offset_px"] for sign in (-1, 1)]
-    assert min(both) < 0.1 * max(both)
-
-
-def test_what_is_stated_of_a_height_is_near_what_the_calibration_knows_of_it():
-    """An upright length before the camera hangs on baseline and offset together, as the whole covariance knows them."""
-    rig = paper_rig()
-    shares = []
-    for seed in range(3):
-        fit = bundle_adjustment.fit_rig(corner_set(np.random.default_rng([seed, 11]), rig=rig), rig)
-        rectified, covariance = fit.rig.rectify(0.0), rig_covariance(fit, method="corners")
-        stated = rectified_covariance(rectified, covariance)
-        for depth_mm in (700.0, 1000.0):
-            ends = fit.rig.left.rays(np.array([[340.0, 240.0]])) * depth_mm + np.array([[0, 80.0, 0], [0, -80.0, 0]])
-            low, high = triangulation_jacobian(fit.rig, ends)[:, 1]
-            known = np.sqrt((high - low) @ covariance @ (high - low)) / 160
-            slope = np.array([0, 1 / rectified.baseline_mm, depth_mm / rectified.f_px / rectified.baseline_mm])
-            shares.append(np.sqrt(slope @ stated @ slope) / known)
-    assert 0.7 < np.median(shares) < 2.3
-
-
-def test_stated_errors_are_those_of_many_calibrations():
-    """Offset and baseline of rigs calibrated from different corners, against what one of them states."""
-    rig = paper_rig()
-    fits = [bundle_adjustment.fit_rig(corner_set(np.random.default_rng([k, 9]), rig=rig), rig) for k in range(12)]
-    stated = rectified_std(fits[0].rig.rectify(0.0), rig_covariance(fits[0]))
-    assert np.std([f.rig.baseline_mm for f in fits], ddof=1) == pytest.approx(stated["baseline_mm"], rel=0.6)
-    points = rig.left.rays(np.stack(np.meshgrid([120.0, 320, 520], [100.0, 240, 380]), -1).reshape(-1, 2)) * 5000
-    left, right = rig.left.project(points), rig.right.project(points @ rig.R.T + rig.T)
-    scale = rig.rectify(0.0).f_px * rig.baseline_mm
-    shifts = [scale * np.mean(1 / triangulate(f.rig, left, right)[:, 2] - 1 / points[:, 2]) for f in fits]
-    assert np.std(shifts, ddof=1) == pytest.approx(stated["offset_px"], rel=0.6)
 
 
 @pytest.mark.parametrize(("model", "count"), [("pinhole", 0), ("brown2", 4), ("rational8", 8)])

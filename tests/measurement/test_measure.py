@@ -58,7 +58,7 @@ def test_the_recorded_cube_within_its_deviations(name):
     np.testing.assert_allclose(thing.position_mm, [distance + 150 * np.sqrt(2), 0], atol=2)
     assert np.degrees(thing.yaw_rad) % 90 == pytest.approx(45, abs=0.5)
     assert thing.sources["lines"] is Source.BOTH and thing.sources["height"] is Source.IMAGE
-    assert 0 <= thing.scan_share < 1 and thing.reasons == {}
+    assert thing.reasons == {}
 
 
 def test_what_the_scan_shows_besides_the_cube_stands_behind_it():
@@ -71,7 +71,7 @@ def test_without_a_scan_the_pair_alone_measures():
     found = measured(scan=None)
     thing = the_cube(found)
     np.testing.assert_allclose(thing.size_mm, 300, atol=2)
-    assert thing.sources["lines"] is Source.IMAGE and not thing.reasons and thing.scan_share == 0
+    assert thing.sources["lines"] is Source.IMAGE and not thing.reasons
     assert found.scan_mm.shape == (0, 2)
 
 
@@ -118,7 +118,7 @@ def test_a_scan_noisier_than_any_laser_takes_no_size_away(noise):
     thing, alone = the_cube(texture(laser.average(laser.turns(laser.decode(data))))), the_cube(measured(scan=None))
     np.testing.assert_allclose(thing.size_mm, alone.size_mm)
     np.testing.assert_allclose(thing.std_mm, alone.std_mm)
-    assert thing.shape == "box" and thing.sources["lines"] is Source.IMAGE and thing.scan_share == 0
+    assert thing.shape == "box" and thing.sources["lines"] is Source.IMAGE
     assert thing.reasons["object"].reason is Reason.SCAN_IRREGULAR
 
 
@@ -176,7 +176,7 @@ def test_no_floor_leaves_what_the_scan_tells(level):
     thing = the_cube(found)
     assert np.isnan(thing.size_mm[2]) and thing.reasons["height"].reason is Reason.NO_FLOOR
     assert (np.abs(thing.size_mm - 300)[:2] < 3 * thing.std_mm[:2]).all()
-    assert thing.sources == {"lines": Source.SCAN} and thing.scan_share == 1
+    assert thing.sources == {"lines": Source.SCAN}
     np.testing.assert_array_equal(draw_objects(found), found.left)
 
 

@@ -11,7 +11,14 @@ from .findings import Check
 from .first_boards import check_first_boards, check_sides
 from .fresh_check import CalibrationCheck, Estimate, check_calibration
 from .laser_boards import LaserBoardView, find_board_in_scan, find_laser_boards_in_files
-from .laser_pose import LASER_SCALE_STD, LidarCamera, ViewsDisagree, calibrate_lidar_to_camera
+from .laser_pose import (
+    LASER_SCALE_STD,
+    LidarCamera,
+    ViewsDisagree,
+    calibrate_lidar_to_camera,
+    is_beyond_lasers,
+    read_share,
+)
 from .lens_choice import HoldOut, choose_lens_model, hold_out_errors, hold_out_rigs, hold_out_splits
 from .lens_models import LENS_MODELS, LensFold, fold_inside
 from .movement import MOVEMENTS, Moved, Movement
@@ -122,9 +129,11 @@ __all__ = [
     "hold_out_rigs",
     "hold_out_splits",
     "interval_table",
+    "is_beyond_lasers",
     "meaning_rows",
     "moved_rig",
     "parameter_rows",
+    "read_share",
     "rectified_covariance",
     "rectified_std",
     "rig_covariance",

@@ -30,6 +30,7 @@ _MAGNIFIED = 3.0  # times: rows err as many times more, and a ninth of each pict
 _LEAST_LEFT = 1 / _MAGNIFIED**2  # of each picture: where cropping fails, nothing is magnified but as little is left
 _FOLDED = 0.001  # of the image: less is worth a word and nothing more
 _SQUARES_MM = (5.0, 300.0)  # other sizes were hardly meant in millimetres
+_RATIO = "the pictures tell nothing but the height by the width"
 _BASELINES_MM = (15.0, 500.0)  # lenses of two webcams stand no nearer, and hardly farther apart
 _LISTED = 4  # pairs of names in one sentence
 _ADVICE = 3  # lines: more are not read
@@ -199,11 +200,10 @@ def _board_findings(diagnosis: Diagnosis) -> list[Finding]:
     if found is None or not isinstance(board, Checkerboard):
         return []
     off, std, aspect = 100 * found[0] / board.aspect, 100 * found[1], board.aspect + found[0]
-    wide = 2 * board.square_mm / (1 + aspect)
     than = "they are wide" if board.aspect == 1 else "given"
     text = f"the board's squares come out {abs(off):.1f} % {'higher' if off > 0 else 'lower'} than {than}"
-    remedy = "measure both sides of the board and give a square's width x height, as --square-mm"
-    text += f" (± {std:.2f} %; width runs along the {board.columns} corners): {remedy} {wide:.2f}x{wide * aspect:.2f}"
+    remedy = f"measure both sides of the board over many squares, and give one's as --square-mm WIDTHxHEIGHT ({_RATIO}"
+    text += f" (± {std:.2f} %; width runs along the {board.columns} corners): {remedy}, {aspect:.3f})"
     return [Finding(_level(abs(off)), text)]
 
 

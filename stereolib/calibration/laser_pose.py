@@ -59,6 +59,41 @@ class ViewsDisagree(ValueError):
         self.text, self.view = text, view
 
 
+def is_beyond_lasers(scale: float, std: float) -> bool:
+    """Tell whether a laser reads surely too far, or too near, by more than such a laser errs.
+
+    Parameters
+    ----------
+    scale, std : float
+        Share by which it reads too far, and its standard deviation.
+
+    Returns
+    -------
+    bool
+        False where the scale is known too vaguely to tell.
+    """
+    return std <= _VAGUE_SCALE and abs(scale) >= _MOST_SCALE + _SURE_STDS * std
+
+
+def read_share(scale: float) -> str:
+    """Say by how much a laser reads too far.
+
+    Parameters
+    ----------
+    scale : float
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> read_share(-0.052)
+    '5.2 % shorter'
+    """
+    return f"{100 * abs(scale):.1f} % {'longer' if scale > 0 else 'shorter'}"
+
+
 @dataclass(frozen=True, eq=False)
 class LidarCamera:
     """The laser in the left camera's frame.
@@ -88,7 +123,7 @@ class LidarCamera:
     @property
     def is_beyond_lasers(self) -> bool:
         """It reads surely too far, or too near, by more than such a laser errs."""
-        return not self.is_vague and abs(self.scale) >= _MOST_SCALE + _SURE_STDS * self.std_scale
+        return is_beyond_lasers(self.scale, self.std_scale)
 
     @property
     def doubt(self) -> str:
@@ -98,9 +133,8 @@ class LidarCamera:
             return f"{why}, which is known to {100 * self.std_scale:.1f} % only: hold some nearer and some farther"
         if not self.is_beyond_lasers:
             return ""
-        how = f"the laser reads {100 * abs(self.scale):.1f} % {'longer' if self.scale > 0 else 'shorter'}"
-        why = "more than such a laser errs: measure the squares of its board over many of them"
-        return f"{how} than the boards have it, {why}"
+        why = "than the boards have it, more than such a laser errs: measure the squares of its board over many of them"
+        return f"the laser reads {read_share(self.scale)} {why}"
 
     @property
     def warning(self) -> str:

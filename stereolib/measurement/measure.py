@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stereolib.base import Float32, Float64, UInt8
-from stereolib.calibration import LidarCamera
+from stereolib.calibration import LidarCamera, is_beyond_lasers, read_share
 from stereolib.laser import LaserScan, points_mm
 from stereolib.measurement.box import Shared
 from stereolib.measurement.floor import Floor
@@ -26,6 +26,7 @@ from stereolib.measurement.things import NOWHERE, SCAN_REACH_M, Scene, nearest_m
 from stereolib.measurement.views import Views
 
 _LIKELY = 0.5  # probability from which something is said to have moved
+_BY_CHANCE = 0.15  # share of matched pixels: pictures of two places have 0.08 to 0.14
 _LEFT_OUT = (
     "its readings are left out, its sizes come from the pictures. Were both taken at one moment, with nothing touching "
     "it? If this is said of many objects, the laser has moved: run calibrate-laser again; or the cameras' scale is off "
@@ -192,6 +193,15 @@ def _said_of_lean(lean: Lean | None) -> list[str]:
     return [f"{how}: {where}; for objects and walls there level it over the floor, and run calibrate-laser again"]
 
 
+def _said_of_matches(views: Views) -> list[str]:
+    """That hardly a pixel is found in both pictures, if it is so."""
+    matched = float(np.isfinite(views.disparity_px).mean())
+    if matched >= _BY_CHANCE:
+        return []
+    how = f"only {100 * matched:.0f} % of the pixels are found in both pictures, as chance finds in those of two places"
+    return [f"{how}: are they of one place and moment, left and right, with light enough?"]
+
+
 def _off(value_mm: float, std_mm: float, first: str, second: str) -> str:
     """How far off something is, and to which of two sides."""
     return f"{abs(value_mm):.0f} ± {std_mm:.0f} mm {first if value_mm >= 0 else second}"
@@ -199,7 +209,7 @@ def _off(value_mm: float, std_mm: float, first: str, second: str) -> str:
 
 def _said_of_the_rig(views: Views, judged: Judged, near_mm: float, instrument: Instrument) -> list[str]:
     """What has moved since its calibration, and what nobody could tell."""
-    said, solution = [*views.rows.warnings, *instrument.warnings], judged.solution
+    said, solution = [*_said_of_matches(views), *views.rows.warnings, *instrument.warnings], judged.solution
     if np.isfinite(near_mm) and not judged.scanned:
         said.append(instrument.turned_unseen(near_mm))
     if instrument.lidar is None and judged.scanned:
@@ -213,6 +223,14 @@ def _said_of_the_rig(views: Views, judged: Judged, near_mm: float, instrument: I
         said.append(
             f"the laser has moved since its calibration, by {move}; corrected here: calibrate it again. If nobody "
             "moved it, the cameras' scale has changed (check it with --ruler-mm), or the laser's"
+        )
+    known = 0.0 if instrument.lidar is None else instrument.lidar.scale
+    scale, scale_std = known + float(solution.laser[-1]), float(solution.laser_std[-1])
+    if judged.scanned and not is_beyond_lasers(known, 0.0) and is_beyond_lasers(scale, scale_std):
+        said.append(
+            f"the laser reads {read_share(scale)} than the pictures have it, more than such a laser errs: where it is "
+            "right, all sizes are off by as much; measure the squares of the cameras' boards over many of them and the "
+            "distance of the lenses, and calibrate again with --ruler-mm"
         )
     if judged.chance(cameras=True) > _LIKELY:
         off, off_std = (float(a[Shared.OFFSET]) for a in (solution.shared, np.sqrt(np.diag(solution.covariance))))

@@ -10,7 +10,7 @@ import numpy as np
 from stereolib.base import Float64, direction
 from stereolib.laser import Footprint, LaserScan, find_segments, fit_footprint
 from stereolib.measurement.agreement import Past
-from stereolib.measurement.box import Box, Edge, Own, Side
+from stereolib.measurement.box import Box, Edge, Own, Shared, Side
 from stereolib.measurement.contradictions import sharp_edges, weigh_ends
 from stereolib.measurement.floor import Floor
 from stereolib.measurement.hypotheses import Judged, judge
@@ -32,6 +32,7 @@ SCAN_REACH_M = 3
 _FEW_BEAMS = 6  # so few tell no round or irregular outline from faces
 _SHOWN = 0.5  # share of a footprint that the right camera must show
 _LEAST_BEAMS = 2  # in the left picture: one may be a neighbour's
+_MOST_TURNED_PX = 3.0  # of what a turn of the cameras shifts: beyond it, scan and pair have two scales
 _CONTRADICTION = 2.2  # standard deviations, as `Solution.misfits` counts: an end lies within 1.6 of its two beams
 _FAR_WIDER = 1.5  # times as wide, as seen from the rig
 _FOLLOWED = 0.9  # share of what was followed of a face that is surely its own
@@ -305,7 +306,12 @@ def _numbers(things: list[Thing]) -> dict[int, int]:
 
 
 def _contradicts(pictured: Pictured, seen: Seen, solution: Solution, number: int) -> bool:
-    """The scan's readings or ends miss the box, or it ends a face that the pictures followed farther."""
+    """The scan's readings or ends miss the box, or it ends a face that the pictures followed farther.
+
+    Or they agree only if the cameras have turned farther than they do.
+    """
+    if abs(solution.shared[Shared.OFFSET]) > _MOST_TURNED_PX:
+        return True
     pairs = zip(seen.observations, solution.misfits[number].tolist(), strict=True)
     hidden = [side.extent for side in Side if pictured.past.get(side.end, Past.OPEN) is not Past.OPEN]
     shorter = (solution.boxes[number][hidden] < _FOLLOWED * pictured.own[hidden]).any()

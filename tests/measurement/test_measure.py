@@ -25,6 +25,7 @@ from stereolib.measurement import (
     measure_objects,
 )
 from stereolib.measurement.measure import measure_standing
+from stereolib.measurement.reasons import ScanFit
 from stereolib.measurement.standing import see_standing
 from stereolib.measurement.things import scanned_parts
 from stereolib.rig import rigid
@@ -263,6 +264,37 @@ def test_a_laser_calibrated_as_reading_too_far_tells_the_same():
         "the laser reads 2.9 % longer than the boards have it, more than such a laser errs",
         *(text.split(":")[0] for text in right.warnings),
     ]
+
+
+@pytest.mark.parametrize("longer", [0.92, 1.08])
+def test_a_scale_that_no_laser_has_is_told_of_one_that_nobody_calibrated(longer):
+    """Squares told wrong make the cameras' scale so: which of both is right, nothing here tells."""
+    pair, scan, unknown = recordings.load_pair("room/3"), scan_of("room/3"), Instrument(RECT)
+    found = measure_objects(*pair, replace(scan, ranges_mm=longer * scan.ranges_mm), unknown)
+    [text] = [text for text in found.warnings if "more than such a laser errs" in text]
+    share = re.match(r"the laser reads (\d+\.\d) % (longer|shorter) than the pictures have it", text)
+    assert share and float(share[1]) == pytest.approx(8, abs=0.8) and (share[2] == "longer") == (longer > 1)
+    right = measure_objects(*pair, scan, unknown)
+    assert not any("such a laser errs" in text for text in right.warnings)
+    np.testing.assert_allclose(*(thing.objects[1].size_mm for thing in (found, right)), atol=0.5)
+
+
+def test_a_scan_does_not_turn_the_cameras_farther_than_they_turn():
+    """A calibrated laser that reads all 6 % too far: 3.2 px of all disparities would explain it."""
+    pair, scan = recordings.load_pair("room/3"), scan_of("room/3")
+    known = Instrument(RECT, LIDAR, SystematicUncertainty(f_px=0.5, baseline_mm=0.1, offset_px=0.2))
+    found = measure_objects(*pair, replace(scan, ranges_mm=1.06 * scan.ranges_mm), known)
+    alone = measure_objects(*pair, None, known)
+    for thing, same in zip(found.objects[:2], alone.objects[:2], strict=True):
+        np.testing.assert_allclose(thing.size_mm, same.size_mm, atol=1e-6)
+        assert thing.disagrees
+    assert found.scan_fit is ScanFit.OPPOSES and "cameras' scale is off" in found.warnings[-1]
+
+
+def test_pictures_of_two_places_are_doubted():
+    (left, _), (_, right) = recordings.load_pair("room/3"), recordings.load_pair("room/2")
+    found = measure_objects(left, right, scan_of("room/3"), INSTRUMENT)
+    assert any(re.match(r"only \d+ % of the pixels are found in both pictures", text) for text in found.warnings)
 
 
 def test_a_pose_that_nobody_may_believe_hardly_matters():

@@ -23,7 +23,7 @@ from stereolib.calibration.uncertainty import LENS_NAMES
 
 #: What a verdict allows; the errors are one standard deviation, at the distance that was asked about.
 VERDICT_MEANINGS = {
-    "good": "measure with it: depths and lengths are sure to 0.5 % (one standard deviation) or better",
+    "good": "measure with it: its part of the errors of depths and lengths is 0.5 % (one standard deviation) or less",
     "usable": "measure with it, to 2 % (one standard deviation); mend what is named for more",
     "bad": "do not measure with it; mend what is named and calibrate again",
 }

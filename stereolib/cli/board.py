@@ -20,7 +20,7 @@ def _configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--square-mm", metavar="MM", help="edge of a square (default: the largest that fits)")
     parser.add_argument("--charuco", action="store_true", help="with a marker in each white square: may be cut off")
     parser.add_argument("--marker-mm", type=number(1, MM), metavar="MM", help="edge of a marker: a ChArUco board")
-    parser.add_argument("--dictionary", default="5X5_100", metavar="NAME", help="its markers (default: 5X5_100)")
+    parser.add_argument("--dictionary", metavar="NAME", help="its markers (default: 5X5_100)")
     parser.add_argument("--paper", default="a4", metavar="NAME", help="a4 (default), letter or a3")
     parser.add_argument("--force", action="store_true", help="replace the file if it is there")
 
@@ -32,6 +32,8 @@ def _run(arguments: argparse.Namespace) -> int:
     from stereolib.plotting import BAR_MM, board_sheet, board_words, largest_square_mm, measures
 
     square_mm, marker_mm = arguments.square_mm, arguments.marker_mm
+    if arguments.dictionary and not arguments.charuco and marker_mm is None:
+        raise ValueError("--dictionary is about ChArUco boards: add --charuco, or leave it out")
     if square_mm is None:
         any_marker = 1.0 if arguments.charuco or marker_mm is not None else None
         counted = parse_board(arguments.board, "25", any_marker, arguments.dictionary)

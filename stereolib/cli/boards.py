@@ -12,6 +12,7 @@ from stereolib.cli.ranges import MM, number, whole
 
 if TYPE_CHECKING:
     from stereolib.calibration import Board
+    from stereolib.rig import PairFile
 
 _OTHER_SQUARE = 0.005  # share of an edge: rulers differ by less
 
@@ -25,7 +26,7 @@ def add_board(parser: argparse.ArgumentParser, *, required: bool = True) -> None
     parser.add_argument(
         "--marker-mm", type=number(1, MM), metavar="MM", help="edge of a marker, if the board is ChArUco"
     )
-    parser.add_argument("--dictionary", default="5X5_100", metavar="NAME", help="its markers (default: 5X5_100)")
+    parser.add_argument("--dictionary", metavar="NAME", help="its markers (default: 5X5_100)")
     parser.add_argument("--legacy", action="store_true", help="a ChArUco board printed by OpenCV before 4.6")
 
 
@@ -46,6 +47,17 @@ def add_recording(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def recording_of(arguments: argparse.Namespace, least: int) -> list[PairFile]:
+    """The pairs of these options."""
+    from stereolib.rig import find_pairs
+    from stereolib.rig.unpacked import VIDEOS
+
+    sources = filter(None, (arguments.left, arguments.right))
+    if arguments.every is not None and not any(Path(source).suffix.lower() in VIDEOS for source in sources):
+        raise ValueError("--every is about a video, of which it takes frames; of pictures all are taken: leave it out")
+    return find_pairs(arguments.left, arguments.right, every=arguments.every, least=least)
+
+
 def add_pair(parser: argparse.ArgumentParser) -> None:
     """Add the words that name one pair."""
     about = "picture of the left camera; or what holds both: pictures beside each other in one, or a folder of one pair"
@@ -64,7 +76,7 @@ def parse_board(
     text: str,
     square_mm: str,
     marker_mm: float | None = None,
-    dictionary: str = "5X5_100",
+    dictionary: str | None = None,
     legacy: bool = False,
 ) -> Board:
     """A board from ``"9x6"`` inner corners, a square's ``"25"`` or width x height ``"24.9x25.1"``, and its markers.
@@ -72,7 +84,7 @@ def parse_board(
     Raises
     ------
     ValueError
-        If a text is no board's size, or a number no length.
+        If a text is no board's size, a number no length, or something is said of markers that the board has not.
     """
     from stereolib.calibration import Charuco, Checkerboard
 
@@ -83,12 +95,13 @@ def parse_board(
     edges = square_edges(square_mm)
     mean, aspect = sum(edges) / len(edges), edges[-1] / edges[0]
     if marker_mm is None:
-        if legacy:
-            raise ValueError("--legacy is about ChArUco boards: give the edge of their markers with --marker-mm")
+        if idle := "--legacy" if legacy else "--dictionary" if dictionary else "":
+            remedy = "give the edge of their markers with --marker-mm, or leave it out"
+            raise ValueError(f"{idle} is about ChArUco boards: {remedy}")
         return Checkerboard(columns, rows, mean, aspect)
     if aspect != 1:
         raise ValueError(f"a ChArUco board's squares are taken for square, got {square_mm}")
-    return Charuco(columns, rows, mean, marker_mm, dictionary, legacy)
+    return Charuco(columns, rows, mean, marker_mm, dictionary or Charuco.dictionary, legacy)
 
 
 def square_edges(text: str) -> list[float]:

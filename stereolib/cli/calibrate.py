@@ -6,9 +6,10 @@ import argparse
 import json
 import sys
 from pathlib import Path
+from shlex import quote
 
 from stereolib.base import counted
-from stereolib.cli.boards import add_board, add_recording, board_of
+from stereolib.cli.boards import add_board, add_recording, board_of, recording_of
 from stereolib.cli.command import Command
 from stereolib.cli.errors import DONE, REFUSED
 from stereolib.cli.outputs import check_outputs
@@ -80,9 +81,9 @@ def _run(arguments: argparse.Namespace) -> int:
     )
     from stereolib.mapping import beside_ruler
     from stereolib.plotting import write_calibration_report
-    from stereolib.rig import find_pairs, formats
+    from stereolib.rig import formats
 
-    pairs = find_pairs(arguments.left, arguments.right, every=arguments.every, least=MIN_PAIRS)
+    pairs = recording_of(arguments, MIN_PAIRS)
     if arguments.model not in LENS_MODELS:  # before the boards are searched for
         raise ValueError(f"unknown lens model {arguments.model!r}; choose one of {', '.join(LENS_MODELS)}")
     for kind in others:
@@ -116,7 +117,8 @@ def _run(arguments: argparse.Namespace) -> int:
         print(f"distance of the lenses {found_mm:.1f} mm; {ruler}")
         print(f"written: {' '.join(map(str, written))}")
         if result.verdict != "bad":
-            print(f"next: open {written[1]}; then stereolib measure LEFT RIGHT --calibration {written[0]}")
+            rig, page = (quote(str(path)) for path in written[:2])
+            print(f"next: open {page}; then stereolib measure LEFT RIGHT --calibration {rig}")
     return REFUSED if result.verdict == "bad" else DONE
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING
 
 from stereolib.base import check_target, counted, listed
@@ -93,7 +94,7 @@ def _run(arguments: argparse.Namespace) -> int:
         by = f"{moved_mm:.1f} mm and {turned_deg:.2f} degrees"
         print(f"the pose that stood in the file is replaced: this one lies {by} off it")
     print(f"written into {arguments.calibration}")
-    print(f"next: stereolib measure LEFT RIGHT --scan FILE --calibration {arguments.calibration}")
+    print(f"next: stereolib measure LEFT RIGHT --scan FILE --calibration {quote(str(arguments.calibration))}")
     warnings = [pose.warning] if pose.warning else []
     if pose.T_left_lidar[1, 2] > 0:  # the axis about which its angles grow points down
         warnings.append(_CLOCKWISE)

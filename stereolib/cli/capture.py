@@ -135,7 +135,8 @@ def _show_text(page: LiveLink | None, text: str) -> None:
 def _board(arguments: argparse.Namespace) -> Board | None:
     if (arguments.board is None) != (arguments.square_mm is None):
         raise ValueError("a board is told by both --board and --square-mm; without them every pair is taken")
-    of_boards = {"--marker-mm": arguments.marker_mm, "--legacy": arguments.legacy, "--ruler-mm": arguments.ruler_mm}
+    of_boards = {"--marker-mm": arguments.marker_mm, "--dictionary": arguments.dictionary}
+    of_boards |= {"--legacy": arguments.legacy, "--ruler-mm": arguments.ruler_mm}
     if stray := [name for name, value in of_boards.items() if value] if arguments.board is None else []:
         raise ValueError(f"{stray[0]} is about a board: tell it by --board and --square-mm, or leave it out")
     if (ruler := arguments.ruler_mm) is not None and not 1 <= ruler < float("inf"):
@@ -245,7 +246,8 @@ def _calibrated(arguments: argparse.Namespace, session: CaptureSession) -> int:
         return REFUSED
     words = [*map(str, session.folders), "--board", arguments.board, "--square-mm", arguments.square_mm]
     if arguments.marker_mm is not None:
-        words += ["--marker-mm", str(arguments.marker_mm), "--dictionary", arguments.dictionary]
+        words += ["--marker-mm", str(arguments.marker_mm)]
+        words += ["--dictionary", arguments.dictionary] if arguments.dictionary else []
         words += ["--legacy"] if arguments.legacy else []
     words += ["--ruler-mm", str(arguments.ruler_mm)] if arguments.ruler_mm is not None else []
     parser = argparse.ArgumentParser()

@@ -21,7 +21,7 @@ from stereolib.cli.command import Command
 from stereolib.cli.data import DATA
 from stereolib.cli.disparity import DISPARITY
 from stereolib.cli.emulate_cameras import EMULATE_CAMERAS
-from stereolib.cli.errors import WRONG_INPUT, guarded
+from stereolib.cli.errors import WRONG_INPUT, calibration_named, guarded
 from stereolib.cli.explore import EXPLORE
 from stereolib.cli.handout import HANDOUT
 from stereolib.cli.lrf import LRF
@@ -116,4 +116,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         arguments.parser.error(f"{which}: give its value (a shell's variable that is not set leaves nothing)")
     if unknown:  # said by the command's own parser, whose help lists its options
         arguments.parser.error(f"unrecognized arguments: {' '.join(unknown)}")
-    return guarded(lambda: arguments.run(arguments), arguments.interrupted)
+
+    def run() -> int:
+        with calibration_named(getattr(arguments, "calibration", None)):
+            return int(arguments.run(arguments))
+
+    return guarded(run, arguments.interrupted)

@@ -5,10 +5,12 @@ from __future__ import annotations
 import argparse
 import hashlib
 from pathlib import Path
+from shlex import quote
 
 from stereolib.cli.command import Command
 from stereolib.cli.errors import DONE, REFUSED
 from stereolib.cli.outputs import check_outputs
+from stereolib.cli.told import say_on_a_terminal
 
 _FETCH_NOTES = """an installed package fetches the demo rig from the address that STEREOLIB_DATA_URL names, or its own
 if it was built with one (Data, among the addresses of the project). Where neither is known, this renders them:
@@ -23,13 +25,13 @@ def _configure_build(parser: argparse.ArgumentParser) -> None:
 
 
 def _build(arguments: argparse.Namespace) -> int:
-    from stereolib.base import check_target, datasets, read_text
+    from stereolib.base import datasets, read_text
     from stereolib.mapping import write_demo_file
     from stereolib.virtual import build_recordings
 
     output = arguments.output or datasets.repository() / "data" / "virtual"
     known = read_text(datasets.data_path("virtual/SHA256SUMS")).splitlines()  # before they are replaced
-    check_target(output / "SHA256SUMS")
+    check_outputs([output / "SHA256SUMS"], force=True, option="--output")
     write_demo_file(output)
     build_recordings(output)
     same = len(set(known) & set(read_text(output / "SHA256SUMS").splitlines()))
@@ -78,8 +80,9 @@ def _walk(arguments: argparse.Namespace) -> int:
     from stereolib.virtual import walk, walk_folder
 
     check_outputs([arguments.folder / name for name in walk_folder.WALK_FILES], force=arguments.force, option="FOLDER")
+    say_on_a_terminal("rendering boards for the laser, in some seconds ...")
     written = walk_folder.write_walk(arguments.folder)
-    print(f"{arguments.folder}: {len(written)} files; the map of them: stereolib map {arguments.folder}")
+    print(f"{arguments.folder}: {len(written)} files; the map of them: stereolib map {quote(str(arguments.folder))}")
     sizes = ", ".join(" x ".join(f"{size:.0f}" for size in box.size_mm) for box in walk.objects())
     boards = arguments.folder / "laser"
     print(f"{boards}: boards that the camera and the laser saw, 6x9 inner corners of 30 mm (calibrate-laser)")

@@ -11,6 +11,7 @@ import threading
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from types import FrameType
 
 #: What libraries say that could not get memory: OpenCV, C++, the system's loader, Python's threads.
@@ -23,6 +24,7 @@ _NO_MEMORY = (
 )
 #: What the library proposes to who calls it from Python; and an argument of its, named before the option that sets it.
 _IN_PYTHON, _ARGUMENT = re.compile(r"(?:;|, or,) in Python, [^;)]*"), re.compile(r"\b(\w+) \((--\1)\)")
+_IS_FOR = "the calibration is for"
 _MAKE_ROOM = "; make room, or write to another place (of temporary files: the variable TMPDIR)"
 DONE, REFUSED, WRONG_INPUT, INTERRUPTED = 0, 1, 2, 130
 _ENDING = ("SIGTERM", "SIGHUP", "SIGBREAK")  # those of them that a system has
@@ -123,6 +125,17 @@ def named(*files: object) -> Iterator[None]:
         raise ValueError(f"{' and '.join(map(str, files))}: {text}") from error
 
 
+@contextmanager
+def calibration_named(calibration: Path | None) -> Iterator[None]:
+    """Say which file the calibration is where the library, which is not told, says that it is for other pictures."""
+    try:
+        yield
+    except ValueError as error:
+        if calibration is None or _IS_FOR not in str(error):
+            raise
+        raise ValueError(str(error).replace(_IS_FOR, f"{calibration} is for")) from error
+
+
 def _was_interrupted(error: BaseException | None) -> bool:
     """Whether Ctrl-C is what it came of: a library that is just being loaded makes an ImportError of it."""
     while error is not None and not isinstance(error, KeyboardInterrupt):
@@ -144,8 +157,12 @@ def _told(error: BaseException) -> str:
         place = "" if error.filename is None else f"{os.fsdecode(error.filename)}: "
         remedy = _MAKE_ROOM if error.errno in (errno.ENOSPC, errno.EDQUOT) else ""
         return f"{place}{error.strerror}{remedy}"
-    text = _ARGUMENT.sub(r"\2", _IN_PYTHON.sub("", str(error)))
-    return text.strip() or type(error).__name__
+    return without_python(str(error)).strip() or type(error).__name__
+
+
+def without_python(text: str) -> str:
+    """What the library says, without what it proposes to who calls it from Python."""
+    return _ARGUMENT.sub(r"\2", _IN_PYTHON.sub("", text))
 
 
 def _say(text: str) -> None:

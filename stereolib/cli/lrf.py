@@ -13,7 +13,7 @@ from typing import Any
 
 from stereolib.base import check_target, read_bytes
 from stereolib.cli.command import Command
-from stereolib.cli.errors import DONE, INTERRUPTED
+from stereolib.cli.errors import DONE, INTERRUPTED, REFUSED
 from stereolib.cli.lrf_live import EXPORT, LIVE, NO_LASER
 from stereolib.cli.outputs import check_ending, check_outputs, default_name
 from stereolib.cli.ranges import FOR_EVER, number, whole
@@ -47,6 +47,7 @@ def _info(arguments: argparse.Namespace) -> int:
             print(f"{name:{width}}  {value:.4g}" if isinstance(value, float) else f"{name:{width}}  {value}")
     if not facts["turns"] and facts["partial_turns"] < _LEAST_PARTS:
         print(f"{arguments.file} holds no whole turn, and {_TOO_SHORT}", file=sys.stderr)
+        return REFUSED
     return DONE
 
 
@@ -208,6 +209,7 @@ _COMMANDS = (
         "stereolib lrf info walk/1_scan.bin",
         _info,
         _configure_info,
+        notes="exit code: 0 it can be used, 1 it holds too little, 2 wrong input",
         before=("stereolib data walk walk",),
     ),
     Command(

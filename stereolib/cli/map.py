@@ -8,14 +8,15 @@ import io
 import json
 import math
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stereolib.base import counted, listed, plus_minus, rounded
 from stereolib.cli.command import Command
-from stereolib.cli.errors import DONE, REFUSED
+from stereolib.cli.errors import DONE, REFUSED, without_python
 from stereolib.cli.outputs import check_outputs, default_name
-from stereolib.cli.told import object_details, object_facts, object_title, plain, wrapped
+from stereolib.cli.told import object_details, object_facts, object_title, plain, say_on_a_terminal, wrapped
 
 if TYPE_CHECKING:
     from stereolib.mapping import Map, RecordedMap, Station, StationFolder
@@ -51,8 +52,8 @@ and for all of them:
                            the floor below its left camera and where that looks, counter-clockwise from x
 Without poses the first station with a scan is the origin, and the others are placed where their scans fit; given
 poses are taken as known to 50 mm and 3 degrees and refined by the scans. Who has neither pose nor scan, fits in
-several places, or has a scan that shows other things than its pictures, is left out and named. Take stations a metre
-or so apart, each with a look at what the last one saw.
+several places, has a scan that shows other things than its pictures, or a file that cannot be read, is left out and
+named. Take stations a metre or so apart, each with a look at what the last one saw.
 
 written:
 """ + "\n".join(f"  {name:12} {what}" for name, what in _FILES.items()) + """
@@ -81,13 +82,16 @@ def _run(arguments: argparse.Namespace) -> int:
     check_outputs([out / name for name in _FILES], force=arguments.force, option="--output")
     found, absent = _stations(arguments.folder, arguments.poses)
     instrument = _instrument(arguments, found)
+    say_on_a_terminal(f"measuring {counted(len(found.stations), 'station')}, in some seconds ...")
     try:
         recorded = map_recordings(found.stations, instrument, progress=sys.stderr.isatty())
     except NothingToMap as error:
         print(wrapped([f"nothing was mapped: {error}"]), file=sys.stderr)
         return REFUSED
+    recorded = replace(recorded, left_out={name: without_python(why) for name, why in recorded.left_out.items()})
     unused = [name for name in found.unused if not _is_calibration(arguments.folder / name, arguments.calibration)]
     facts = map_facts(recorded) | {"unused_files": unused}
+    say_on_a_terminal("drawing the map, in some seconds ...")
     written = _write(out, recorded, facts)
     if arguments.json:
         print(json.dumps(facts | {"written": [str(path) for path in written]}, indent=1, allow_nan=False))

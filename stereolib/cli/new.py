@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from shlex import quote
 
 from stereolib.cli.command import Command
 from stereolib.cli.errors import DONE
@@ -41,7 +42,7 @@ def _run(arguments: argparse.Namespace) -> int:
     print(f"{folder}: {RIG_FILE}, {', '.join(f'{name}/' for name in RIG_FOLDERS)}")
     print(
         f"1. say in {folder / RIG_FILE} what your board is; 2. put your pictures there, or say in it where "
-        f'they lie, as boards = "../boards"; 3. stereolib report {folder}'
+        f'they lie, as boards = "../boards"; 3. stereolib report {quote(str(folder))}'
     )
     if found:
         names = ", ".join("left/ and right/" if pattern == "." else pattern for pattern in found.values())

@@ -34,7 +34,10 @@ def check_outputs(paths: Iterable[Path], *, force: bool, option: str) -> None:
         which = listed(there, _MOST_NAMED)
         raise FileExistsError(f"{which} would be overwritten: name another place with {option}, or pass --force")
     for path in paths:
-        check_target(path)
+        try:
+            check_target(path)
+        except ValueError as error:  # whose last words are what to do: choose another place, name a file
+            raise ValueError(f"{error} with {option}") from None
 
 
 def default_name(path: Path, *, force: bool, ends: Iterable[str] = ("",)) -> Path:

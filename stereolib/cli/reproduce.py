@@ -10,6 +10,7 @@ from pathlib import Path
 
 from stereolib.cli.command import Command
 from stereolib.cli.errors import DONE, REFUSED
+from stereolib.cli.outputs import check_outputs
 from stereolib.cli.ranges import whole
 
 
@@ -51,12 +52,12 @@ def _run(arguments: argparse.Namespace) -> int:
 
 def _copied(folder: Path) -> tuple[Path, Path]:
     """Copies of the notebooks and figures, for a checkout that cannot be written."""
-    from stereolib.base import check_target, datasets
+    from stereolib.base import datasets
 
     places = folder / "notebooks", folder / "figures"
     if there := [place for place in places if place.exists()]:
         raise FileExistsError(f"{there[0]} is there already: name another folder with --output")
-    check_target(folder / "figures")
+    check_outputs([folder / "figures"], force=True, option="--output")
     for place in places:
         shutil.copytree(datasets.repository() / place.name, place, copy_function=shutil.copyfile)
     return places

@@ -141,28 +141,26 @@ def map_recordings(
     Raises
     ------
     ValueError
-        If a file cannot be read, or no pair fits the calibration; a station whose own pair does not is left out.
+        If no station has files that can be read and fit the calibration; one whose own do not is left out.
     NothingToMap
         If no station shows an object or a wall; the text says what each one says.
     """
     from tqdm.auto import tqdm
 
-    with tqdm(total=len(stations), desc="reading", unit="station", disable=not progress, leave=False) as bar:
+    with tqdm(total=len(stations), desc="measuring", unit="station", disable=not progress, leave=False) as bar:
         return _map(stations, instrument, bar)
 
 
 def _map(stations: Sequence[RecordedStation], instrument: Instrument, bar: tqdm[Any]) -> RecordedMap:
     """The same, with a bar that is told of each station."""
     size = instrument.rectified.size
-    inputs = {each.name: (each.read_pair(size), each.read_scan()) for each in stations}  # all, before the work
     measured, left_out, unfit = dict[str, Measurement](), dict[str, str](), list[str]()
-    bar.set_description("measuring")
     for each in stations:
         try:
-            measured[each.name] = measure_station(*inputs.pop(each.name), instrument)
+            measured[each.name] = measure_station(each.read_pair(size), each.read_scan(), instrument)
         except CannotMeasure as error:
             left_out[each.name] = str(error)
-        except ValueError as error:  # of its own pictures, as of a pair that was exchanged: the others may do
+        except ValueError as error:  # of its own files, as one cut short or a pair exchanged: the others may do
             left_out[each.name] = str(error)
             unfit.append(f"station {each.name}: {error}")
         bar.update()

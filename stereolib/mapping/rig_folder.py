@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from shlex import quote
 from typing import Any, TypeVar
 
 from stereolib.base import UInt8, counted, listed, read_toml, write_atomic
@@ -247,11 +248,12 @@ def load_rig_folder(folder: Path, *, with_boards: bool = True) -> RigFolder:
     """
     if folder.is_file():
         raise ValueError(f"{folder} is a file: name the folder of your rig; stereolib new my_rig makes one")
+    new = f"stereolib new {quote(str(folder))}"
     if not folder.is_dir():
-        raise ValueError(f"{folder} is no folder: stereolib new {folder} makes one")
+        raise ValueError(f"{folder} is no folder: {new} makes one")
     if not (folder / RIG_FILE).is_file():
-        raise ValueError(f"{folder} has no {RIG_FILE}, which says what lies there: stereolib new {folder} writes one")
-    said = _Said(folder / RIG_FILE)
+        raise ValueError(f"{folder} has no {RIG_FILE}, which says what lies there: {new} writes one")
+    said = _Said(folder / RIG_FILE, f"{new} writes another" if with_boards else "then the folder alone is asked")
     places = {kind: said.text("recordings", kind, usual) for kind, usual in RIG_FOLDERS.items()}
     model = said.text("cameras", "model", "brown3")
     if model not in LENS_MODELS:
@@ -351,12 +353,12 @@ def tried(work: Callable[..., _Result], *given: Any) -> tuple[_Result | None, st
 class _Said:
     """A rig's file, its entries asked for one by one."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, without: str) -> None:
         self.path = path
         try:
             self.parts = read_toml(path)
         except ValueError as error:
-            raise ValueError(f"{error}; mend it there, or move the file away: then the folder alone is asked") from None
+            raise ValueError(f"{error}; mend it there, or move the file away: {without}") from None
         for part, entries in self.parts.items():
             self._known(part, _ENTRIES, "part")
             for entry in entries if part == "length" else [entries]:

@@ -158,8 +158,8 @@ def match_census_sgm(left: UInt8, right: UInt8, params: CensusSGM | None = None)
     plus colour; c_1 and c_2 are census distances in half and quarter size, whose right picture is moved by d before it
     is made smaller. The share ``w_k(p) = share / (1 + s^2 / (contrast n_k)^2)`` falls where the left picture's
     deviation s in a window of 11 px of that size, its noise ``n_k = noise / 2^k`` taken off in squares, exceeds the
-    noise. Memory: 5 bytes a pixel and disparity; from 1 GiB on, the pictures are matched in strips of rows that reach
-    into each other.
+    noise. Memory: 5 bytes a pixel and disparity, 6 of pictures of 256 rows and fewer; from 1 GiB on, the pictures are
+    matched in strips of rows that reach into each other.
 
     References
     ----------

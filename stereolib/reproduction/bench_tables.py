@@ -100,7 +100,7 @@ def rigs_table(results: Path) -> str:
     if not found:
         return ""
     goals = _quoted()["rigs"]
-    inside, silent = goals["within_2_sigma_pct"], goals["silent"]
+    inside, silent, all_refused = goals["within_2_sigma_pct"], goals["silent"], goals["all_refused"]
     head = (
         "what is wrong", "boxes refused", "lack a size, of those that could have all",
         "of those with a top or second face 12 px wide", "sizes told",
@@ -112,8 +112,9 @@ def rigs_table(results: Path) -> str:
         medians = " / ".join(f"{row[size]['median_pct']:.2g}" if row[size]["told"] else "-" for size in _SIZES)
         off_goal = not meets(row.get("within_2_sigma_pct", 95.0), inside) and row["binomial_p"] < _BY_CHANCE
         goal, lacking = goals["measurable_lacking_pct"].get(name, ""), row["measurable_lacking_pct"]
+        seen = row["scenes"] - row["refused"] if name in all_refused else 0
         cells = (
-            row["about"], f"{row['refused']} of {row['scenes']}",
+            row["about"], _marked(f"{row['refused']} of {row['scenes']}", seen > 0),
             _marked(f"{lacking:g} % of {row['measurable']}" + f" ({goal})" * bool(goal), not meets(lacking, goal)),
             f"{row['wide_lacking']} of {row['wide']}", f"{row['sizes']}", medians,
             f"{row['p95_pct']:.2g}" if "p95_pct" in row else "-",

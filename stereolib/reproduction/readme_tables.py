@@ -92,7 +92,9 @@ def ledger_table(rows: pd.DataFrame) -> str:
     lines = ["| in the paper | notebook | figure | kind: verdict |", "|---|---|---|---|"]
     for label, prefix in SUMMARY.items():
         some = rows[rows["id"].str.startswith(prefix)]
-        verdict = "; ".join(f"*{kind}*: {_counted(counts, len(some))}" for kind, counts in count_kinds(some).items())
+        is_ours = some["id"].map(lambda id: published()[id].method == "stereolib's")
+        kinds = count_kinds(some[~is_ours]) | {"in its place, stereolib's method": count_verdicts(some[is_ours])}
+        verdict = "; ".join(f"*{kind}*: {_counted(counts, len(some))}" for kind, counts in kinds.items() if counts)
         notebooks, figures = sorted(set(some["notebook"])), sorted({published()[id].figure for id in some["id"]} - {""})
         links = " ".join(f"[{name[:2]}](notebooks/{name}.ipynb)" for name in notebooks)
         pictures = " ".join(f"[{name}](figures/{name}.png)" for name in figures) if len(notebooks) == 1 else ""

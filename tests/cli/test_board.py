@@ -38,6 +38,7 @@ def test_a_board_is_written_and_the_next_step_told(
         (["--square-mm", "nan"], "positive number of mm"),
         (["--marker-mm", "30"], "a marker must be smaller than its square"),
         (["--paper", "napkin"], "unknown paper 'napkin'"),
+        (["--dictionary", "4X4_50"], "--dictionary is about ChArUco boards: add --charuco, or leave it out"),
         (["--charuco", "--dictionary", "9X9"], "unknown ArUco dictionary"),
         (["--charuco", "--board", "20x14", "--dictionary", "4X4_50"], "needs 157 markers, 4X4_50 has 50"),
         (["--out", "board.png"], "the board is written as .pdf"),

@@ -79,6 +79,8 @@ def test_board_in_inner_corners() -> None:
         (["--board", "9x6", "--square-mm", "about 25"], "an edge in mm, as 25, or width x height"),
         (["--board", "9x6", "--square-mm", "25x25.2", "--marker-mm", "20"], "taken for square, got 25x25.2"),
         ([*WORDS, "--legacy"], "--legacy is about ChArUco boards"),
+        ([*WORDS, "--dictionary", "4X4_50"], "--dictionary is about ChArUco boards: give the edge of their markers"),
+        ([*WORDS, "--every", "3"], "--every is about a video, of which it takes frames; of pictures all are taken"),
         ([*WORDS, "--format", "kalibr"], "cannot hold a brown3 lens: pass --model brown2"),
         ([*WORDS, "--marker-mm", "30"], "a marker must be smaller than its square"),
         ([*WORDS, "--model", "fisheye"], "unknown lens model 'fisheye'; choose one of pinhole, brown2, brown3"),
@@ -93,6 +95,12 @@ def test_bad_words_are_one_line_and_nothing_is_written(
     error = capsys.readouterr().err
     assert hint in error and error.count("\n") == 1
     assert not (tmp_path / "rig").exists()
+
+
+def test_every_is_taken_for_a_video(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "board.MP4").write_bytes(b"")
+    assert commands.main(["calibrate", str(tmp_path / "board.MP4"), *WORDS, "--every", "3"]) == 2
+    assert "board.MP4" in (said := capsys.readouterr().err) and "--every" not in said
 
 
 def test_a_file_in_the_way_is_said_before_any_work(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -230,8 +238,12 @@ def test_a_ruler_that_agrees_is_told(
 ) -> None:
     monkeypatch.setattr(plotting, "write_calibration_report", lambda *_: None)  # that of `done` is looked at
     folders = done[2][1:3]
-    assert commands.main(["calibrate", *folders, *WORDS, "--ruler-mm", "93", "--output", str(tmp_path / "rig")]) == 0
-    assert "distance of the lenses 93.1 mm; the ruler says 93.0 mm: +0.1 mm off\n" in capsys.readouterr().out
+    rig = tmp_path / "my rig"  # whose name a shell takes in quotes alone
+    assert commands.main(["calibrate", *folders, *WORDS, "--ruler-mm", "93", "--output", str(rig)]) == 0
+    said = capsys.readouterr().out
+    assert "distance of the lenses 93.1 mm; the ruler says 93.0 mm: +0.1 mm off\n" in said
+    assert f"next: open '{rig / 'report.html'}'; then stereolib measure" in said
+    assert f"--calibration '{rig / 'calibration.json'}'\n" in said
 
 
 def test_without_a_ruler_one_is_asked_for_and_a_terminal_sees_what_is_done(

@@ -25,9 +25,10 @@ def walked(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def boards(walked: Path, tmp_path: Path) -> Path:
     """The walk's boards, and its rig with the laser's pose."""
-    shutil.copytree(walked / "laser", tmp_path / "laser")
-    shutil.copy(walked / "calibration.json", tmp_path / "rig.json")
-    return tmp_path
+    folder = tmp_path / "my walk"
+    shutil.copytree(walked / "laser", folder / "laser")
+    shutil.copy(walked / "calibration.json", folder / "rig.json")
+    return folder
 
 
 def run(boards: Path, *words: str, square_mm: str = "30") -> int:
@@ -48,7 +49,9 @@ def test_a_pose_found_again_is_replaced_and_one_elsewhere_is_kept(
     boards: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(boards) == 0 and run(boards) == 0
-    assert "is replaced: this one lies 0.0 mm" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "is replaced: this one lies 0.0 mm" in said
+    assert f"next: stereolib measure LEFT RIGHT --scan FILE --calibration '{boards / 'rig.json'}'\n" in said
     shifted(boards / "rig.json", 4.0)
     assert run(boards) == 0
     before = shifted(boards / "rig.json", 30.0)

@@ -143,6 +143,29 @@ def test_errors_are_one_line(
     assert capsys.readouterr().err == line
 
 
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["board", "--out", "file/board.pdf"],
+        ["disparity", "left.png", "right.png", "--output", "file/d.npy"],
+        ["data", "build", "--output", "file/deeper"],
+        ["reproduce", "03", "--output", "file/deeper"],
+        ["map", ".", "--output", "folder"],
+        ["board", "--out", "folder.pdf"],
+    ],
+)
+def test_a_place_that_cannot_be_written_is_told_with_its_option(
+    words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "file").write_text("mine")
+    for folder in ("folder/map.json", "folder.pdf"):
+        (tmp_path / folder).mkdir(parents=True)
+    assert commands.main(words) == 2
+    remedy = "name a file to write" if words[-1].startswith("folder") else "choose another place"
+    assert capsys.readouterr().err.endswith(f"{remedy} with {words[-2]}\n")
+
+
 def test_an_interruption_that_a_library_turned_into_an_error_is_one(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -135,6 +135,14 @@ def test_exchanged_pictures_are_told_with_a_calibration_too(raw, tmp_path, capsy
     assert not list(tmp_path.glob("d*"))
 
 
+def test_a_calibration_for_another_size_is_named(raw, tmp_path, capsys):
+    small = [tmp_path / f"{side}.png" for side in ("left", "right")]
+    for file, picture in zip(small, raw, strict=False):
+        cv2.imwrite(str(file), cv2.imread(str(picture))[::2, ::2])
+    assert run(*small, *raw[2:], "--output", tmp_path / "d.npy") == 2
+    assert f"the left image is 320x240, {raw[3]} is for 640x480: use images" in capsys.readouterr().err
+
+
 def test_a_picture_of_another_moment_is_told(raw, tmp_path, capsys):
     """A piece of the scene stands 6 px lower in the right picture."""
     right = cv2.imread(str(raw[1]))

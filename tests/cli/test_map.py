@@ -113,7 +113,7 @@ def test_a_bar_is_there_before_the_first_file_is_read(made, tmp_path, capsys):
     (tmp_path / "1_scan.bin").write_bytes(b"no laser" * 99)
     with pytest.raises(ValueError, match="no XV-11 recording"):
         map_recordings(list_stations(tmp_path).stations, laser_alone(), progress=True)
-    assert "reading:   0%" in capsys.readouterr().err
+    assert "measuring:   0%" in capsys.readouterr().err
 
 
 class Terminal(io.StringIO):
@@ -121,12 +121,15 @@ class Terminal(io.StringIO):
         return True
 
 
-def test_boards_that_take_seconds_show_a_bar(tmp_path, monkeypatch):
+def test_boards_that_take_seconds_show_a_bar(tmp_path, monkeypatch, capsys):
+    """And a line before it: tqdm draws nothing on a terminal that does not tell its size."""
     terminal = Terminal()
     monkeypatch.setattr("sys.stderr", terminal)
     walk_folder._boards.cache_clear()
-    walk_folder.write_walk(tmp_path / "walk")
+    assert run("data", "walk", tmp_path / "a walk") == 0
+    assert terminal.getvalue().startswith("rendering boards for the laser, in some seconds ...\n")
     assert "boards:   0%" in terminal.getvalue()
+    assert f"stereolib map '{tmp_path / 'a walk'}'\n" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("words", [("data", "walk", "walk"), ("map", "walk", "--output", "out")])
@@ -146,13 +149,16 @@ def test_poses_of_a_map_have_no_minus_at_zero():
     assert map_command._pose_text(station) == "x 0, y 0 mm, looks 0.0 degrees"
 
 
-def test_one_of_a_thing_is_not_many(tmp_path, capsys):
-    """The option's beginning is enough, as it was called."""
+def test_one_of_a_thing_is_not_many(tmp_path, capsys, monkeypatch):
+    """The option's beginning is enough, as it was called; a terminal sees what is done."""
+    monkeypatch.setattr("sys.stderr", terminal := Terminal())
     for name in ("3_left.jpg", "3_right.jpg"):
         (tmp_path / name).write_bytes(data_path(f"virtual/room/{name}").read_bytes())
     paper.paper_rig().save(tmp_path / "calibration.json")
     assert run("map", tmp_path, "--out", tmp_path / "out") == 0
     assert "0 walls, from 1 station\n" in capsys.readouterr().out
+    assert terminal.getvalue().startswith("measuring 1 station, in some seconds ...\n")
+    assert terminal.getvalue().endswith("drawing the map, in some seconds ...\n")
 
 
 @pytest.mark.slow
@@ -199,11 +205,8 @@ def test_nothing_mapped_is_exit_code_1(made, tmp_path, capsys):
     ("name", "data", "message"),
     [
         ("3_right.jpg", None, ": 3_left.jpg (3_right.jpg is missing)"),
-        ("3_scan.bin", b"no laser" * 99, "3_scan.bin (792 bytes) is no XV-11 recording"),
-        ("3_scan.bin", walk.scan_bytes("room/3")[:900], "3_scan.bin: none of the 1 turns is complete"),
         ("03_scan.bin", b"", "station 3 has two files for its scan, 03_scan.bin and 3_scan.bin"),
         ("poses.csv", b"station,x_mm,y_mm,yaw_deg\n8,0,0,0\n", "line 2: there is no station '8', only 1, 3, 4"),
-        ("1_left.jpg", cv2.imencode(".jpg", np.zeros((240, 320, 3), np.uint8))[1].tobytes(), "must have one size"),
         ("calibration.json", None, "has no calibration.json: say with --calibration where the rig's is"),
     ],
 )
@@ -219,13 +222,41 @@ def test_bad_input_is_named_and_nothing_is_written(made, tmp_path, capsys, name,
     assert message in said and not (tmp_path / "out").exists()
 
 
+def test_what_cannot_be_read_leaves_out_its_own_station(made, tmp_path, capsys):
+    """All files are named, those of the other stations make the map; where there are none, nothing is written."""
+    for path in data_path("virtual/room/1_scan.bin").parent.iterdir():
+        shutil.copy(path, tmp_path)
+    shutil.copy(made / "walk" / "calibration.json", tmp_path)
+    small = cv2.imencode(".jpg", np.zeros((240, 320, 3), np.uint8))[1].tobytes()
+    spoilt = {
+        "2_scan.bin": (walk.scan_bytes("room/2")[:900], "none of the 1 turns is complete; record longer (a turn takes"),
+        "3_left.jpg": ((tmp_path / "3_left.jpg").read_bytes()[:5000], "the JPEG is cut short (5000 bytes, no end"),
+        "4_scan.bin": (b"no laser" * 99, "4_scan.bin (792 bytes) is no XV-11 recording"),
+        "5_left.jpg": (small, "5_left.jpg is 320x240"),
+    }
+    for name, (data, _) in spoilt.items():
+        (tmp_path / name).write_bytes(data)
+    assert run("map", tmp_path, "--output", tmp_path / "out", "--json") == 0
+    facts = json.loads(capsys.readouterr().out)
+    assert [each["name"] for each in facts["stations"]] == ["1"] and facts["objects"]
+    assert list(facts["left_out"]) == [name[0] for name in spoilt] and "Python" not in str(facts["left_out"])
+    for name, (_, why) in spoilt.items():
+        assert str(tmp_path / name) in facts["left_out"][name[0]] and why in facts["left_out"][name[0]]
+    for path in tmp_path.glob("1_*"):
+        path.unlink()
+    assert run("map", tmp_path, "--output", tmp_path / "new") == 2
+    said = capsys.readouterr().err
+    assert f"error: station 2: {tmp_path / '2_scan.bin'}: none of" in said and said.count("\n") == 1
+    assert not (tmp_path / "new").exists()
+
+
 def test_pictures_of_another_size_than_the_calibration(made, tmp_path, capsys):
     small = cv2.imencode(".png", np.zeros((240, 320, 3), np.uint8))[1].tobytes()
     for side in ("left", "right"):
         (tmp_path / f"1_{side}.png").write_bytes(small)
     calibration = made / "walk" / "calibration.json"
     assert run("map", tmp_path, "--output", tmp_path / "out", "--calibration", calibration) == 2
-    assert "1_left.png is 320x240, the calibration is for 640x480" in capsys.readouterr().err
+    assert f"1_left.png is 320x240, {calibration} is for 640x480" in capsys.readouterr().err
 
 
 def test_the_walk_is_not_written_over(made, capsys):

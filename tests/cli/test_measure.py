@@ -296,8 +296,10 @@ def test_exchanged_pictures_and_another_size_are_said_with_their_files(files, ca
     assert "right.png: left and right are exchanged" in capsys.readouterr().err
     for side in ("left", "right"):
         cv2.imwrite(str(files / f"{side}.png"), cv2.imread(str(files / f"old_{side}.png"))[::2, ::2])
-    assert run(files) == 2
-    assert "right.png: the left image is 320x240, the calibration is for 640x480" in capsys.readouterr().err
+    sizes = f"the left image is 320x240, {files / 'rig.json'} is for 640x480"
+    for more in ([], ["--floor=450,-20"]):
+        assert run(files, *more) == 2
+        assert sizes in (said := capsys.readouterr().err) and (more or f"right.png: {sizes}" in said)
 
 
 def test_places_are_left_or_right_by_a_positive_number(files, capsys):

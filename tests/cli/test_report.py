@@ -50,6 +50,28 @@ def test_new_makes_folders_and_keeps_what_is_there(folder, capsys):
     assert "rig.toml is a file" in capsys.readouterr().err
 
 
+def test_lines_to_be_pasted_are_quoted_where_a_shell_needs_it(tmp_path, capsys):
+    for name, pasted in (("my_rig", f"{tmp_path / 'my_rig'}"), ("my new rig", f"'{tmp_path / 'my new rig'}'")):
+        assert run("report", tmp_path / name) == 2
+        assert f"{name} is no folder: stereolib new {pasted} makes one\n" in capsys.readouterr().err
+        assert run("new", tmp_path / name) == 0
+        assert f"3. stereolib report {pasted}\n" in capsys.readouterr().out
+        (tmp_path / name / "rig.toml").unlink()
+        assert run("report", tmp_path / name) == 2
+        assert f"which says what lies there: stereolib new {pasted} writes one\n" in capsys.readouterr().err
+
+
+def test_a_broken_file_is_told_with_what_the_command_does_without_it(folder, capsys):
+    (folder / "rig.toml").write_text("[board")
+    assert run("map", folder) == 2
+    assert capsys.readouterr().err.endswith("mend it there, or move the file away: then the folder alone is asked\n")
+    assert run("report", folder) == 2
+    advice = f"stereolib new {folder}"
+    assert capsys.readouterr().err.endswith(f"mend it there, or move the file away: {advice} writes another\n")
+    (folder / "rig.toml").unlink()
+    assert run(*advice.split()[1:]) == 0 and (folder / "rig.toml").is_file()
+
+
 def test_report_of_a_laser_alone_leaves_out_the_rest(folder, capsys):
     """Through a kernel, to a page that asks for nothing from elsewhere and explains nothing that is not there."""
     (folder / "scans" / "1.bin").write_bytes(recordings.load_laser("lrf/room"))

@@ -84,7 +84,7 @@ def test_a_board_is_asked_for_only_where_there_are_some(folder):
 @pytest.mark.parametrize(
     ("text", "why"),
     [
-        ("[board", r"not a TOML file \(.*\); mend it there, or move the file away"),
+        ("[board", r"not a TOML file \(.*\); mend it there, or move the file away: stereolib new .* writes another$"),
         ("[bord]\n", "'bord' is no part; did you mean board?"),
         ("board = 3\n", "board is a part of its own"),
         ("[board]\nsquares = 3\n", r"'squares' is no entry of \[board\]; did you mean square_mm?"),

@@ -710,6 +710,8 @@ OTHERS = {
         Bad(f"calibrate boards_black {_BOARD} --marker-mm inf", "marker"),
         Bad(f"calibrate boards_black {_BOARD} --marker-mm 1e-30", "marker"),
         Bad(f"calibrate boards_black {_BOARD} --legacy", "--marker-mm"),
+        Bad(f"calibrate boards_black {_BOARD} --dictionary 4X4_50", "--marker-mm"),
+        Bad(f"calibrate boards_black {_BOARD} --every 3", "--every"),
         Bad(f"calibrate boards_black {_BOARD} --model fisheye", "brown3"),
         Bad(f"calibrate boards_black {_BOARD} --ruler-mm 0.09", "--ruler-mm"),
         Bad(f"calibrate boards_black {_BOARD} --ruler-mm nan", "--ruler-mm"),

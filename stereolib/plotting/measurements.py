@@ -66,7 +66,7 @@ def plot_height_attempt(attempt: HeightAttempt, ax: Axes, title: str = "") -> Ax
         fontsize=10,
         bbox={"facecolor": "white", "alpha": 0.85, "lw": 0, "pad": 2},
     )
-    ax.legend(loc="lower left", fontsize=8, framealpha=0.85)
+    ax.legend(loc="lower right", fontsize=8, framealpha=0.85, ncols=2, handlelength=1.5, columnspacing=1)
     width, height = attempt.floor.rectified.size
     ax.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5))
     return ax

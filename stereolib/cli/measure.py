@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 _FLOOR_STD = (1.0, 0.2)  # mm, degrees: what a ruler and a phone's level tell
 _STEEPEST = 90.0  # degrees
 _LAST_PX = 2**15  # no picture is larger
-_LEAST_MM = 1.0  # a lower camera was meant in metres
+_LEAST_MM = 15.0  # above its floor: half of the smallest webcam; 8.5 was meant in centimetres
 _TALL_MM = 1000.0  # from there on tenths are not told
 _MOST_TIMES = 3.0  # as high or low as the pictures show it, a floor is no slip of a ruler
 _OTHER_FLOOR = 16.3  # squared deviations of three numbers, which chance passes once in 1,000

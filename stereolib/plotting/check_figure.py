@@ -25,6 +25,7 @@ def check_figure(check: CalibrationCheck) -> Any:
     """
     figure, axes = panels(2, width_in=12, aspect=0.7)
     views, size = check.views, check.board_pct
+    way = "large" if size.value >= 0 else "small"
     seen = np.isfinite(check.off_plane_mm).any(axis=0)
     x, y, _ = views.board.points_mm[seen].T
     plot_dots(
@@ -33,7 +34,7 @@ def check_figure(check: CalibrationCheck) -> Any:
         axes[0],
         color=np.nanmean(check.off_plane_mm[:, seen], axis=0),
         label="off its plane, towards the cameras (mm)",
-        title=f"the board, mean of {len(views)}: {plus_minus(size.value, size.std)} % too large",
+        title=f"the board, mean of {len(views)}: {plus_minus(abs(size.value), size.std)} % too {way}",
         xlabel="along its columns (mm)",
         ylabel="along its rows (mm)",
         aspect="equal",

@@ -788,6 +788,7 @@ OTHERS = {
         Bad(f"measure {PAIR} {_RIG} --output good/left.jpg/out.png", "cannot be written"),
         Bad(f"measure {PAIR} {_RIG} --output silent.png", "nobody reads this pipe"),
         Bad(f"measure {PAIR} {_RIG} --floor=0.45,-20", "millimetres"),
+        Bad(f"measure {PAIR} {_RIG} --floor=8.5,8.3", "millimetres"),
         Bad(f"measure {PAIR} {_RIG} --floor=nan,0", "--floor"),
         Bad(f"measure {PAIR} {_RIG} --floor=1e300,0", "--floor"),
         Bad(f"measure {PAIR} {_RIG} --floor=450,90", "--floor"),

@@ -54,7 +54,8 @@ class CensusSGM:
     p1, p2 : int
         Penalties for a step of one and of more pixels.
     edge : float
-        Step of the image (its 3 x 3 median), in grey levels, at which ``p2`` has fallen to a half.
+        Step of the image (its 3 x 3 median, the channel that steps most), in grey levels, at which ``p2`` has fallen
+        to a half.
     coarse_share : float
         Of the cost of the next smaller size, where there is no contrast.
     contrast : float
@@ -80,11 +81,11 @@ class CensusSGM:
     num_disparities: int = 128
     noise_grey: float = 1.0
     census_px: tuple[int, int] = (5, 5)
-    color_weight: float = 1.0
+    color_weight: float = 0.7
     color_cap: float = 20.0
     block_size: int = 1
     p1: int = 20
-    p2: int = 90
+    p2: int = 120
     edge: float = 5.0
     coarse_share: float = 0.75
     contrast: float = 5.0
@@ -132,7 +133,7 @@ class SGMResult:
 
 
 def match_census_sgm(left: UInt8, right: UInt8, params: CensusSGM | None = None) -> SGMResult:
-    """Match a rectified pair along eight paths.
+    """Match a rectified pair along rows and columns.
 
     Parameters
     ----------
@@ -150,10 +151,10 @@ def match_census_sgm(left: UInt8, right: UInt8, params: CensusSGM | None = None)
 
     Notes
     -----
-    Each pixel takes the disparity of the least sum along eight paths (`paths.aggregate`), refined by two straight lines
+    Each pixel takes the disparity of the least sum along four paths (`paths.aggregate`), refined by two straight lines
     of equal slope through it and its neighbours. The right view has the same costs, ``C_right(x, d) = C(x + d, d)``,
-    but sums of its own, with the steps of its own picture, along rows and columns alone: that takes less time and
-    checks as well. Read off the left view's sums it would repeat their faults, and the check would miss them. Costs are
+    but sums of its own, with the steps of its own picture. Read off the left view's sums it would repeat their faults,
+    and the check would miss them. Costs are
     ``C_0 = (1 - w_0) c_0 + w_0 C_1``, ``C_1 = (1 - w_1) c_1 + w_1 C_2`` and so on: c_0 is that of the pictures, census
     plus colour; c_1 and c_2 are census distances in half and quarter size, whose right picture is moved by d before it
     is made smaller. The share ``w_k(p) = share / (1 + s^2 / (contrast n_k)^2)`` falls where the left picture's
@@ -189,7 +190,7 @@ def match_census_sgm(left: UInt8, right: UInt8, params: CensusSGM | None = None)
         cost = _cost(left[seen], right[seen], params)
         left_px, margin = _least(cost, left[seen], params, kept)
         _turn_to_right(cost, params.outside_cost)
-        found.append((left_px, _least(cost, right[seen], params, kept, slanted=False)[0], margin))
+        found.append((left_px, _least(cost, right[seen], params, kept)[0], margin))
     return SGMResult(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
 
 
@@ -249,12 +250,10 @@ def _cost(left: UInt8, right: UInt8, params: CensusSGM) -> UInt8:
     return cost
 
 
-def _least(
-    cost: UInt8, image: UInt8, params: CensusSGM, kept: slice, *, slanted: bool = True
-) -> tuple[Float32, Float32]:
+def _least(cost: UInt8, image: UInt8, params: CensusSGM, kept: slice) -> tuple[Float32, Float32]:
     """Disparity and margin of the rows that are kept."""
-    guide = cv2.medianBlur(to_grey(image), _GUIDE_PX)
-    return read_off(aggregate(cost, guide, params.p1, params.p2, params.edge, slanted=slanted)[kept])
+    guide: Any = cv2.medianBlur(image, _GUIDE_PX)
+    return read_off(aggregate(cost, guide, params.p1, params.p2, params.edge)[kept])
 
 
 def _turn_to_right(cost: UInt8, outside_cost: int) -> None:

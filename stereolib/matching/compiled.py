@@ -1,6 +1,6 @@
 """Loops as machine code: for what goes over every pixel and disparity, where numpy is slow since it does so many times.
 
-A picture of 741 x 500 px and 64 disparities has 24 million cells, and each is seen along eight paths. Array by array,
+A picture of 741 x 500 px and 64 disparities has 24 million cells, and each is seen along four paths. Array by array,
 numpy takes several times as long for that as one loop that does all its steps while a cell is at hand.
 """
 

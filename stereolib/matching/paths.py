@@ -13,24 +13,22 @@ from stereolib.matching.compiled import compiled
 
 Int16: TypeAlias = npt.NDArray[np.int16]
 _BAND_ROWS = 256  # no more rows are turned at once for the paths along rows
-_NEVER = 32000  # dearer than any sum of eight paths
+_NEVER = 32000  # dearer than any sum of four paths
 
 
-def aggregate(cost: UInt8, grey: UInt8, p1: int, p2: int, edge: float, *, slanted: bool = True) -> Int16:
-    """Sum up the costs along paths, from the rim to each pixel.
+def aggregate(cost: UInt8, image: UInt8, p1: int, p2: int, edge: float) -> Int16:
+    """Sum up the costs along rows and columns, there and back, from the rim to each pixel.
 
     Parameters
     ----------
     cost : (H, D, W) uint8
         Its largest value and both penalties together are at most 255.
-    grey : (H, W) uint8
+    image : (H, W) or (H, W, C) uint8
         The picture whose edges make steps cheap.
     p1, p2 : int
         Penalties for a step of one and of more pixels.
     edge : float
         Step of the picture, in grey levels, at which ``p2`` has fallen to a half.
-    slanted : bool
-        Along the four diagonals, too, not along rows and columns alone.
 
     Returns
     -------
@@ -44,25 +42,26 @@ def aggregate(cost: UInt8, grey: UInt8, p1: int, p2: int, edge: float, *, slante
     Notes
     -----
     ``L_r(p, d) = C(p, d) + min(L_r(q, d), L_r(q, d +- 1) + P1, min_k L_r(q, k) + P2(p, q)) - min_k L_r(q, k)`` with q
-    the pixel before p on path r, and ``P2(p, q) = max(P2 / (1 + |I(p) - I(q)| / edge), P1 + 1)``; a path that comes in
-    over the rim begins there. No path exceeds the largest cost and P2, so that 8 bits hold it.
+    the pixel before p on path r, and ``P2(p, q) = max(P2 / (1 + max_c |I_c(p) - I_c(q)| / edge), P1 + 1)`` with c the
+    channels; a path begins at the rim. No path exceeds the largest cost and P2, so that 8 bits hold it.
     """
-    if grey.shape != cost.shape[::2]:
-        raise ValueError(f"the picture has shape {grey.shape}, the costs (H, D, W) are {cost.shape}")
+    if image.shape[:2] != cost.shape[::2]:
+        raise ValueError(f"the picture has shape {image.shape}, the costs (H, D, W) are {cost.shape}")
     fall = np.maximum(p2 / (1 + np.arange(256) / edge), p1 + 1).astype(np.uint8)
-    shades, total = grey.astype(np.int16), np.zeros(cost.shape, np.int16)
-    _walk(cost, shades, fall, np.uint8(p1), np.array([0, 1, -1] if slanted else [0]), total)
+    total = np.zeros(cost.shape, np.int16)
+    _walk(cost, fall[_steps(image)], np.uint8(p1), total)
     height, depth, width = cost.shape
     rows = -(-height // -(-height // _BAND_ROWS))
     turned, along = (np.empty((width, depth, rows), kind) for kind in (np.uint8, np.int16))
     for top in range(0, height, rows):
         first = min(top, height - rows)  # the last band begins in the one before
+        band = slice(first, first + rows)
         for d in range(depth):
-            turned[:, d] = cv2.transpose(cost[first : first + rows, d])
+            turned[:, d] = cv2.transpose(cost[band, d])
         along[:] = 0
-        _walk(turned, np.ascontiguousarray(shades[first : first + rows].T), fall, np.uint8(p1), np.array([0]), along)
+        _walk(turned, fall[_steps(image[band].swapaxes(0, 1))], np.uint8(p1), along)
         for d in range(depth):
-            total[top : first + rows, d] += cv2.transpose(along[:, d, top - first :])
+            total[top : band.stop, d] += cv2.transpose(along[:, d, top - first :])
     return total
 
 
@@ -96,39 +95,39 @@ def _refined(disparity: Ints, around: Int16, depth: int) -> Float32:
     return np.asarray(disparity + offset, np.float32)
 
 
-@compiled
-def _walk(cost: UInt8, grey: Int16, fall: UInt8, p1: np.uint8, shifts: Ints, total: Int16) -> None:
-    """Add the paths that run along the first axis, there and back, moving by each shift on the last one a step.
+def _steps(image: UInt8) -> UInt8:
+    """How far the channel that steps most steps from each row to the next, (H - 1, W)."""
+    steps = np.abs(np.diff(image.astype(np.int16), axis=0)).astype(np.uint8)
+    return np.asarray(steps.reshape(*steps.shape[:2], -1).max(axis=2))
 
-    The penalties are ``p1``, and `fall` by the step of the picture in grey levels. A path that comes in over a side
-    begins there.
-    """
+
+@compiled
+def _walk(cost: UInt8, p2: UInt8, p1: np.uint8, total: Int16) -> None:
+    """Add the paths that run along the first axis, there and back; `p2`, (H - 1, W), is that between its places."""
     height, depth, width = cost.shape
-    least_before, dearest = np.empty((2, width), np.uint8)
+    least, dearest = np.empty((2, width), np.uint8)
+    least_before = np.empty(width, np.uint8)
     for order in (1, -1):
-        rooms = np.full((2, shifts.size, depth + 2, width + 2), np.uint8(255 - p1))  # outside nothing is cheap
-        leasts = np.empty((2, shifts.size, width), np.uint8)
+        rooms = np.full((2, depth + 2, width), np.uint8(255 - p1))  # outside nothing is cheap
+        least[:] = 0
         for k in range(height):
             y = k if order == 1 else height - 1 - k
-            for j in range(shifts.size):
-                before, here, least = rooms[k % 2, j], rooms[1 - k % 2, j], leasts[1 - k % 2, j]
+            before, here = rooms[k % 2], rooms[1 - k % 2]
+            for x in range(width):
+                least_before[x], dearest[x], least[x] = least[x], 0, 255
+            if k > 0:
+                between = p2[min(y, y - order)]
                 for x in range(width):
-                    q = x - shifts[j]
-                    least_before[x] = dearest[x] = 0
-                    if k > 0 and 0 <= q < width:
-                        least_before[x] = leasts[k % 2, j, q]
-                        dearest[x] = least_before[x] + fall[abs(grey[y, x] - grey[y - order, q])]
-                least[:] = 255
-                before = before[:, 1 - shifts[j] :]
-                for d in range(depth):
-                    nearer, same, farther = before[d], before[d + 1], before[d + 2]
-                    path, c, s = here[d + 1, 1:], cost[y, d], total[y, d]
-                    for x in range(width):
-                        beside = np.uint8(min(nearer[x], farther[x]) + p1)
-                        cheapest = min(beside, same[x], dearest[x])
-                        path[x] = np.uint8(np.uint8(cheapest - least_before[x]) + c[x])
-                        least[x] = min(least[x], path[x])
-                        s[x] = np.int16(s[x] + path[x])
+                    dearest[x] = least_before[x] + between[x]
+            for d in range(depth):
+                nearer, same, farther = before[d], before[d + 1], before[d + 2]
+                path, c, s = here[d + 1], cost[y, d], total[y, d]
+                for x in range(width):
+                    beside = np.uint8(min(nearer[x], farther[x]) + p1)
+                    cheapest = min(beside, same[x], dearest[x])
+                    path[x] = np.uint8(np.uint8(cheapest - least_before[x]) + c[x])
+                    least[x] = min(least[x], path[x])
+                    s[x] = np.int16(s[x] + path[x])
 
 
 @compiled

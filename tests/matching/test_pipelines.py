@@ -244,6 +244,9 @@ def test_the_settings_are_those_that_the_script_chose(monkeypatch):
     tidied, (first_tidied, *_) = chosen_from(script.TIDIED_FILE, script.TIDIED, script.TIDIED_KNOBS)
     assert tidied == {"rim_px": pipelines._RIM_PX, "median_px": pipelines._MEDIAN_PX}
     chosen |= chosen_from(script.COARSE_FILE, script.COARSE, script.COARSE_KNOBS)[0]
+    anew, (first_anew, *_) = chosen_from(script.PATHS_FILE, script.PATHS, script.PATHS_KNOBS)
+    assert {name: chosen[name] for name in anew} == {name: values[0] for name, values in script.PATHS.items()}
+    chosen |= anew
     assert census_sgm.CensusSGM(**chosen) == census_sgm.CensusSGM()
     surface, (first_surface, *_) = chosen_from(script.SURFACE_FILE, script.SURFACE, script.SURFACE_KNOBS)
     assert surface == choose_surface.__kwdefaults__
@@ -251,9 +254,9 @@ def test_the_settings_are_those_that_the_script_chose(monkeypatch):
     assert planes == smooth_by_planes.__kwdefaults__
     rival, (first_rival, *_) = chosen_from(script.RIVAL_FILE, script.RIVAL, script.RIVAL_KNOBS)
     assert rival == importlib.import_module("rivals").CHOSEN
-    firsts = first_rival, first_tidied, first_surface, first_planes
+    firsts = first_rival, first_anew, first_tidied, first_surface, first_planes
     shared, *same = ([name for name in row if "@" in name] for row in firsts)
-    assert same == [shared] * 3  # the rival has seen what "best" has
+    assert same == [shared] * 4  # the rival has seen what "best" has
     sets = importlib.import_module("layered_pairs").SETS
     tested = {f"{look.textures}@{seed}" for look, seeds in sets["test"] for seed in seeds}
     assert len(shared) > 70 and not tested & set(shared)

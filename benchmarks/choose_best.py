@@ -54,8 +54,9 @@ windows of 11 pixels and no use of detail. Their lines are in ``results/choose_s
 The rival's settings are chosen by the first two measures on the same scenes, whole, from ``RIVAL``, its penalties as
 one; its lines are in ``results/choose_rival.csv``, `rivals.CHOSEN` is what came out.
 
-Every setting tried becomes a line of its file as soon as it is measured; called again, the script goes on from there. The defaults of `CensusSGM` and the constants of `pipelines` are copied from what it prints; a
-test goes through the file by the same procedure and holds them equal. No photograph is read here.
+Every setting tried becomes a line of its file as soon as it is measured; called again, the script goes on from there.
+The defaults of `CensusSGM` and the constants of `pipelines` are copied from what it prints; a test goes through the
+files by the same procedure and holds them equal. No photograph is read here.
 """
 
 from __future__ import annotations

@@ -97,8 +97,8 @@ def _refined(disparity: Ints, around: Int16, depth: int) -> Float32:
 
 def _steps(image: UInt8) -> UInt8:
     """How far the channel that steps most steps from each row to the next, (H - 1, W)."""
-    steps = np.abs(np.diff(image.astype(np.int16), axis=0)).astype(np.uint8)
-    return np.asarray(steps.reshape(*steps.shape[:2], -1).max(axis=2))
+    steps = np.abs(np.diff(np.atleast_3d(image).astype(np.int16), axis=0))
+    return np.asarray(steps.max(axis=2), np.uint8)
 
 
 @compiled

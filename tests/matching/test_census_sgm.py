@@ -182,9 +182,9 @@ def test_strips_tell_the_same_as_one_piece(monkeypatch):
     assert (np.abs(whole.left_px - strips.left_px) < 0.1).mean() > 0.99
 
 
-@pytest.mark.parametrize(("census_px", "p2"), [((7, 9), 153), ((9, 7), 153), ((5, 5), 187)])
+@pytest.mark.parametrize(("census_px", "p2"), [((7, 9), 159), ((9, 7), 159), ((5, 5), 187)])
 def test_costs_that_8_bits_do_not_hold_are_refused(census_px, p2):
-    """The census' bits or, if they are more, a smaller size's, the colours' 20, and both penalties: up to 255."""
+    """The census' bits or, if they are more, a smaller size's, the colours' 14, and both penalties: up to 255."""
     census_sgm.CensusSGM(census_px=census_px, p2=p2)
     with pytest.raises(ValueError, match="the costs add up to 256, more than 8 bits hold"):
         census_sgm.CensusSGM(census_px=census_px, p2=p2 + 1)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 import pytest
 
@@ -42,7 +43,9 @@ def test_occluded_wall_of_the_walk_loses_its_ghosts() -> None:
     off = np.abs(before.disparity_px - truth.disparity_px)
     ghost, good = before.matched & (off > 10), before.matched & (off < 1)
     assert ghost.sum() > 1400
-    assert (ghost & after.matched).sum() < 0.45 * 1900  # no more than when there were most of them
+    wide = cv2.morphologyEx(ghost.astype(np.uint8), cv2.MORPH_OPEN, np.ones((5, 5), np.uint8)) > 0
+    assert wide.sum() > 150 and not (wide & after.matched).any()  # what stays are seams at the rims of things
+    assert (ghost & after.matched).sum() < 0.5 * 1900
     surely = ghost & (off > 3 * before.std_px)
     assert (surely & after.matched).sum() < 0.45 * surely.sum()
     assert (good & after.matched).sum() > 0.99 * good.sum()

@@ -195,12 +195,15 @@ def test_exposures_may_differ(gain, offset):
 def test_a_little_more_noise_never_costs_much():
     """No cliff: between neighbouring amounts of noise the map gets worse by little."""
     pair, truth = recorded("conditions/texture")
-    strewn = [np.random.default_rng(k).standard_normal(side.shape) for k, side in enumerate(pair)]
-    bad = []
-    for sigma in np.arange(0, 3.1, 0.5):
-        noisy = [np.clip(p + sigma * n, 0, 255).astype(np.uint8)[100:300] for p, n in zip(pair, strewn, strict=True)]
-        bad.append(score(best(*noisy, 176).disparity_px, truth[100:300]).bad2_pct)
-    assert np.diff(bad).max() < 0.6
+    bad = np.empty((2, 7))  # two draws, since patches come and go with each
+    for draw, line in enumerate(bad):
+        strewn = [np.random.default_rng(10 * draw + k).standard_normal(side.shape) for k, side in enumerate(pair)]
+        for k in range(line.size):
+            noisy = [
+                np.clip(p + k / 2 * n, 0, 255).astype(np.uint8)[100:300] for p, n in zip(pair, strewn, strict=True)
+            ]
+            line[k] = score(best(*noisy, 176).disparity_px, truth[100:300]).bad2_pct
+    assert np.diff(bad.mean(axis=0)).max() < 0.5
 
 
 def best(left, right, num_disparities):
@@ -293,7 +296,7 @@ def test_the_benchmark_says_what_the_library_uses():
 
 
 #: On the motorcycle, measured with OpenCV 4.14: it rounds the corrected rows otherwise, in 6 % of the pixels.
-OPENCV4_BAD2_PCT = 5.17
+OPENCV4_BAD2_PCT = 5.05
 
 
 def test_best_on_a_real_pair():

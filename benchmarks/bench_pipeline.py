@@ -1,4 +1,4 @@
-"""The pipelines on virtual scenes on which no setting was chosen, beside a rival; their honesty; one photograph.
+"""The pipelines on virtual scenes on which no setting of the matcher was chosen, beside a rival; their honesty.
 
 The settings of "best" come from ``choose_best.py``; its standard deviations are found here, on the scenes those were
 chosen on, on shining ones and on more of the rig: all scenes of ``layered_pairs.py`` but the test's, `DEVIATIONS_ON` of

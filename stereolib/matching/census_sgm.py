@@ -1,10 +1,11 @@
 """Semi-global matching written out: the same idea as `cv2.StereoSGBM`, with a cost and a penalty of our own.
 
-Four things differ, and each was measured on virtual scenes: the cost is census plus colour difference instead of
-Birchfield-Tomasi on gradients; the fainter the picture is against its noise, the more of it is seen in half and in
-quarter size, where there is less noise, so that fine things count and noisy pictures need no blur; the penalty for a
-step falls where the image has an edge; and the whole cost volume is at hand afterwards: from it the right view, which
-checks the left one, gets sums along paths of its own, and each pixel a confidence.
+What differs was measured on virtual scenes: the cost is census plus colour difference instead of Birchfield-Tomasi on
+gradients; the fainter the picture is against its noise, the more of it is seen in half, quarter and eighth size, where
+there is less noise, so that fine things count and noisy pictures need no blur; the penalty for a step falls where the
+image has an edge; between whole disparities lie two straight lines, no parabola; and the whole cost volume is at hand
+afterwards: from it the right view, which checks the left one, gets sums along paths of its own, and each pixel a
+confidence.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ from stereolib.rig import check_pair, to_grey
 UInt16: TypeAlias = npt.NDArray[np.uint16]
 _COARSE_CENSUS_PX = (7, 7)  # of the smaller sizes
 _COARSE_BITS = 48
-_SHARES = 64  # whole steps in which two costs are mixed, a power of two; rounded down
+_SHARES = 64  # whole steps in which two costs are mixed, a power of two; what comes out is rounded down
 _CONTRAST_PX = 11  # window in which contrast is measured
 _CELL_BYTES = 5  # a pixel and disparity: the cost, the sum of 16 bits, and both of a band that is turned
 _STRIP_BYTES = 2**30  # more than so much is matched in strips
@@ -124,7 +125,8 @@ class SGMResult:
     ----------
     left_px, right_px : (H, W) float32, px
     margin : (H, W) float32
-        Summed cost of the best disparity at least two pixels away, less that of the best one.
+        Summed cost of the best disparity at least two pixels away, less that of the best one. With fewer than four
+        disparities there may be none so far away: then it is larger than any other.
     """
 
     left_px: Float32
@@ -154,13 +156,12 @@ def match_census_sgm(left: UInt8, right: UInt8, params: CensusSGM | None = None)
     Each pixel takes the disparity of the least sum along four paths (`paths.aggregate`), refined by two straight lines
     of equal slope through it and its neighbours. The right view has the same costs, ``C_right(x, d) = C(x + d, d)``,
     but sums of its own, with the steps of its own picture. Read off the left view's sums it would repeat their faults,
-    and the check would miss them. Costs are
-    ``C_0 = (1 - w_0) c_0 + w_0 C_1``, ``C_1 = (1 - w_1) c_1 + w_1 C_2`` and so on: c_0 is that of the pictures, census
-    plus colour; c_1 and c_2 are census distances in half and quarter size, whose right picture is moved by d before it
-    is made smaller. The share ``w_k(p) = share / (1 + s^2 / (contrast n_k)^2)`` falls where the left picture's
-    deviation s in a window of 11 px of that size, its noise ``n_k = noise / 2^k`` taken off in squares, exceeds the
-    noise. Memory: 5 bytes a pixel and disparity, 6 of pictures of 256 rows and fewer; from 1 GiB on, the pictures are
-    matched in strips of rows that reach into each other.
+    and the check would miss them. Costs are ``C_0 = (1 - w_0) c_0 + w_0 C_1``, ``C_1 = (1 - w_1) c_1 + w_1 C_2`` and so
+    on: c_0 is that of the pictures, census plus colour; c_1, c_2 and c_3 are census distances in half, quarter and
+    eighth size, whose right picture is moved by d before it is made smaller. The share ``w_k(p) = share / (1 + s^2 /
+    (contrast n_k)^2)`` falls where the left picture's deviation s in a window of 11 px of that size, its noise ``n_k =
+    noise / 2^k`` taken off in squares, exceeds the noise. Memory: 5 bytes a pixel and disparity, 6 of pictures of 256
+    rows and fewer; from about 0.9 GiB on, the pictures are matched in strips of rows that reach into each other.
 
     References
     ----------

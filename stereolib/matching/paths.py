@@ -42,8 +42,8 @@ def aggregate(cost: UInt8, image: UInt8, p1: int, p2: int, edge: float) -> Int16
     Notes
     -----
     ``L_r(p, d) = C(p, d) + min(L_r(q, d), L_r(q, d +- 1) + P1, min_k L_r(q, k) + P2(p, q)) - min_k L_r(q, k)`` with q
-    the pixel before p on path r, and ``P2(p, q) = max(P2 / (1 + max_c |I_c(p) - I_c(q)| / edge), P1 + 1)`` with c the
-    channels; a path begins at the rim. No path exceeds the largest cost and P2, so that 8 bits hold it.
+    the pixel before p on path r, and ``P2(p, q) = floor(max(P2 / (1 + max_c |I_c(p) - I_c(q)| / edge), P1 + 1))`` with
+    c the channels; a path begins at the rim. No path exceeds the largest cost and P2, so that 8 bits hold it.
     """
     if image.shape[:2] != cost.shape[::2]:
         raise ValueError(f"the picture has shape {image.shape}, the costs (H, D, W) are {cost.shape}")
@@ -76,6 +76,7 @@ def read_off(total: Int16) -> tuple[Float32, Float32]:
     Returns
     -------
     disparity_px : (H, W) float32, px
+        Refined between the first disparity and the last one.
     margin : (H, W) float32
         The least sum at least two pixels away, less the least one.
     """

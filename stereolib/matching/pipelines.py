@@ -1,7 +1,8 @@
 """Whole ways from a rectified pair to a disparity map, by name: what the paper did, what is fast, what is best.
 
 The settings of "best" were chosen on virtual scenes by `benchmarks/choose_best.py`. The photographs on which it is
-tested showed what two of its steps did wrong (`choose_surface`, `smooth_by_planes`), and took no other part.
+tested showed what two of its steps did wrong (`choose_surface`, `smooth_by_planes`): virtual scenes like that were
+added for it, and the settings are chosen on these, too.
 """
 
 from __future__ import annotations
@@ -42,7 +43,7 @@ class DisparityEstimate:
     Parameters
     ----------
     disparity_px : (H, W) float32
-        NaN where unknown.
+        NaN where unknown. Planes laid through what is nearly infinitely far away may end a fraction of a pixel below 0.
     matched : (H, W) bool
         Where it was matched; elsewhere it was filled by a guess, or is unknown.
     std_px : (H, W) float32 or None
@@ -138,8 +139,8 @@ def search_range(rough_px: Float32, width_px: int, step: int = 16) -> int:
     Returns
     -------
     int, px
-        999 of 1000 roughly matched pixels lie below it, and there is room beyond. 128 where nothing was matched; never
-        as wide as the picture.
+        999 of 1000 roughly matched pixels lie below it, and there is room beyond; less where the picture is not as
+        wide, but never less than a step. 128 where nothing was matched.
 
     Examples
     --------
@@ -207,6 +208,8 @@ def match_best(pair: EvenPair, num_disparities: int, params: CensusSGM | None = 
     Returns
     -------
     SGMResult
+        Where the left picture shows nothing at all, as through a covered lens, every disparity is as good: the right
+        view is NaN then, so that no check keeps any.
 
     Raises
     ------
@@ -214,7 +217,8 @@ def match_best(pair: EvenPair, num_disparities: int, params: CensusSGM | None = 
         As `match_census_sgm`.
     """
     settings = replace(params or CensusSGM(), num_disparities=num_disparities, noise_grey=pair.noise_grey)
-    return match_census_sgm(pair.left, pair.right, settings)
+    found = match_census_sgm(pair.left, pair.right, settings)
+    return found if pair.detail().any() else replace(found, right_px=np.full_like(found.right_px, np.nan))
 
 
 def _best(left: UInt8, right: UInt8, num_disparities: int) -> DisparityEstimate:

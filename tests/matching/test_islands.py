@@ -47,7 +47,7 @@ def test_occluded_wall_of_the_walk_loses_its_ghosts() -> None:
     assert wide.sum() > 150 and not (wide & after.matched).any()  # what stays are seams at the rims of things
     assert (ghost & after.matched).sum() < 0.5 * 1900
     surely = ghost & (off > 3 * before.std_px)
-    assert (surely & after.matched).sum() < 0.45 * surely.sum()
+    assert (surely & after.matched).sum() < 0.5 * surely.sum()
     assert (good & after.matched).sum() > 0.99 * good.sum()
     np.testing.assert_array_equal(after.disparity_px[after.matched], before.disparity_px[after.matched])
     refused = before.matched & ~after.matched

@@ -192,6 +192,16 @@ def test_exposures_may_differ(gain, offset):
     assert bad[1] - bad[0] < 0.5
 
 
+@pytest.mark.parametrize("left_grey", [0, 128, 255])
+@pytest.mark.parametrize("right_is_flat", [True, False])
+def test_pictures_without_texture_are_not_matched(left_grey, right_is_flat):
+    """Every disparity costs as much there: a covered lens, or too much light."""
+    left = np.full((60, 120), left_grey, np.uint8)
+    right = left if right_is_flat else np.random.default_rng(0).integers(0, 256, left.shape, np.uint8)
+    found = best(left, right, 32)
+    assert found.matched.mean() < 0.02 and np.median(found.std_px) > 10
+
+
 def test_a_little_more_noise_never_costs_much():
     """No cliff: between neighbouring amounts of noise the map gets worse by little."""
     pair, truth = recorded("conditions/texture")

@@ -26,8 +26,8 @@ by part, or by a single picture's finest detail; colour in the smaller sizes; di
 census windows. The sums now have 8 bits: windows and penalties of the grid that need more are refused, if the first
 file is ever begun anew. Tried on every second one of these scenes and not taken: a second pass over 16 disparities, the
 right picture warped by the first map; at its best it took the mean from 3.56 to 3.52 %. The lines of what was tried and
-not taken, here and below, were not kept. This file and the first one were measured with the code of their time: they
-are gone through again, but a run that lacks lines of theirs would mix two matchers.
+not taken, here and below, were not kept. ``choose_best.csv`` and ``choose_coarse.csv`` were measured with the code of
+their time: they are gone through again, but a run that lacks lines of theirs would mix two matchers.
 
 Later the right view got sums along paths of its own, and then paths of both views went along rows and columns alone,
 and the penalty fell by the channel that steps most. All knobs but the census were chosen anew for that, in the same

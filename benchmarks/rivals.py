@@ -36,7 +36,7 @@ def with_our_steps(left: Array, right: Array, num_disparities: int) -> Array:
     even = even_out(left, right)
     kept, back = matched_twice(to_grey(even.left), to_grey(even.right), num_disparities, CHOSEN)
     found = SGMResult(kept, back, np.ones_like(kept))
-    return pipelines.fill_matched(found, even, rim_px=CHOSEN["speckle_px"]).disparity_px
+    return pipelines.fill_matched(found, even, pipelines.FillSteps(rim_px=CHOSEN["speckle_px"])).disparity_px
 
 
 def matched_twice(left: Array, right: Array, num_disparities: int, setting: dict[str, int]) -> tuple[Array, Array]:

@@ -2,6 +2,7 @@ from .census_sgm import CensusSGM, SGMResult, census_transform, match_census_sgm
 from .checked_match import CheckedMatch, match_checked
 from .disparity import compute_disparity, depth_to_disparity, disparity_to_depth, left_right_check
 from .even_pair import EvenPair, even_out
+from .fill_around import fill_from_around
 from .filter_comparison import FilterCase, compare_filters, outline_growth_px
 from .filters import SMOOTHING_METHODS, dilate, dilate_set, median_filter, smooth
 from .ground_truth import KnownView, motorcycle_view, seen_by_both
@@ -10,13 +11,14 @@ from .pair_checks import check_matchable, check_rectified, check_sides, moved_be
 from .pipelines import (
     DisparityEstimate,
     FilledMap,
+    FillSteps,
     fill_matched,
     match_best,
     search_range,
     stereo_pipeline,
 )
 from .pixel_cost import PixelCost, pixel_cost
-from .plane_fill import continue_background, fill_by_color
+from .plane_fill import continue_background
 from .plane_smoothing import smooth_by_planes
 from .rows import RowOffset, find_rows
 from .scenes import correlation_length_px, near_edge_mask, smallest_window
@@ -32,6 +34,7 @@ __all__ = [
     "DisparityEstimate",
     "EvenPair",
     "ExpectedDisparity",
+    "FillSteps",
     "FilledMap",
     "FilterCase",
     "KnownView",
@@ -60,7 +63,7 @@ __all__ = [
     "even_out",
     "expected_disparity",
     "fattening_px",
-    "fill_by_color",
+    "fill_from_around",
     "fill_matched",
     "find_rows",
     "left_right_check",

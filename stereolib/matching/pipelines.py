@@ -20,9 +20,10 @@ from stereolib.matching import deviation
 from stereolib.matching.census_sgm import CensusSGM, SGMResult, match_census_sgm
 from stereolib.matching.disparity import compute_disparity, left_right_check
 from stereolib.matching.even_pair import EvenPair, even_out
+from stereolib.matching.fill_around import fill_from_around
 from stereolib.matching.filling import fill_background, remove_speckles
 from stereolib.matching.filters import dilate
-from stereolib.matching.plane_fill import continue_background, fill_by_color
+from stereolib.matching.plane_fill import continue_background
 from stereolib.matching.plane_smoothing import smooth_by_planes
 from stereolib.matching.rows import find_rows
 from stereolib.matching.sgbm import SGBMParams, check_window
@@ -86,9 +87,9 @@ def stereo_pipeline(name: str = "best", num_disparities: int | None = 128) -> Pi
         - ``"paper"``: `cv2.StereoSGBM` and one 9 x 9 dilation (sections II.C and II.D; the paper prints no kernel).
         - ``"fast"``: matched in half size from left and from right, checked, holes filled from the background, and
           enlarged. A quarter of the pixels, half of the disparities: several times faster than plain SGBM.
-        - ``"best"``: `even_out`, `match_census_sgm`, checked from right to left, holes filled by the planes behind them
-          or by what around them has their colour (`fill_by_color`), but from no small patch, pixels beside steps given
-          to the surface that has their colour (`choose_surface`), 5 x 5 median, planes (`smooth_by_planes`); a standard
+        - ``"best"``: `even_out`, `match_census_sgm`, checked from right to left, holes filled by the planes around
+          them (`fill_from_around`), but from no small patch, pixels beside steps given to the surface that has their
+          colour (`choose_surface`), 5 x 5 median, planes (`smooth_by_planes`); a standard
           deviation for each pixel. Dense. Its first run on a machine compiles for some seconds.
     num_disparities : int or None, px
         Disparities from 0 to this are looked for; a multiple of 16, of 32 for ``"fast"``. None takes what
@@ -153,15 +154,29 @@ def search_range(rough_px: Float32, width_px: int, step: int = 16) -> int:
     return max(step, min(-(-int(need) // step) * step, widest))
 
 
-def fill_matched(
-    matched: SGMResult,
-    pair: EvenPair,
-    *,
-    rim_px: int = _RIM_PX,
-    median_px: int = _MEDIAN_PX,
-    surface: Callable[[Float32, Bools, UInt8], Surfaces] = choose_surface,
-    planes: Callable[[Float32, Float32], Float32] = smooth_by_planes,
-) -> FilledMap:
+@dataclass(frozen=True)
+class FillSteps:
+    """The steps of `fill_matched` that `benchmarks/choose_best.py` tries other settings of.
+
+    Parameters
+    ----------
+    rim_px : int
+        A patch of fewer than ``rim_px ** 2`` pixels keeps its disparities as the best guess that there is, but counts
+        as a hole: nothing is filled from it, and it has no vote.
+    median_px : {3, 5}
+        Edge of the median.
+    around, surface, planes : callable
+        `fill_from_around`, `choose_surface` and `smooth_by_planes`, with other settings or without.
+    """
+
+    rim_px: int = _RIM_PX
+    median_px: int = _MEDIAN_PX
+    around: Callable[[Float32, Float32, Float32, UInt8], Float32] = fill_from_around
+    surface: Callable[[Float32, Bools, UInt8], Surfaces] = choose_surface
+    planes: Callable[[Float32, Float32], Float32] = smooth_by_planes
+
+
+def fill_matched(matched: SGMResult, pair: EvenPair, steps: FillSteps | None = None) -> FilledMap:
     """Make the dense map of ``"best"``: checked, holes filled, steps moved to the colour's, smoothed.
 
     Parameters
@@ -169,28 +184,23 @@ def fill_matched(
     matched : SGMResult
     pair : EvenPair
         What was matched; the left picture's colours tell where near surfaces end.
-    rim_px : int
-        A patch of fewer than ``rim_px ** 2`` pixels keeps its disparities as the best guess that there is, but counts
-        as a hole: nothing is filled from it, and it has no vote.
-    median_px : {3, 5}
-        Edge of the median.
-    surface, planes : callable
-        `choose_surface` and `smooth_by_planes`, with other settings or without.
+    steps : FillSteps, optional
 
     Returns
     -------
     FilledMap
     """
+    steps = steps or FillSteps()
     checked = left_right_check(matched.left_px, matched.right_px)
     checked[checked > np.arange(checked.shape[1])] = np.nan
-    kept = remove_speckles(checked, rim_px)
-    dense = fill_by_color(continue_background(kept), kept, pair.left)
+    kept = remove_speckles(checked, steps.rim_px)
+    dense = steps.around(continue_background(kept), kept, matched.right_px, pair.left)
     if np.isnan(dense).any():  # nothing was accepted anywhere
         dense = matched.left_px
     dense = np.where(np.isnan(checked), dense, checked)
-    dense, moved = surface(dense, np.isfinite(kept), pair.left)
+    dense, moved = steps.surface(dense, np.isfinite(kept), pair.left)
     kept[moved] = np.nan  # another surface's: no match any more
-    disparity = planes(cv2.medianBlur(dense, median_px), pair.detail())
+    disparity = steps.planes(cv2.medianBlur(dense, steps.median_px), pair.detail())
     signs = deviation.signs(disparity, matched, kept, pair)
     return FilledMap(disparity, deviation.kinds(disparity, kept), signs)
 

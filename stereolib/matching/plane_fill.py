@@ -1,12 +1,11 @@
-"""Filling of holes with the surfaces behind them, as planes, or with those around them that have their colour."""
+"""Filling of holes with the surfaces behind them, which go on as planes."""
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereolib.base import Bools, Float32, Float64, Ints, UInt8
+from stereolib.base import Float32, Float64, Ints
 from stereolib.matching.compiled import compiled
 from stereolib.matching.filling import check_map, fill_background, nearest_columns, neighbours
 
@@ -18,10 +17,6 @@ _SCALES_PX = (2.0, 1.0, 0.5)  # of the robust weights, one round each
 _LEVEL_PX, _SLOPE = 2.0, 0.04  # deviations of the plane from the pixel's own disparity and from level, before looking
 _LEAST_HOLE_PX = 4  # shorter ones are filled level
 _ALIKE_ROWS = 20  # above and below, with whose slopes a row goes on to the left border
-# Colours: of a pixel, of a surface, how far from its rim that is looked at, window of the vote.
-_OWN_PX, _SURFACE_PX, _INSIDE_PX, _VOTE_PX = 5, 9, 5, 15
-_SIDES = (0, 0, -1, 1), (-1, 1, 0, 0)  # rows and columns: left, right, above, below
-_ANOTHER_PX, _ALIKE, _LEAST_UNLIKE = 2.0, 0.5, 9.0  # px; share of the given one's difference of colour; grey levels
 
 
 def continue_background(disparity_px: npt.ArrayLike) -> Float32:
@@ -76,100 +71,12 @@ def continue_background(disparity_px: npt.ArrayLike) -> Float32:
         y, x = np.divmod(ends, width)
         at_border = (length[rows, at][first] == x) & (k == 1)
         away_px = np.where(at_border, np.clip(x, _AWAY_PX, _FARTHEST_PX), _AWAY_PX)
-        planes = _planes(disparity, y, x, (2 * k - 1) * away_px)
+        dx = ((2 * k - 1) * away_px[:, None] * _PLACES).round().astype(np.intp)
+        planes = planes_at(disparity, y, x, dx, _AROUND_PX)
         planes[at_border, 1] = _of_rows_around(y[at_border], planes[at_border, 1], len(disparity))
-        level, slope = planes[which].T
+        level, slope = planes[which, :2].T
         filled[rows, at] = np.clip(level + slope * (at - from_px), 0, nearer[rows, at])
     return filled
-
-
-def fill_by_color(filled_px: Float32, disparity_px: Float32, left: UInt8) -> Float32:
-    """Give holes to a surface left, right, above or below of them instead, where that has their colour.
-
-    A row goes on with the farther of its two surfaces, and at the border with the one it has; what a third one has
-    there, or the nearer one where nothing is hidden, the picture tells.
-
-    Parameters
-    ----------
-    filled_px : (H, W) float32, px
-        As `continue_background` gives it.
-    disparity_px : (H, W) float32, px, NaN is a hole
-        Before it was filled.
-    left : (H, W) or (H, W, 3) uint8
-        The rectified left picture.
-
-    Returns
-    -------
-    (H, W) float32, px
-        A hole takes the disparity of the nearest valid pixel to one of its four sides if that differs by more than 2 px
-        and the colours there, 5 px on, differ from the hole's by less than half of what those of the farther surface of
-        its row do, which must be 9 grey levels or more (root mean square of the channels); the one most alike, of
-        several. Nothing nearer is taken at the left border, nor where the nearer surface of the row hides the other:
-        ``d_right - d_left`` pixels left of it. Where most holes within 15 px stay, it stays.
-
-    Examples
-    --------
-    >>> seen = np.full((60, 60), 30, np.float32)
-    >>> seen[30:], seen[:30, :30] = 10, np.nan  # a near thing above, which the right picture sees from column 30 on
-    >>> left = np.full((60, 60), 50, np.uint8)
-    >>> left[:30, 20:] = 200  # it ends at column 20
-    >>> filled = fill_by_color(continue_background(seen), seen, left)
-    >>> filled[10, [5, 25, 40]]
-    array([10., 30., 30.], dtype=float32)
-    """
-    hole = np.isnan(disparity_px)
-    y, x = np.nonzero(hole)
-    if not 0 < y.size < hole.size:
-        return filled_px
-    picture = np.atleast_3d(left)
-    own, around = (np.atleast_3d(cv2.blur(picture, (size, size))).astype(np.int16) for size in (_OWN_PX, _SURFACE_PX))
-    every = np.empty((4, *hole.shape), np.int32)
-    _find_rims(~hole, every)
-    rims = every[:, y, x]
-    there = rims >= 0
-    rim_y, rim_x = np.divmod(np.maximum(rims, 0), hole.shape[1])
-    level = np.where(there, disparity_px[rim_y, rim_x], np.float32(np.nan))
-    on_y, on_x = (
-        np.clip(rim + _INSIDE_PX * np.array(way)[:, None], 0, size - 1)
-        for rim, way, size in zip((rim_y, rim_x), _SIDES, hole.shape, strict=True)
-    )
-    differs = _square(own[y, x] - around[on_y, on_x])
-    given = np.where((level[0] <= level[1]) | ~there[1], differs[0], differs[1])  # of the farther one of the row
-    hidden = ~there[0] | (rim_x[1] - x <= level[1] - level[0])
-    nearer = level - filled_px[y, x]
-    other = (np.abs(nearer) > _ANOTHER_PX) & ~(hidden & (nearer > 0))
-    differs[~other | (differs >= _ALIKE**2 * given) | (given <= _LEAST_UNLIKE**2)] = np.inf
-    chosen, is_taken = level[differs.argmin(axis=0), np.arange(y.size)], np.isfinite(differs.min(axis=0))
-    taken = np.zeros(hole.shape, np.float32)
-    taken[y, x] = is_taken
-    votes, of = (cv2.blur(a, (_VOTE_PX, _VOTE_PX), borderType=cv2.BORDER_REPLICATE) for a in (taken, np.float32(hole)))
-    is_taken &= (votes > 0.5 * of)[y, x]
-    out = filled_px.copy()
-    out[y[is_taken], x[is_taken]] = chosen[is_taken]
-    return out
-
-
-@compiled
-def _find_rims(known: Bools, rims: Ints) -> None:
-    """Flat index of the nearest known pixel to the left, right, above and below, (4, H, W); -1 where there is none."""
-    height, width = known.shape
-    for y in range(height):
-        at = -1
-        for x in range(width):
-            at = y * width + x if known[y, x] else at
-            rims[0, y, x] = at
-            rims[2, y, x] = at if known[y, x] else rims[2, y - 1, x] if y > 0 else -1
-        at = -1
-        for x in range(width - 1, -1, -1):
-            at = y * width + x if known[y, x] else at
-            rims[1, y, x] = at
-    for y in range(height - 1, -1, -1):
-        for x in range(width):
-            rims[3, y, x] = y * width + x if known[y, x] else rims[3, y + 1, x] if y + 1 < height else -1
-
-
-def _square(colour: npt.NDArray[np.int16]) -> Float32:
-    return np.asarray((colour.astype(np.float32) ** 2).mean(axis=-1))
 
 
 def _of_rows_around(rows: Ints, values: Float32, height: int) -> Float32:
@@ -179,27 +86,52 @@ def _of_rows_around(rows: Ints, values: Float32, height: int) -> Float32:
     return np.asarray(np.nanmedian(every[rows[:, None] + np.arange(2 * _ALIKE_ROWS + 1)], axis=1))
 
 
-def _steepness(seen: Float32) -> Float32:
-    """By how much disparities (N, places) grow from row to row, px per px: the median of neighbouring rows. (N,)."""
-    rows = seen.reshape(len(seen), len(_AROUND_PX), len(_PLACES))
-    steps = np.diff(rows, axis=1).reshape(len(seen), (len(_AROUND_PX) - 1) * len(_PLACES))
-    steps[np.isnan(steps).all(axis=1)] = 0.0
-    return np.asarray(np.nanmedian(steps, axis=1) / np.float32(np.diff(_AROUND_PX)[0]))
+def planes_at(disparity: Float32, rows: Ints, columns: Ints, dx: Ints, dy: Ints) -> Float32:
+    """Lay robust planes through a map at some valid pixels.
 
+    Parameters
+    ----------
+    disparity : (H, W) float32, px, NaN is a hole
+    rows, columns : (N,) int
+        Where the planes are laid.
+    dx : (N or 1, C) int, px
+        Columns of the places around each that are looked at.
+    dy : (R,) int, px
+        Their rows, evenly apart.
 
-def _planes(disparity: Float32, rows: Ints, columns: Ints, away_px: Ints) -> Float32:
-    """Level (px) and slope along the row of the planes at some pixels, (N, 2); their surfaces lie so far to a side."""
-    share, dy = (offset.ravel() for offset in np.meshgrid(_PLACES, _AROUND_PX))
-    dx = (away_px[:, None] * share).round()
-    y, x = rows[:, None] + dy, (columns[:, None] + dx).astype(np.intp)
-    inside = (y >= 0) & (y < disparity.shape[0]) & (x >= 0) & (x < disparity.shape[1])
-    seen = np.where(inside, disparity[np.where(inside, y, 0), np.where(inside, x, 0)], np.float32(np.nan))
-    own = disparity[rows, columns]
-    off = seen - own[:, None] - _steepness(seen)[:, None] * dy.astype(np.float32)
+    Returns
+    -------
+    (N, 3) float32
+        ``a, b, c`` of ``d = a + b (x - x_0) + c (y - y_0)``: px, px per column, px per row.
+    """
+    at_x = np.tile(columns[:, None] + dx, len(dy))
+    at_y = rows[:, None] + np.repeat(dy, dx.shape[1])
+    inside = (at_y >= 0) & (at_y < disparity.shape[0]) & (at_x >= 0) & (at_x < disparity.shape[1])
+    seen = np.where(inside, disparity[np.where(inside, at_y, 0), np.where(inside, at_x, 0)], np.float32(np.nan))
+    own, steep = disparity[rows, columns], np.empty(len(rows), np.float32)
+    _steepen(seen.reshape(len(rows), len(dy), dx.shape[1]), steep)
+    steep /= np.float32(dy[1] - dy[0])
+    off_x, off_y = (at_x - columns[:, None]).astype(np.float32), np.repeat(dy, dx.shape[1]).astype(np.float32)
     plane = np.empty((len(rows), 3), np.float32)
     prior = (_SCALES_PX[-1] / np.array([_LEVEL_PX, _SLOPE, _SLOPE])) ** 2
-    _fit(off, dx.astype(np.float32), dy.astype(np.float32), prior, plane)
-    return np.column_stack([own + plane[:, 0], plane[:, 1]])
+    _fit(seen - own[:, None] - steep[:, None] * off_y, off_x, off_y, prior, plane)
+    return plane + np.column_stack([own, np.zeros_like(own), steep])
+
+
+@compiled
+def _steepen(seen: Float32, steep: Float32) -> None:
+    """By how much disparities (N, rows, places) grow from row to row: the median of neighbouring rows, 0 if unknown."""
+    count, rows, places = seen.shape
+    steps = np.empty((rows - 1) * places, np.float32)
+    for i in range(count):
+        known = 0
+        for r in range(1, rows):
+            for c in range(places):
+                step = seen[i, r, c] - seen[i, r - 1, c]
+                if np.isfinite(step):
+                    steps[known] = step
+                    known += 1
+        steep[i] = np.median(steps[:known]) if known else np.float32(0)
 
 
 @compiled

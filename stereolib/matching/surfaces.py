@@ -33,7 +33,7 @@ class Surfaces(NamedTuple):
 
 
 def choose_surface(
-    disparity_px: Float32, kept: Bools, left: UInt8, *, unlike: float = 8.0, sure: float = 2.5
+    disparity_px: Float32, kept: Bools, left: UInt8, *, unlike: float = 8.0, sure: float = 3.0
 ) -> Surfaces:
     """Give pixels beside steps, and those of holes, to the surface nearby that has their colour.
 

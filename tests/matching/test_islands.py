@@ -45,7 +45,7 @@ def test_occluded_wall_of_the_walk_loses_its_ghosts() -> None:
     assert ghost.sum() > 1400
     wide = cv2.morphologyEx(ghost.astype(np.uint8), cv2.MORPH_OPEN, np.ones((5, 5), np.uint8)) > 0
     assert wide.sum() > 150 and not (wide & after.matched).any()  # what stays are seams at the rims of things
-    assert (ghost & after.matched).sum() < 0.5 * 1900
+    assert (ghost & after.matched).sum() < 0.55 * 1900
     surely = ghost & (off > 3 * before.std_px)
     assert (surely & after.matched).sum() < 0.5 * surely.sum()
     assert (good & after.matched).sum() > 0.99 * good.sum()

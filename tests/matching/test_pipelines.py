@@ -14,6 +14,7 @@ import pytest
 from stereolib.base import datasets
 from stereolib.matching import (
     EvenPair,
+    FillSteps,
     SGBMParams,
     SGMResult,
     census_sgm,
@@ -21,6 +22,7 @@ from stereolib.matching import (
     compute_disparity,
     deviation,
     even_out,
+    fill_from_around,
     find_rows,
     motorcycle_view,
     pipelines,
@@ -88,8 +90,9 @@ def test_a_small_island_stays_and_fills_nothing():
     right = np.where((np.arange(60) >= 20)[:, None] & (np.arange(60) < 40)[:, None], np.float32(0), left)
     left[26:34, 76:84], right[26:34, 66:74] = 10, 10  # 8 x 8 px in a hole
     matched = census_sgm.SGMResult(left, right, np.full_like(left, 100))
-    pair, steps = EvenPair(*[np.full(left.shape, 90, np.uint8)] * 2, 1.0), {"planes": lambda d, _: d}
-    (found, kind, _), (spread, *_) = (pipelines.fill_matched(matched, pair, rim_px=n, **steps) for n in (11, 1))
+    pair = EvenPair(*[np.full(left.shape, 90, np.uint8)] * 2, 1.0)
+    steps = [FillSteps(rim_px=n, planes=lambda d, _: d) for n in (11, 1)]
+    (found, kind, _), (spread, *_) = (pipelines.fill_matched(matched, pair, one) for one in steps)
     assert found[30, 80] == spread[30, 80] == 10 and kind[30, 80] > deviation.Kind.STEP  # no match
     assert found[30, 60] == found[30, 100] == 40 and spread[30, 100] == pytest.approx(10, abs=0.01)
 
@@ -261,15 +264,17 @@ def test_the_settings_are_those_that_the_script_chose(monkeypatch):
     assert {name: chosen[name] for name in anew} == {name: values[0] for name, values in script.PATHS.items()}
     chosen |= anew
     assert census_sgm.CensusSGM(**chosen) == census_sgm.CensusSGM()
+    around, (first_around, *_) = chosen_from(script.AROUND_FILE, script.AROUND, script.AROUND_KNOBS)
+    assert around == fill_from_around.__kwdefaults__
     surface, (first_surface, *_) = chosen_from(script.SURFACE_FILE, script.SURFACE, script.SURFACE_KNOBS)
     assert surface == choose_surface.__kwdefaults__
     planes, (first_planes, *_) = chosen_from(script.PLANES_FILE, script.PLANES, script.PLANES_KNOBS)
     assert planes == smooth_by_planes.__kwdefaults__
     rival, (first_rival, *_) = chosen_from(script.RIVAL_FILE, script.RIVAL, script.RIVAL_KNOBS)
     assert rival == importlib.import_module("rivals").CHOSEN
-    firsts = first_rival, first_anew, first_tidied, first_surface, first_planes
+    firsts = first_rival, first_anew, first_around, first_tidied, first_surface, first_planes
     shared, *same = ([name for name in row if "@" in name] for row in firsts)
-    assert same == [shared] * 4  # the rival has seen what "best" has
+    assert same == [shared] * 5  # the rival has seen what "best" has
     sets = importlib.import_module("layered_pairs").SETS
     tested = {f"{look.textures}@{seed}" for look, seeds in sets["test"] for seed in seeds}
     assert len(shared) > 70 and not tested & set(shared)
@@ -283,7 +288,8 @@ def test_planes_are_told_where_matches_are_sure():
     """Without it they take relief for noise."""
     left = np.tile(np.arange(0, 200, 5, np.uint8), (30, 1))
     pair, level, told = EvenPair(left, np.roll(left, -2, axis=1), 2.0), np.full(left.shape, 2, np.float32), []
-    pipelines.fill_matched(SGMResult(level, level, level), pair, planes=lambda d, detail: told.append(detail) or d)
+    steps = FillSteps(planes=lambda d, detail: told.append(detail) or d)
+    pipelines.fill_matched(SGMResult(level, level, level), pair, steps)
     np.testing.assert_array_equal(told[0], pair.detail())
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from stereolib.matching.filling import fill_background
-from stereolib.matching.plane_fill import continue_background, fill_by_color
+from stereolib.matching.plane_fill import continue_background
 
 ROWS, COLUMNS = np.mgrid[0:80, 0:160].astype(np.float32)
 WALL = 20 + 0.08 * COLUMNS - 0.05 * ROWS
@@ -80,75 +80,3 @@ def test_maps_of_any_size(shape):
     assert np.isnan(continue_background(nothing)).all()
     nothing[-1, -1] = 4
     assert (continue_background(nothing) == 4).all()
-
-
-NEAR = COLUMNS < 60  # a near thing that ends at column 14 of the upper rows, which the right picture sees from 40 on
-SEEN = np.where(ROWS < 50, np.where(COLUMNS < 40, np.nan, np.where(NEAR, 40, 10)), 10).astype(np.float32)
-
-
-def picture(ends_at, levels, channels=3):
-    """What a camera shows of it: the thing has one grey, what is behind it another."""
-    thing = (ROWS < 50) & (ends_at <= COLUMNS) & NEAR
-    shown = np.where(thing, *levels) + np.random.default_rng(2).normal(0, 4, thing.shape)
-    shown = shown.round().clip(0, 255).astype(np.uint8)
-    return np.repeat(shown[..., None], channels, axis=2) if channels else shown
-
-
-@pytest.mark.parametrize("channels", [0, 3])
-def test_at_the_border_a_near_thing_ends_where_its_colour_does(channels):
-    filled = continue_background(SEEN)
-    assert (np.abs(filled[:50, :40] - 40) < 1).all()  # its plane alone goes on to the border
-    found = fill_by_color(filled, SEEN, picture(14, (180, 60), channels))
-    assert (found[20:45, :10] == 10).all() and (np.abs(found[5:45, 20:40] - 40) < 1).all()
-    np.testing.assert_array_equal(found[:, 40:], filled[:, 40:])
-    np.testing.assert_array_equal(found[50:], filled[50:])
-
-
-@pytest.mark.parametrize("shown", [picture(0, (180, 60)), picture(14, (66, 60)), picture(14, (100, 100))])
-def test_at_the_border_colours_that_tell_nothing_change_nothing(shown):
-    filled = continue_background(SEEN)
-    np.testing.assert_array_equal(fill_by_color(filled, SEEN, shown), filled)
-
-
-def test_at_the_border_nothing_nearer_is_taken():
-    far = np.where(np.isnan(SEEN) | (SEEN == 40), SEEN / 8, 20).astype(np.float32)
-    filled = continue_background(far)
-    np.testing.assert_array_equal(fill_by_color(filled, far, picture(14, (180, 60))), filled)
-
-
-FACE = (COLUMNS >= 50) & (COLUMNS < 110)  # of a near thing; in its middle nothing was matched
-INNER = np.where(FACE, 40, 10).astype(np.float32)
-GREY = np.where(FACE, 180, 60) + np.random.default_rng(3).normal(0, 4, FACE.shape)
-GREY = GREY.round().astype(np.uint8)
-
-
-def test_a_hole_that_nothing_hides_goes_to_the_surface_of_its_colour_though_that_is_nearer():
-    hole = (COLUMNS >= 80) & (COLUMNS < 130) & (ROWS > 10) & (ROWS < 70)  # over the right end of the face
-    seen = np.where(hole, np.float32(np.nan), INNER)
-    filled = continue_background(seen)
-    assert (filled[40, 85:105] == 10).all()
-    found = fill_by_color(filled, seen, GREY)
-    assert (found[20:60, 82:105] == 40).all() and (found[20:60, 114:] == 10).all()
-
-
-def test_where_a_near_surface_hides_the_far_one_its_colour_changes_nothing():
-    hole = (COLUMNS >= 25) & (COLUMNS < 50) & (ROWS > 10)  # left of the face, no wider than what it hides
-    seen = np.where(hole, np.float32(np.nan), INNER)
-    like_it = np.where(COLUMNS >= 25, 180, 60).astype(np.uint8)
-    filled = continue_background(seen)
-    np.testing.assert_array_equal(fill_by_color(filled, seen, like_it), filled)
-
-
-def test_a_hole_takes_what_stands_above_it_where_its_row_shows_nothing_of_that_colour():
-    """A far wall between two things, of which in some rows nothing was matched."""
-    wall = (COLUMNS >= 50) & (COLUMNS < 110)
-    hole = wall & (ROWS >= 40)
-    seen = np.where(hole, np.float32(np.nan), np.where(wall, 10, 40)).astype(np.float32)
-    filled = continue_background(seen)
-    assert (filled[60, 60:100] == 40).all()
-    assert (fill_by_color(filled, seen, GREY)[45:, 55:105] == 10).all()
-
-
-@pytest.mark.parametrize("seen", [WALL, np.full_like(WALL, np.nan)], ids=["no hole", "nothing"])
-def test_without_a_hole_or_a_match_the_border_stays(seen):
-    np.testing.assert_array_equal(fill_by_color(seen, seen, picture(14, (180, 60))), seen)

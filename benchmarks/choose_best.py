@@ -26,8 +26,9 @@ by part, or by a single picture's finest detail; colour in the smaller sizes; di
 census windows. The sums now have 8 bits: windows and penalties of the grid that need more are refused, if the first
 file is ever begun anew. Tried on every second one of these scenes and not taken: a second pass over 16 disparities, the
 right picture warped by the first map; at its best it took the mean from 3.56 to 3.52 %. The lines of what was tried and
-not taken, here and below, were not kept. ``choose_best.csv`` and ``choose_coarse.csv`` were measured with the code of
-their time: they are gone through again, but a run that lacks lines of theirs would mix two matchers.
+not taken, here and below, were not kept. ``choose_best.csv``, ``choose_coarse.csv`` and ``choose_paths.csv`` were
+measured with the code of their time: they are gone through again, but a run that lacks lines of theirs would mix two
+matchers, or two ways to fill.
 
 Later the right view got sums along paths of its own, and then paths of both views went along rows and columns alone,
 and the penalty fell by the channel that steps most. All knobs but the census were chosen anew for that, in the same
@@ -39,13 +40,13 @@ better: costs averaged over neighbours of like colour before they are summed up;
 penalty that falls by another law, or later where there is noise; a difference of colour that does not mind where
 between two pixels a thing stands.
 
-How holes are filled came last: by `fill_around.fill_from_around`, from ``AROUND``: what speaks against all surfaces but
-the row's own, infinitely much first, which leaves it out, and how much colours may differ. Before, a hole took the
-surface to one of its four sides whose colour it had, level, or stayed with its row's. Along eight and sixteen rays, as
-planes, with what the right view rules out and with neighbours that choose together, every third scene came out better
-one step after the other. Its other constants were set by hand then, on those scenes, and no mean of these changes by a
-hundredth if one of them is halved or doubled. The lines are in ``results/choose_around.csv``. The knobs of ``PATHS``
-were not gone through again with it; all that follow were.
+How holes are filled was changed last, but is chosen first of what follows the matching: `fill_around.fill_from_around`,
+from ``AROUND``, what speaks against all surfaces but the first choice, a thousand first, which leaves it out, and how
+much colours may differ. Before, a hole took the surface to one of its four sides whose colour it had, level, or stayed
+with its row's. Along eight and sixteen rays, as planes, with what the right view rules out and with neighbours that
+choose together, every third scene came out better one step after the other, and again when small islands, which had
+kept their disparities whatever was around, became guesses that neighbours may overrule. Its other constants were set by
+hand then, on those scenes. The lines are in ``results/choose_around.csv``.
 
 What the right view keeps is surer, so small patches stay; but what is wrong in them shall not spread: below which size
 they count as holes, the surest first, and the median's edge are chosen from ``TIDIED``, by both measures; their lines
@@ -60,8 +61,9 @@ steps: on real pairs (Aloe and Cones, which were looked at, and the motorcycle) 
 colours had misled where things share them. That the two knobs are one came then, too: one at a time, they would give
 windows of 11 pixels and no use of detail. Their lines are in ``results/choose_surface.csv`` and
 ``results/choose_planes.csv``. When `choose_surface` came, what had been chosen before had been chosen without it; the
-knobs of ``PATHS`` and ``TIDIED`` are now chosen with it, and with all that is not tried, as it is in the library. The
-planes are left out wherever they are not what is tried.
+knobs of ``PATHS`` are now chosen with it, and with holes filled as they were then, those of ``AROUND``, ``TIDIED`` and
+``PLANES`` with all that is not tried, as it is in the library. The planes are left out wherever they are not what is
+tried.
 
 The rival's settings are chosen by the first two measures on the same scenes, whole, from ``RIVAL``, its penalties as
 one; its lines are in ``results/choose_rival.csv``, `rivals.CHOSEN` is what came out. It sees grey: colours, its
@@ -150,7 +152,7 @@ PATHS_KNOBS = [
     ("halvings",), ("coarse_share", "contrast"), ("outside_cost",), ("block_size",), ("p1",), ("p2", "edge"),
     ("color_weight",), ("color_cap",),
 ]  # fmt: skip
-AROUND: dict[str, tuple[Any, ...]] = {"other": (math.inf, 3.0, 2.4, 1.7, 1.2), "unlike": (12.0, 8.0, 16.0)}
+AROUND: dict[str, tuple[Any, ...]] = {"other": (1000.0, 3.0, 2.4, 1.7, 1.2, 0.8), "unlike": (12.0, 8.0, 16.0)}
 AROUND_KNOBS = [tuple(AROUND)]
 TIDIED: dict[str, tuple[Any, ...]] = {"rim_px": (21, 11, 5, 1), "median_px": (3, 5)}
 TIDIED_KNOBS = [(name,) for name in TIDIED]

@@ -2,29 +2,29 @@
 
 from __future__ import annotations
 
+import math
+
 import cv2
 import numpy as np
 
 from stereolib.base import Bools, Float32, Ints, UInt8
 from stereolib.matching.compiled import compiled
-from stereolib.matching.plane_fill import planes_at
+from stereolib.matching.plane_fill import continue_background, planes_at
 
 # Rows and columns of a step of the sixteen rays along which a hole sees what is around it.
-_RAYS = np.array(
-    [(y, x) for y in range(-2, 3) for x in range(-2, 3) if {abs(y), abs(x)} in ({0, 1}, {1}, {1, 2})], np.intp
-)  # fmt: skip
+_RAYS = np.array([(y, x) for y in range(-2, 3) for x in range(-2, 3) if math.gcd(y, x) == 1], np.intp)
 _AROUND_PX = np.arange(-24, 25, 8)  # rows and columns around a rim that tell its plane
-_OWN_PX, _SURFACE_PX, _INSIDE_PX = 3, 9, 3  # colours: of a pixel, of a surface, how far from its rim it is looked at
+_OWN_PX, _SURFACE_PX, _INSIDE = 3, 9, 3  # colours: of a pixel, of a surface, how many steps beyond its rim
 _MOST_UNLIKE = 4.0  # colours can speak against a surface by so much
-_NEVER = 100.0  # what no other evidence outweighs
-_BEFORE_PX = 1.5  # a surface that is nearer by more hides what is behind
+_NEVER = 100.0  # far more than colour and four paths' neighbours can be together, 44
+_BEFORE_PX = 1.5  # nearer by more hides what is behind; nearer or farther by less is the same surface
 _EACH_PX, _APART, _EDGE = 0.6, 10.0, 5.0  # of neighbours: a pixel between them, the most; grey levels that halve that
 _GUIDE_PX = 3  # median of the picture whose edges make steps cheap
 
 
 def fill_from_around(
-    filled_px: Float32,
     disparity_px: Float32,
+    guess_px: Float32,
     right_px: Float32,
     left: UInt8,
     *,
@@ -35,10 +35,9 @@ def fill_from_around(
 
     Parameters
     ----------
-    filled_px : (H, W) float32, px
-        How each row goes on by itself, as `continue_background` gives it: the first choice.
     disparity_px : (H, W) float32, px, NaN is a hole
-        Before it was filled.
+    guess_px : (H, W) float32, px
+        What holes may have instead, as small islands of matches that are not trusted; NaN where there is none.
     right_px : (H, W) float32, px
         Disparity of the right view, NaN where unknown.
     left : (H, W) or (H, W, 3) uint8
@@ -52,26 +51,30 @@ def fill_from_around(
     Returns
     -------
     (H, W) float32, px
+        NaN only if nothing was valid at all, whatever the guesses.
 
     Raises
     ------
     ValueError
-        If the maps and the picture differ in height or width, or a setting is not positive.
+        If the maps and the picture differ in height or width, or a setting is not positive and finite.
 
     Notes
     -----
     From a hole p sixteen rays go to the next valid pixels. Through each of these a robust plane is laid
-    (`plane_fill.planes_at`), from 49 places within 24 px; ``d_k(p)`` is the plane of ray k at p, d_0 what the row
-    gives; none is behind infinity or nearer than the nearest match. Against a choice speaks
+    (`plane_fill.planes_at`), from 49 places within 24 px; ``d_k(p)`` is the plane of ray k at p, neither behind
+    infinity nor nearer than the nearest match; d_0, the first choice, is the guess, or as the row goes on by itself
+    (`continue_background`). Against a choice speaks
 
     ``E_k(p) = min(|c(p) - c_k|^2 / (2 unlike^2), 4) + other [k > 0] + 100 [r(x - d_k) < d_k - 1.5]``
 
-    with c_k the colour 3 px beyond the end of the ray (mean of 9 x 9 px, mean square of the channels; for d_0 that of
-    the farther side of the row), and r what the right view has there, if the left one has it, too: had p such a
-    disparity, it would hide that. Neighbours p and q differ at a price of ``min(0.6 |d_k(p) - d_m(q)|, 10 / (1 + s /
-    5))``, s the step of the picture from one to the other (3 x 3 median, the channel that steps most); valid pixels
-    have one choice only, which costs nothing. As in semi-global matching, prices are summed up along rows and columns,
-    there and back, and each hole takes the least sum of its four paths, its own price counted once.
+    with c(p) the colour of 3 x 3 px, c_k that of 9 x 9 px three steps beyond the end of the ray, no farther than the
+    picture's rim (mean square of the channels; for d_0 it is that of the farther side of the row, or 4 counts if that
+    has none; against a guess no colour speaks), and r what the right view has there, if the left one has it, too,
+    within 1.5 px: had p such a disparity, it would hide that. Neighbours p and q differ at a price
+    of ``min(0.6 |d_k(p) - d_m(q)|, 10 / (1 + s / 5))``, s the step of the picture from one to the other (3 x 3 median,
+    the channel that steps most); valid pixels have one choice only, which costs nothing. As in semi-global matching,
+    prices are summed up along rows and columns, there and back, and each hole takes the least sum of its four paths,
+    its own price counted once.
 
     Examples
     --------
@@ -79,27 +82,31 @@ def fill_from_around(
     >>> seen[30:], seen[:30, :30] = 10, np.nan  # a near thing above, which the right picture sees from column 30 on
     >>> left = np.full((60, 60), 50, np.uint8)
     >>> left[:30, 20:] = 200  # it ends at column 20
-    >>> filled = fill_from_around(np.nan_to_num(seen, nan=30), seen, np.full((60, 60), np.nan, np.float32), left)
+    >>> nothing = np.full((60, 60), np.nan, np.float32)
+    >>> filled = fill_from_around(seen, nothing, nothing, left)
     >>> filled[10, [5, 25, 40]]
     array([10., 30., 30.], dtype=float32)
     """
-    shapes = filled_px.shape, disparity_px.shape, right_px.shape, left.shape[:2]
+    shapes = disparity_px.shape, guess_px.shape, right_px.shape, left.shape[:2]
     if len(set(shapes)) > 1:
         raise ValueError("the maps have shapes {}, {} and {}, the picture {}".format(*shapes))
-    if not (unlike > 0 and other > 0):
-        raise ValueError(f"need unlike > 0 and other > 0; got {unlike}, {other}")
+    if not (0 < unlike < np.inf and 0 < other < np.inf):
+        raise ValueError(f"need finite unlike > 0 and other > 0; got {unlike}, {other}")
+    filled = continue_background(disparity_px)
     hole = np.isnan(disparity_px)
     y, x = np.nonzero(hole)
     if not 0 < y.size < hole.size:
-        return filled_px
+        return filled
     index = np.full(hole.shape, -1, np.intp)
     index[y, x] = np.arange(y.size)
     rims = np.empty((y.size, len(_RAYS)), np.intp)
     _find_rims(index, y, x, _RAYS, rims)
-    own = filled_px[y, x]
+    guess = guess_px[y, x]
+    own = np.where(np.isnan(guess), filled[y, x], guess)
     around = _at_holes(disparity_px, y, x, rims)
     choices = np.column_stack([own, np.where(rims < 0, own[:, None], around)])
     against = np.minimum(_unlike(left, disparity_px, y, x, rims) / np.float32(2 * unlike**2), np.float32(_MOST_UNLIKE))
+    against[np.isfinite(guess), 0] = 0
     against[:, 1:] += np.float32(other)
     against[_hides(choices, y, x, disparity_px, right_px)] += np.float32(_NEVER)
     guide = np.atleast_3d(cv2.medianBlur(left, _GUIDE_PX)).astype(np.int16)
@@ -113,9 +120,8 @@ def fill_from_around(
         first = np.fmin(np.float32(_EACH_PX) * np.abs(choices - disparity_px[v, u, None]), most[:, None])
         first[~inside] = 0
         _add_path(before, most, first, choices, against, total)
-    out = filled_px.copy()
-    out[y, x] = choices[np.arange(y.size), total.argmin(axis=1)]
-    return out
+    filled[y, x] = choices[np.arange(y.size), total.argmin(axis=1)]
+    return filled
 
 
 def _at_holes(disparity_px: Float32, y: Ints, x: Ints, rims: Ints) -> Float32:
@@ -123,11 +129,12 @@ def _at_holes(disparity_px: Float32, y: Ints, x: Ints, rims: Ints) -> Float32:
     ends = np.zeros(disparity_px.size, np.intp)
     ends[rims[rims >= 0]] = 1
     rows, columns = np.divmod(np.flatnonzero(ends), disparity_px.shape[1])
-    planes = planes_at(disparity_px, rows, columns, _AROUND_PX[None], _AROUND_PX)
-    which = np.maximum((np.cumsum(ends) - 1)[rims], 0)
-    level, along, steep = (part[which] for part in planes.T)
-    off = along * (x[:, None] - columns[which]) + steep * (y[:, None] - rows[which])
-    return np.asarray((level + off).clip(0, np.nanmax(disparity_px)), np.float32)
+    planes, number = planes_at(disparity_px, rows, columns, _AROUND_PX[None], _AROUND_PX), np.cumsum(ends) - 1
+    found = np.empty(rims.shape, np.float32)
+    for k, which in enumerate(number[rims].T):
+        level, along, steep = planes[which].T
+        found[:, k] = level + along * (x - columns[which]) + steep * (y - rows[which])
+    return np.asarray(found.clip(0, max(float(np.nanmax(disparity_px)), 0.0)))
 
 
 def _unlike(left: UInt8, disparity_px: Float32, y: Ints, x: Ints, rims: Ints) -> Float32:
@@ -137,14 +144,13 @@ def _unlike(left: UInt8, disparity_px: Float32, y: Ints, x: Ints, rims: Ints) ->
     own, around = (np.atleast_3d(cv2.blur(picture, (size, size))) for size in (_OWN_PX, _SURFACE_PX))
     end_y, end_x = np.divmod(rims, width)
     square, here = np.empty(rims.shape, np.float32), own[y, x].astype(np.float32)
-    for k, (down, right) in enumerate(_INSIDE_PX * _RAYS):
+    for k, (down, right) in enumerate(_INSIDE * _RAYS):
         there = around[np.clip(end_y[:, k] + down, 0, height - 1), np.clip(end_x[:, k] + right, 0, width - 1)]
         square[:, k] = ((there - here) ** 2).mean(axis=1)
     square[rims < 0] = np.inf
     before, after = (_RAYS.tolist().index([0, side]) for side in (-1, 1))
-    level = np.where(rims < 0, np.float32(np.inf), disparity_px[end_y, end_x])
-    farther = np.where(level[:, before] <= level[:, after], square[:, before], square[:, after])
-    return np.column_stack([farther, square])
+    levels = (np.where(rims[:, k] < 0, np.inf, disparity_px[end_y[:, k], end_x[:, k]]) for k in (before, after))
+    return np.column_stack([np.where(np.less_equal(*levels), square[:, before], square[:, after]), square])
 
 
 def _hides(choices: Float32, y: Ints, x: Ints, disparity_px: Float32, right_px: Float32) -> Bools:
@@ -155,7 +161,8 @@ def _hides(choices: Float32, y: Ints, x: Ints, disparity_px: Float32, right_px: 
     known = (back >= 0) & (back <= columns[-1]) & (np.abs(there - right_px) <= _BEFORE_PX)
     seen = np.where(known, right_px, np.float32(np.inf))
     at = (x[:, None] - choices).round().astype(np.intp)
-    return np.asarray((at >= 0) & (seen[y[:, None], np.maximum(at, 0)] < choices - np.float32(_BEFORE_PX)))
+    inside = (at >= 0) & (at <= columns[-1])
+    return np.asarray(inside & (seen[y[:, None], np.clip(at, 0, columns[-1])] < choices - np.float32(_BEFORE_PX)))
 
 
 @compiled

@@ -23,7 +23,6 @@ from stereolib.matching.even_pair import EvenPair, even_out
 from stereolib.matching.fill_around import fill_from_around
 from stereolib.matching.filling import fill_background, remove_speckles
 from stereolib.matching.filters import dilate
-from stereolib.matching.plane_fill import continue_background
 from stereolib.matching.plane_smoothing import smooth_by_planes
 from stereolib.matching.rows import find_rows
 from stereolib.matching.sgbm import SGBMParams, check_window
@@ -122,7 +121,7 @@ def stereo_pipeline(name: str = "best", num_disparities: int | None = 128) -> Pi
         below = max(step, num_disparities // step * step)
         got = f"got {num_disparities}; near are {below}, {below + step}"
         raise ValueError(f'"{name}" looks for a multiple of {step} disparities, {got}')
-    return partial(run, num_disparities=num_disparities)
+    return partial(run, num_disparities=int(num_disparities))
 
 
 def search_range(rough_px: Float32, width_px: int, step: int = 16) -> int:
@@ -161,8 +160,8 @@ class FillSteps:
     Parameters
     ----------
     rim_px : int
-        A patch of fewer than ``rim_px ** 2`` pixels keeps its disparities as the best guess that there is, but counts
-        as a hole: nothing is filled from it, and it has no vote.
+        A patch of fewer than ``rim_px ** 2`` pixels counts as a hole, for which its disparities are the first guess:
+        nothing is filled from it, and it has no vote.
     median_px : {3, 5}
         Edge of the median.
     around, surface, planes : callable
@@ -194,10 +193,9 @@ def fill_matched(matched: SGMResult, pair: EvenPair, steps: FillSteps | None = N
     checked = left_right_check(matched.left_px, matched.right_px)
     checked[checked > np.arange(checked.shape[1])] = np.nan
     kept = remove_speckles(checked, steps.rim_px)
-    dense = steps.around(continue_background(kept), kept, matched.right_px, pair.left)
-    if np.isnan(dense).any():  # nothing was accepted anywhere
+    dense = steps.around(kept, checked, matched.right_px, pair.left)
+    if np.isnan(dense).any():  # no patch was large enough to be trusted
         dense = matched.left_px
-    dense = np.where(np.isnan(checked), dense, checked)
     dense, moved = steps.surface(dense, np.isfinite(kept), pair.left)
     kept[moved] = np.nan  # another surface's: no match any more
     disparity = steps.planes(cv2.medianBlur(dense, steps.median_px), pair.detail())

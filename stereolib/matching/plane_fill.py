@@ -104,30 +104,41 @@ def planes_at(disparity: Float32, rows: Ints, columns: Ints, dx: Ints, dy: Ints)
     (N, 3) float32
         ``a, b, c`` of ``d = a + b (x - x_0) + c (y - y_0)``: px, px per column, px per row.
     """
-    at_x = np.tile(columns[:, None] + dx, len(dy))
-    at_y = rows[:, None] + np.repeat(dy, dx.shape[1])
-    inside = (at_y >= 0) & (at_y < disparity.shape[0]) & (at_x >= 0) & (at_x < disparity.shape[1])
-    seen = np.where(inside, disparity[np.where(inside, at_y, 0), np.where(inside, at_x, 0)], np.float32(np.nan))
-    own, steep = disparity[rows, columns], np.empty(len(rows), np.float32)
-    _steepen(seen.reshape(len(rows), len(dy), dx.shape[1]), steep)
+    off, steep = np.empty((len(rows), len(dy), dx.shape[1]), np.float32), np.empty(len(rows), np.float32)
+    places = np.broadcast_to(dx, (len(rows), dx.shape[1]))
+    _look(disparity, rows, columns, places, dy, off)
+    _steepen(off, steep)
     steep /= np.float32(dy[1] - dy[0])
-    off_x, off_y = (at_x - columns[:, None]).astype(np.float32), np.repeat(dy, dx.shape[1]).astype(np.float32)
+    off -= steep[:, None, None] * dy.astype(np.float32)[:, None]
     plane = np.empty((len(rows), 3), np.float32)
-    prior = (_SCALES_PX[-1] / np.array([_LEVEL_PX, _SLOPE, _SLOPE])) ** 2
-    _fit(seen - own[:, None] - steep[:, None] * off_y, off_x, off_y, prior, plane)
-    return plane + np.column_stack([own, np.zeros_like(own), steep])
+    _fit(off, places, dy, (_SCALES_PX[-1] / np.array([_LEVEL_PX, _SLOPE, _SLOPE])) ** 2, plane)
+    return plane + np.column_stack([disparity[rows, columns], np.zeros_like(steep), steep])
 
 
 @compiled
-def _steepen(seen: Float32, steep: Float32) -> None:
+def _look(disparity: Float32, rows: Ints, columns: Ints, dx: Ints, dy: Ints, off: Float32) -> None:
+    """How far disparities around N pixels are from theirs, (N, rows, places); no number beyond the map."""
+    height, width = disparity.shape
+    for i in range(rows.size):
+        own = disparity[rows[i], columns[i]]
+        for r in range(dy.size):
+            y = rows[i] + dy[r]
+            for c in range(dx.shape[1]):
+                x = columns[i] + dx[i, c]
+                inside = 0 <= y < height and 0 <= x < width
+                off[i, r, c] = disparity[y, x] - own if inside else np.float32(np.nan)
+
+
+@compiled
+def _steepen(off: Float32, steep: Float32) -> None:
     """By how much disparities (N, rows, places) grow from row to row: the median of neighbouring rows, 0 if unknown."""
-    count, rows, places = seen.shape
+    count, rows, places = off.shape
     steps = np.empty((rows - 1) * places, np.float32)
     for i in range(count):
         known = 0
         for r in range(1, rows):
             for c in range(places):
-                step = seen[i, r, c] - seen[i, r - 1, c]
+                step = off[i, r, c] - off[i, r - 1, c]
                 if np.isfinite(step):
                     steps[known] = step
                     known += 1
@@ -135,21 +146,23 @@ def _steepen(seen: Float32, steep: Float32) -> None:
 
 
 @compiled
-def _fit(off: Float32, dx: Float32, dy: Float32, prior: Float64, plane: Float32) -> None:
-    """Robust planes through deviations (N, places), no number where unknown, at columns dx and rows dy: (N, 3)."""
+def _fit(off: Float32, dx: Ints, dy: Ints, prior: Float64, plane: Float32) -> None:
+    """Robust planes through deviations (N, rows, places), no number where unknown, at dx and dy: (N, 3)."""
     for i in range(plane.shape[0]):
         a = b = c = 0.0
         for scale in _SCALES_PX:
             aa, bb, cc = prior[0], prior[1], prior[2]
             ab = ac = bc = ar = br = cr = 0.0
             for k in range(off.shape[1]):
-                r, x, y = off[i, k], dx[i, k], dy[k]
-                if not np.isfinite(r):
-                    continue
-                weight = 1 / (1 + ((r - a - b * x - c * y) / scale) ** 2) ** 2
-                aa, ab, ac = aa + weight, ab + weight * x, ac + weight * y
-                bb, bc, cc = bb + weight * x * x, bc + weight * x * y, cc + weight * y * y
-                ar, br, cr = ar + weight * r, br + weight * x * r, cr + weight * y * r
+                y = float(dy[k])
+                for j in range(off.shape[2]):
+                    r, x = off[i, k, j], float(dx[i, j])
+                    if not np.isfinite(r):
+                        continue
+                    weight = 1 / (1 + ((r - a - b * x - c * y) / scale) ** 2) ** 2
+                    aa, ab, ac = aa + weight, ab + weight * x, ac + weight * y
+                    bb, bc, cc = bb + weight * x * x, bc + weight * x * y, cc + weight * y * y
+                    ar, br, cr = ar + weight * r, br + weight * x * r, cr + weight * y * r
             # Gauss, by hand: the prior makes every pivot positive
             bb, bc, br = bb - ab * ab / aa, bc - ab * ac / aa, br - ab * ar / aa
             c = (cr - ac * ar / aa - bc * br / bb) / (cc - ac * ac / aa - bc * bc / bb)

@@ -145,12 +145,12 @@ def plot_top_view(room: Map, ax: Axes, title: str = "", *, true_mm: list[Float64
         _ellipse(item.position_mm, times**2 * np.nan_to_num(item.position_covariance), ax, color)
         sizes = " x ".join(f"{v:.0f}" if np.isfinite(v) else "?" for v in item.size_mm)
         ax.plot([], [], "s", color=color, label=f"{name}  {sizes} mm")
-        end = outline[outline[:, 0].argmax()] if len(outline) else item.position_mm
+        end = outline[outline[:, 1].argmax()] if len(outline) else item.position_mm
         ax.annotate(
             name,
             (float(end[0]), float(end[1])),
-            (3, 0),
-            va="center",
+            (0, 3),
+            ha="center",
             textcoords="offset points",
             weight="bold",
             color=color,

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from stereolib.matching import continue_background, fill_from_around
+from stereolib.matching import continue_background, fill_around, fill_from_around
 
 ROWS, COLUMNS = np.mgrid[0:80, 0:160].astype(np.float32)
 UNKNOWN = np.full(ROWS.shape, np.nan, np.float32)  # a right view that tells nothing
@@ -36,8 +36,8 @@ def is_at(found, level_px):
     return bool((np.abs(found - level_px) < 0.01).all())
 
 
-def around(seen, left, right_px=UNKNOWN, **settings):
-    return fill_from_around(continue_background(seen), seen, right_px, left, **settings)
+def around(seen, left, right_px=UNKNOWN, guess_px=UNKNOWN, **settings):
+    return fill_from_around(seen, guess_px, right_px, left, **settings)
 
 
 @pytest.mark.parametrize("channels", [0, 3])
@@ -85,6 +85,45 @@ def test_a_wall_that_no_row_of_the_hole_shows_goes_on_as_a_plane():
     assert np.abs(continue_background(seen) - wall)[hole].max() > 20
 
 
+@pytest.mark.parametrize(("edge", "stays"), [(True, True), (False, False)])
+def test_a_guess_stays_where_the_picture_ends_where_it_does(edge, stays):
+    """A small island of matches that nothing trusts: a thin thing, or nonsense upon an even surface."""
+    seen, guess, island = np.full(ROWS.shape, 40, np.float32), UNKNOWN.copy(), np.zeros(ROWS.shape, bool)
+    seen[20:60, 60:110], island[36:42, 80:86] = np.nan, True
+    guess[island] = 10
+    found = around(seen, shown(island if edge else ROWS < 0), guess_px=guess)
+    assert (found[island] == (10 if stays else 40)).mean() > 0.85 and is_at(found[~island], 40)
+
+
+def test_against_a_guess_no_colour_speaks():
+    """A wire of the colour of the ground below it, which its row does not show."""
+    seen, guess = np.where(ROWS < 50, 40, 10).astype(np.float32), UNKNOWN.copy()
+    seen[10:45, 40:120] = np.nan
+    guess[14:44, 78:82] = 60
+    wire = np.isfinite(guess)
+    found = around(seen, shown(wire | (ROWS >= 50)), guess_px=guess)
+    assert (found[wire] == 60).mean() > 0.9
+
+
+@pytest.mark.parametrize("columns", [slice(0, 12), slice(148, 160), slice(40, 60)])
+def test_disparities_of_any_sign_are_held_against_the_right_view(columns):
+    rng = np.random.default_rng(4)
+    seen, right, guess = rng.normal(0, 30, (3, *ROWS.shape)).astype(np.float32)
+    guess[rng.random(ROWS.shape) < 0.5] = np.nan
+    seen[:, columns] = np.nan
+    found = around(seen, shown(thing(14)), right, guess)
+    assert np.isfinite(found).all()
+    known = np.isfinite(seen)
+    np.testing.assert_array_equal(found[known], seen[known])
+
+
+def test_no_plane_of_a_ray_is_nearer_than_the_nearest_match():
+    slanted = np.where(COLUMNS < 60, 5 + 0.1 * COLUMNS, np.nan).astype(np.float32)
+    rims = np.array([[40 * 160 + 59, 40 * 160 + 30], [-1, 40 * 160 + 30]])  # of two holes and two rays
+    found = fill_around._at_holes(slanted, np.array([40, 40]), np.array([150, 50]), rims)
+    assert found[0] == pytest.approx([10.9, 10.9], abs=1e-4) and found[1, 1] == pytest.approx(10, abs=0.1)
+
+
 def test_neighbours_choose_together():
     """In noise as strong as the contrast single pixels would choose at random, and hardly one does."""
     left = shown(thing(14), (84, 60), sigma=8)
@@ -105,13 +144,14 @@ def test_maps_of_any_size(shape):
     assert np.isnan(fill_from_around(nothing, nothing, nothing, left)).all()
     one = nothing.copy()
     one[-1, -1] = 4
-    assert (fill_from_around(continue_background(one), one, nothing, left) == 4).all()
-    np.testing.assert_array_equal(fill_from_around(one, np.zeros(shape, np.float32), nothing, left), one)  # no hole
+    assert (fill_from_around(one, nothing, nothing, left) == 4).all()
+    whole = np.random.default_rng(1).random(shape).astype(np.float32)
+    np.testing.assert_array_equal(fill_from_around(whole, nothing, nothing, left), whole)
 
 
 def test_parts_of_other_shapes_and_settings_that_mean_nothing_are_refused():
     with pytest.raises(ValueError, match=r"maps have shapes .*\(80, 160\).* the picture \(80, 159\)"):
         around(SEEN, np.zeros((80, 159), np.uint8))
-    for wrong in ({"unlike": 0.0}, {"other": -1.0}, {"unlike": float("nan")}):
-        with pytest.raises(ValueError, match="need unlike > 0 and other > 0"):
+    for wrong in ({"unlike": 0.0}, {"other": -1.0}, {"unlike": np.nan}, {"other": np.inf}):
+        with pytest.raises(ValueError, match="need finite unlike > 0 and other > 0"):
             around(SEEN, shown(thing(14)), **wrong)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from stereolib.matching.filling import fill_background
-from stereolib.matching.plane_fill import continue_background
+from stereolib.matching.plane_fill import continue_background, planes_at
 
 ROWS, COLUMNS = np.mgrid[0:80, 0:160].astype(np.float32)
 WALL = 20 + 0.08 * COLUMNS - 0.05 * ROWS
@@ -80,3 +80,15 @@ def test_maps_of_any_size(shape):
     assert np.isnan(continue_background(nothing)).all()
     nothing[-1, -1] = 4
     assert (continue_background(nothing) == 4).all()
+
+
+@pytest.mark.parametrize("dx", [np.arange(-24, 25, 8)[None], np.array([[0, 10, 20]] * 3)], ids=["shared", "own"])
+def test_planes_are_those_of_the_map(dx):
+    """With holes, another surface beside, and at the map's corner."""
+    seen = np.where(BOX, 60, WALL).astype(np.float32)
+    seen[::7] = np.nan
+    rows, columns = np.array([1, 40, 78]), np.array([1, 65, 20])
+    a, b, c = planes_at(seen, rows, columns, dx, np.arange(-24, 25, 8)).T
+    np.testing.assert_allclose(a, seen[rows, columns], atol=0.2)
+    np.testing.assert_allclose(b, 0.08, atol=0.02)  # the prior pulls where places are few
+    np.testing.assert_allclose(c, -0.05, atol=0.01)

@@ -23,6 +23,11 @@ _AUTO = "auto"
 _WIDEST_PX = 2**15  # no picture is wider
 _BY_CHANCE, _HARDLY = 0.05, 0.1  # shares of matched pixels: pictures of two scenes have 1 to 4 %, in poor light 14
 _ONE_SCENE = "are both pictures of one scene and one moment?"
+_AT_ONE_PLACE_PX = 0.5  # where no disparity is larger, both pictures show all at one place
+_ONE_CAMERA = (
+    f"hardly a disparity is over {_AT_ONE_PLACE_PX} px: both pictures show everything at the same place, as those of "
+    "one camera, opened under two numbers, do; else all of it is too far away to be measured"
+)
 _OPTIONS = {
     "looks for a multiple of 16 disparities, got": "needs a --max-disparity that is a multiple of 16, got",
     "looks for a multiple of 32 disparities, got": "needs a --max-disparity that is a multiple of 32, got",
@@ -35,7 +40,7 @@ _RECTIFY = "Rectify it with its calibration (RectifiedRig.rectify)"
 _BEST = "best"
 #: What is written, by the end of its name: always, with a calibration, and what it is.
 _FILES = (
-    (".npy", False, "disparity, (H, W) float32, px; NaN is invalid, as in all .npy files here"),
+    (".npy", False, "disparity, (H, W) float32, px, guesses where filled; NaN is invalid, as in all .npy files here"),
     (".png", False, "a picture to look at, with the key of its colours: depth, or disparity without --calibration"),
     ("_std.npy", False, "from best: standard deviation of the disparity, px, as measured on virtual scenes"),
     ("_depth_mm.npy", True, "depth along the rectified left camera's axis, (H, W) float32, mm"),
@@ -112,12 +117,14 @@ def _run(arguments: argparse.Namespace) -> int:
     said = [*said_of(arguments.calibration), *depth.instrument.warnings] if depth else []
     if matched < _HARDLY:
         said.append(f"hardly anything matches: {_ONE_SCENE} What was filled is a guess")
+    low, high = np.nanpercentile(match.estimate.disparity_px, (1, 99))
+    if max(abs(low), abs(high)) < _AT_ONE_PLACE_PX:
+        said.append(_ONE_CAMERA)
     for text in (*said, *map(_as_options, match.notes)):
         print(f"warning: {text}")
     _write(paths, match.estimate.disparity_px, match.estimate.std_px, depth)
     shares = ", ".join(f"{100 * share:.1f} % {kind}" for kind, share in match.shares.items())
-    low, high = np.nanpercentile(match.estimate.disparity_px, (1, 99))
-    print(f"{out}: of the pixels {shares}; disparities {low:.1f} to {high:.1f} px")
+    print(f"{out}: of the pixels {shares}; 98 % of the disparities lie between {low:z.1f} and {high:z.1f} px")
     print(_told(depth) if depth else "no --calibration, so that nothing is told in millimetres")
     wide, what = max(len(str(path)) for path in paths.values()), {end: text for end, _, text in _FILES}
     print(wrapped(["written:", *(f"  {path!s:{wide}}  {what[end]}" for end, path in paths.items())]))
@@ -135,8 +142,8 @@ def _told(depth: DepthMap) -> str:
     )
     which = "matched and filled" if depth.is_filled else "matched"
     return (
-        f"depth = f B / disparity, f {rectified.f_px:.1f} px, B {rectified.baseline_mm:.2f} mm; of the {which} pixels "
-        f"{low:.0f} to {high:.0f} mm, median {middle:.0f} mm{std}"
+        f"depth = f B / disparity, f {rectified.f_px:.1f} px, B {rectified.baseline_mm:.2f} mm; 98 % of the {which} "
+        f"pixels between {low:.0f} and {high:.0f} mm, median {middle:.0f} mm{std}"
     )
 
 

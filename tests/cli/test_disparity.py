@@ -112,7 +112,7 @@ def test_a_raw_pair_with_its_calibration_in_millimetres(raw, tmp_path, capsys, m
     )
     assert not list(tmp_path.glob("*std*"))  # the paper's pipeline tells none
     said = capsys.readouterr().out
-    assert f"f {rig.f_px:.1f} px, B {rig.baseline_mm:.2f} mm; of the matched pixels" in said
+    assert f"f {rig.f_px:.1f} px, B {rig.baseline_mm:.2f} mm; 98 % of the matched pixels between" in said
     assert re.search(r"median \d+ mm\n", said)
     assert run(*raw, "--pipeline", "paper", "--filled", "--output", out, "--force") == 0
     filled = np.isfinite(np.load(tmp_path / "d_depth_mm.npy", allow_pickle=False))
@@ -243,6 +243,16 @@ def test_refuses_one_picture_twice(pair, tmp_path, capsys):
     assert run(pair[0], pair[0], "--pipeline", "fast", "--output", tmp_path / "d.npy") == 2
     assert "left.png are the same picture, every disparity would be 0" in capsys.readouterr().err
     assert not (tmp_path / "d.npy").exists()
+
+
+def test_two_pictures_of_one_camera_are_doubted(half, tmp_path, capsys):
+    """One webcam that was opened under two numbers: the same view, other noise."""
+    left = cv2.imread(str(half[0])).astype(float)
+    for side in (0, 1):
+        noise = np.random.default_rng(side).normal(0, 3, left.shape)
+        cv2.imwrite(str(tmp_path / f"{side}.png"), (left + noise).clip(0, 255).astype(np.uint8))
+    assert run(tmp_path / "0.png", tmp_path / "1.png", "--pipeline", "fast", "--output", tmp_path / "d.npy") == 0
+    assert "warning: hardly a disparity is over 0.5 px: " in told(capsys)
 
 
 def test_refuses_exchanged_and_missing_pictures(pair, tmp_path, capsys):

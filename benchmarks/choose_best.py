@@ -48,8 +48,8 @@ choose together, every third scene came out better one step after the other, and
 kept their disparities whatever was around, became guesses that neighbours may overrule. Its other constants were set by
 hand then, on those scenes. The lines are in ``results/choose_around.csv``.
 
-What the right view keeps is surer, so small patches stay; but what is wrong in them shall not spread: below which size
-they count as holes, the surest first, and the median's edge are chosen from ``TIDIED``, by both measures; their lines
+What the right view keeps is surer, so small patches are not removed; but what is wrong in them shall not spread: below
+which size they count as holes with a guess, the surest first, and the median's edge are chosen from ``TIDIED``, by both measures; their lines
 are in ``results/choose_tidied.csv``. Small patches removed, at their best 5 x 5 px, were within the plateau, but spread
 nonsense on glossy things.
 

@@ -49,9 +49,9 @@ kept their disparities whatever was around, became guesses that neighbours may o
 hand then, on those scenes. The lines are in ``results/choose_around.csv``.
 
 What the right view keeps is surer, so small patches are not removed; but what is wrong in them shall not spread: below
-which size they count as holes with a guess, the surest first, and the median's edge are chosen from ``TIDIED``, by both measures; their lines
-are in ``results/choose_tidied.csv``. Small patches removed, at their best 5 x 5 px, were within the plateau, but spread
-nonsense on glossy things.
+which size they count as holes with a guess, the surest first, and the median's edge are chosen from ``TIDIED``, by both
+measures; their lines are in ``results/choose_tidied.csv``. Small patches removed, at their best 5 x 5 px, were within
+the plateau, but spread nonsense on glossy things.
 
 Then came `surfaces.choose_surface`, from ``SURFACE``: infinitely sure leaves it out; and last the planes of
 `plane_smoothing`, from ``PLANES``: windows of one pixel leave all as it is, and with an infinite detail it counts for

@@ -229,17 +229,17 @@ def measure_coarse(pair: Pair, setting: Setting) -> float:
 
 
 def measure_around(matched: Matched, setting: Setting) -> float:
-    """The same of a step after the matching."""
+    """Both measures, of how holes are filled."""
     return both_measures(matched.filled(around=partial(fill_from_around, **setting)), matched.pair)
 
 
 def measure_tidied(matched: Matched, setting: Setting) -> float:
-    """The same of other steps."""
+    """Both measures, of what counts as a hole and of the median."""
     return both_measures(matched.filled(**setting), matched.pair)
 
 
 def measure_surface(matched: Matched, setting: Setting) -> float:
-    """The same of another step."""
+    """Both measures, of which surface pixels beside steps go to."""
     return both_measures(matched.filled(surface=partial(choose_surface, **setting)), matched.pair)
 
 

@@ -88,8 +88,8 @@ def stereo_pipeline(name: str = "best", num_disparities: int | None = 128) -> Pi
           enlarged. A quarter of the pixels, half of the disparities: several times faster than plain SGBM.
         - ``"best"``: `even_out`, `match_census_sgm`, checked from right to left, holes filled by the planes around
           them (`fill_from_around`), but from no small patch, pixels beside steps given to the surface that has their
-          colour (`choose_surface`), 5 x 5 median, planes (`smooth_by_planes`); a standard
-          deviation for each pixel. Dense. Its first run on a machine compiles for some seconds.
+          colour (`choose_surface`), 5 x 5 median, planes (`smooth_by_planes`); a standard deviation for each pixel.
+          Dense. Its first run on a machine compiles for some seconds.
     num_disparities : int or None, px
         Disparities from 0 to this are looked for; a multiple of 16, of 32 for ``"fast"``. None takes what
         `search_range` tells of the pair.

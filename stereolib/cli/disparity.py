@@ -16,7 +16,8 @@ from stereolib.cli.ranges import whole
 from stereolib.cli.told import say_on_a_terminal, wrapped
 
 if TYPE_CHECKING:
-    from stereolib.base import Floats
+    from stereolib.base import UInt8
+    from stereolib.matching import DisparityEstimate
     from stereolib.measurement import DepthMap
 
 _AUTO = "auto"
@@ -41,7 +42,7 @@ _BEST = "best"
 #: What is written, by the end of its name: always, with a calibration, and what it is.
 _FILES = (
     (".npy", False, "disparity, (H, W) float32, px, guesses where filled; NaN is invalid, as in all .npy files here"),
-    (".png", False, "a picture to look at, with the key of its colours: depth, or disparity without --calibration"),
+    (".png", False, "to look at: the left picture and its depth, or disparity without --calibration, guesses hatched"),
     ("_std.npy", False, "from best: standard deviation of the disparity, px, as measured on virtual scenes"),
     ("_depth_mm.npy", True, "depth along the rectified left camera's axis, (H, W) float32, mm"),
     (
@@ -122,7 +123,8 @@ def _run(arguments: argparse.Namespace) -> int:
         said.append(_ONE_CAMERA)
     for text in (*said, *map(_as_options, match.notes)):
         print(f"warning: {text}")
-    _write(paths, match.estimate.disparity_px, match.estimate.std_px, depth)
+    _write_arrays(paths, match.estimate, depth)
+    _draw(paths[".png"], depth.left if depth else pair[0], match.estimate, depth)
     shares = ", ".join(f"{100 * share:.1f} % {kind}" for kind, share in match.shares.items())
     print(f"{out}: of the pixels {shares}; 98 % of the disparities lie between {low:z.1f} and {high:z.1f} px")
     print(_told(depth) if depth else "no --calibration, so that nothing is told in millimetres")
@@ -147,7 +149,7 @@ def _told(depth: DepthMap) -> str:
     )
 
 
-def _write(paths: dict[str, Path], disparity_px: Floats, std_px: Floats | None, depth: DepthMap | None) -> None:
+def _write_arrays(paths: dict[str, Path], found: DisparityEstimate, depth: DepthMap | None) -> None:
     import io
 
     import cv2
@@ -156,25 +158,38 @@ def _write(paths: dict[str, Path], disparity_px: Floats, std_px: Floats | None, 
     from stereolib.base import write_atomic
     from stereolib.mapping import Cloud, write_cloud
     from stereolib.measurement import whole_mm
-    from stereolib.plotting import panels, plot_depth, plot_disparity, show_figure
 
-    arrays = {".npy": disparity_px, "_std.npy": std_px}
+    arrays = {".npy": found.disparity_px, "_std.npy": found.std_px}
     arrays |= {"_depth_mm.npy": depth.depth_mm, "_depth_std_mm.npy": depth.std_mm} if depth else {}
     for end, array in arrays.items():
         if array is not None:
             stream = io.BytesIO()
             np.save(stream, array.astype(np.float32), allow_pickle=False)
             write_atomic(paths[end], stream.getvalue())
-    figure, ax = panels(1, width_in=8.0)
-    of_what = " of the rectified left picture: for measure --between, with --rectified" if depth else ""
-    values, draw = (depth.depth_mm, plot_depth) if depth else (disparity_px, plot_disparity)
-    low, high = (float(limit) for limit in np.nanpercentile(values, (1, 99)))
-    draw(values, ax[0], low=low, high=max(high, low + 1))
-    ax[0].set(xlabel=f"column (px){of_what}")
-    write_atomic(paths[".png"], show_figure(None, figure).data)
     if depth:
         write_atomic(paths["_depth_mm.png"], cv2.imencode(".png", whole_mm(depth.depth_mm))[1].tobytes())
         write_cloud(paths[".ply"], Cloud(*depth.points()), overwrite=True)
+
+
+def _draw(path: Path, left: UInt8, found: DisparityEstimate, depth: DepthMap | None) -> None:
+    """The left picture, and beside it the map, its guesses hatched."""
+    import numpy as np
+
+    from stereolib.base import write_atomic
+    from stereolib.plotting import hatch, panels, plot_depth, plot_disparity, plot_image, show_figure
+
+    guessed = np.isfinite(found.disparity_px) & ~found.matched
+    guess = "a guess" if depth is None or depth.is_filled else "a guess, no depth is told"
+    hatched = f"; hatched: {guess}" if guessed.any() else ""
+    values, draw = (depth.depth_mm, plot_depth) if depth else (found.disparity_px, plot_disparity)
+    low, high = (float(limit) for limit in np.nanpercentile(values, (1, 99)))
+    figure, ax = panels(2, width_in=13.0)
+    plot_image(left, ax[0], "the left picture, rectified" if depth else "the left picture")
+    draw(values, ax[1], ("depth" if depth else "disparity") + hatched, low=low, high=max(high, low + 1))
+    hatch(guessed, guessed.shape[::-1], ax[1])
+    of_what = " of the rectified left picture: for measure --between, with --rectified" if depth else ""
+    ax[0].set(xlabel=f"column (px){of_what}", ylabel="row (px)")
+    write_atomic(path, show_figure(None, figure).data)
 
 
 @contextmanager

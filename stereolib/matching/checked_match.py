@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from stereolib.base import Float32, UInt8
-from stereolib.matching.islands import unsupported
+from stereolib.base import Bools, UInt8
+from stereolib.matching.islands import beyond_range, unsupported
 from stereolib.matching.pair_checks import Exchanged, check_rectified, moved_between
 from stereolib.matching.pipelines import DisparityEstimate, stereo_pipeline
 from stereolib.matching.rows import find_rows
@@ -72,19 +72,22 @@ def match_checked(
 
     Notes
     -----
-    Patches that a rough matching of the pair does not know are refused (`unsupported`), whatever the pipeline.
+    Patches that a rough matching of the pair does not know are refused (`unsupported`), whatever the pipeline; so is
+    what that finds to be nearer than `num_disparities` (`beyond_range`), if it is more than 0.5 %.
     """
     run, notes = stereo_pipeline(pipeline, num_disparities), list[str]()
     if np.isnan(check_rectified(left, right, exchanged=exchanged)):
         told = "whether the pair is rectified, and of one place and moment"
         notes.append(f"too few points of the two pictures could be matched to tell {told}")
     rows, half_px = find_rows(left, right)
-    estimate = _supported(run(left, right), half_px)
+    estimate = run(left, right)
+    estimate = _without(unsupported(estimate.disparity_px, estimate.matched, half_px), estimate)
     corrects = pipeline == "best"
     rough_px, beyond = 2 * half_px[np.isfinite(half_px)], ""
     if num_disparities and rough_px.size and (share := float((rough_px > num_disparities).mean())) > _BEYOND:
+        estimate = _without(beyond_range(half_px, num_disparities, left.shape[:2]), estimate)
         lost = f"{100 * share:.1f} % of the roughly matched pixels lie beyond num_disparities {num_disparities}"
-        beyond = f"{lost}: what stands there is wrong; leave it out or give more"
+        beyond = f"{lost}: they are refused, and what is told beside them may be wrong; leave it out or give more"
     matched = float((estimate.matched & np.isfinite(estimate.disparity_px)).mean())
     only = f"only {100 * matched:.1f} % of the pixels were matched"
     if matched < _NOTHING:
@@ -96,9 +99,7 @@ def match_checked(
     return CheckedMatch(estimate, tuple(filter(None, said)), rows.columns_std_px if corrects else 0.0)
 
 
-def _supported(estimate: DisparityEstimate, rough_px: Float32) -> DisparityEstimate:
-    """The estimate without patches that the rough matching does not know."""
-    refused = unsupported(estimate.disparity_px, estimate.matched, rough_px)
+def _without(refused: Bools, estimate: DisparityEstimate) -> DisparityEstimate:
     disparity, std = (
         None if a is None else np.where(refused, np.float32(np.nan), a)
         for a in (estimate.disparity_px, estimate.std_px)

@@ -1,4 +1,4 @@
-"""Patches of a disparity map that a second, rough matching of the pair does not know: mistaken as a whole."""
+"""What a second, rough matching of a pair has against a disparity map: patches mistaken as a whole, nearer things."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from stereolib.base import Bools, Float32, Ints
 
 _STEP_PX = 1.0  # neighbours farther apart are two surfaces
 _AGREE_PX = 2.0
+_HOLE_PX = 14  # within what is nearer than a range: as near
 _LEAST_AGREEING = 0.1  # share of a surface's pixels; chosen on cluttered and layered scenes that judge nothing
 
 
@@ -49,6 +50,36 @@ def unsupported(disparity_px: Float32, matched: Bools, rough_px: Float32) -> Boo
     surface = _surfaces(disparity_px, matched)
     area, agreeing = (np.bincount(surface.ravel(), weights=mask.ravel()) for mask in (matched, matched & agrees))
     return np.asarray(matched & (agreeing < _LEAST_AGREEING * area)[surface])
+
+
+def beyond_range(rough_px: Float32, num_disparities: int, shape: tuple[int, int]) -> Bools:
+    """Find what a rough matching of the same pair knows to be nearer than a range that was searched.
+
+    Parameters
+    ----------
+    rough_px : (H / 2, W / 2) float32, px of the half size
+        As `find_rows` gives it; NaN where nothing was matched.
+    num_disparities : int, px
+        Of the whole size.
+    shape : (int, int)
+        H and W.
+
+    Returns
+    -------
+    (H, W) bool
+        Such pixels, and the holes of up to 14 px between them.
+
+    Examples
+    --------
+    >>> rough = np.full((40, 60), 3, np.float32)
+    >>> rough[10:30, 20:50], rough[15:20, 25:30] = 40, np.nan
+    >>> [int(beyond_range(rough, most, (80, 120)).sum()) for most in (96, 32)]
+    [0, 2400]
+    """
+    with np.errstate(invalid="ignore"):
+        near = (2 * rough_px > num_disparities).astype(np.uint8)
+    closed = cv2.morphologyEx(near, cv2.MORPH_CLOSE, np.ones((_HOLE_PX // 2, _HOLE_PX // 2), np.uint8))
+    return np.asarray(cv2.resize(closed, shape[::-1], interpolation=cv2.INTER_NEAREST) > 0)
 
 
 def _surfaces(disparity_px: Float32, matched: Bools) -> Ints:

@@ -140,7 +140,12 @@ def search_range(rough_px: Float32, width_px: int, step: int = 16) -> int:
     -------
     int, px
         999 of 1000 roughly matched pixels lie below it, and there is room beyond; less where the picture is not as
-        wide, but never less than a step. 128 where nothing was matched.
+        wide. 128 where nothing was matched.
+
+    Raises
+    ------
+    ValueError
+        If the picture is too narrow for a step.
 
     Examples
     --------
@@ -149,6 +154,8 @@ def search_range(rough_px: Float32, width_px: int, step: int = 16) -> int:
     """
     found = rough_px[np.isfinite(rough_px)]
     need = _ROOM * 2 * float(np.quantile(found, _FARTHEST)) + _ROOM_PX if found.size else _RANGE
+    if width_px < (least_px := step + _LEAST_LEFT_PX):
+        raise ValueError(f"pictures {width_px} px wide cannot be matched: at least {least_px} px are needed")
     widest = (width_px - _LEAST_LEFT_PX) // step * step
     return max(step, min(-(-int(need) // step) * step, widest))
 

@@ -135,7 +135,8 @@ class RowOffset:
             moved.append(f"right is turned by {np.degrees(abs(self.roll_rad)):.1f} degrees")
         if moved:
             why = "the rig has moved since its calibration or, if nothing fixed it, between the two pictures"
-            said.append(f"{' and '.join(moved)}, corrected here: {why}; if more pairs say so, calibrate again")
+            weak = "or the calibration is no better, if pairs that it was made of say so, too"
+            said.append(f"{' and '.join(moved)}, corrected here: {why}, {weak}; if more pairs do, calibrate again")
         if _is_told(self.zoom * self.centre[1], std_c * self.centre[1]):
             which = "larger" if self.zoom > 0 else "smaller"
             why = "the focus of a lens is another one than at the calibration (autofocus?)"

@@ -37,6 +37,7 @@ from .quantities import (
     ImageQuantity,
     color_disparity,
     color_error,
+    hatch,
     plot_arrows,
     plot_depth,
     plot_disparity,

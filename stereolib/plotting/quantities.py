@@ -244,9 +244,7 @@ def plot_quantity(
             _label_lines(drawn, ax, _APART * quantity.size[0])
     unseen = quantity.unseen
     if unseen is not None and unseen.any():
-        edges = (np.linspace(0, n - 1, k) for n, k in zip(quantity.size, unseen.shape[::-1], strict=True))
-        area = ax.contourf(*edges, unseen.astype(float), levels=[0.5, 1.5], colors="none", hatches=["///"])
-        area.set(edgecolor="#808080", linewidth=0)
+        hatch(unseen, quantity.size, ax)
         nothing = np.ma.masked_where(~np.ma.getmaskarray(shown), np.zeros(shown.shape))
         grey = ListedColormap([NOTHING_GREY])  # no hatches where there is no value
         ax.pcolormesh(quantity.columns_px, quantity.rows_px, nothing, cmap=grey, shading="nearest", zorder=1.5)
@@ -273,6 +271,22 @@ def _label_lines(drawn: Any, ax: Axes, apart_px: float) -> None:
             continue
         written.append((x, y))
         text.set_bbox({"facecolor": "white", "alpha": 0.75, "lw": 0, "pad": 0.6})
+
+
+def hatch(where: Bools, size: tuple[int, int], ax: Axes) -> None:
+    """Hatch a part of a drawn image.
+
+    Parameters
+    ----------
+    where : (R, C) bool
+        Any part of it; R and C need not be the image's.
+    size : (int, int)
+        Width and height of the image, px.
+    ax : matplotlib.axes.Axes
+    """
+    edges = (np.linspace(0, n - 1, k) for n, k in zip(size, where.shape[::-1], strict=True))
+    area = ax.contourf(*edges, where.astype(float), levels=[0.5, 1.5], colors="none", hatches=["///"])
+    area.set(edgecolor="#808080", linewidth=0)
 
 
 def color_disparity(disparity_px: Floats, low: float, high: float) -> UInt8:

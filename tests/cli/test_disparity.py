@@ -98,6 +98,7 @@ def test_a_raw_pair_with_its_calibration_in_millimetres(raw, tmp_path, capsys, m
     assert np.isnan(found).any()  # the columns that OpenCV leaves out
     assert np.median(np.abs(found - truth.disparity_px)[seen]) < 2
     assert "of the rectified left picture" in figures[0].axes[0].get_xlabel()  # whose pixels these are
+    assert figures[0].axes[1].get_title() == "depth; hatched: a guess, no depth is told"
     depth_mm = np.load(tmp_path / "d_depth_mm.npy", allow_pickle=False)
     assert depth_mm.dtype == np.float32
     true_mm = rig.f_px * rig.baseline_mm / truth.disparity_px

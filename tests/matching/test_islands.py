@@ -59,3 +59,18 @@ def test_noise_tells_nothing() -> None:
     left, right = np.random.default_rng(0).integers(0, 256, (2, 240, 320), np.uint8)
     with pytest.raises(ValueError, match=r"only 0\.\d % of the pixels were matched: nothing can be measured"):
         match_checked(left, right, "fast", 64)
+
+
+def test_what_is_nearer_than_the_range_is_refused_and_the_rest_stays() -> None:
+    """Boxes of the walk are up to 70 px near; 48 are searched."""
+    pair, truth = recordings.rectified().rectify(*recordings.load_pair("room/3")), recordings.load_truth("room/3")
+    found = match_checked(*pair, "best", 48)
+    nearer, matched = truth.disparity_px > 50, found.estimate.matched
+    plain = stereo_pipeline("best", 48)(*pair)
+    assert (plain.matched & nearer).sum() > 10_000  # what would be told wrongly
+    assert (matched & nearer).sum() < 0.01 * nearer.sum()
+    np.testing.assert_array_equal(np.isnan(found.estimate.disparity_px[matched]), False)
+    farther = plain.matched & (truth.disparity_px < 46) & (np.abs(plain.disparity_px - truth.disparity_px) < 1)
+    assert (matched & farther).sum() > 0.97 * farther.sum()
+    assert found.shares["refused"] > 0.9 * nearer.mean()
+    assert "beyond num_disparities 48: they are refused" in " ".join(found.notes)

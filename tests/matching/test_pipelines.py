@@ -233,6 +233,8 @@ def test_the_range_is_told_by_the_pair(name, most):
     assert reach < count <= most and count % 16 == 0
     assert pipelines.search_range(np.full((240, 320), np.nan, np.float32), 640) == 128
     assert pipelines.search_range(np.full((240, 40), 39, np.float32), 80, step=32) == 64
+    with pytest.raises(ValueError, match="pictures 20 px wide cannot be matched: at least 21 px are needed"):
+        pipelines.search_range(np.full((240, 10), 2, np.float32), 20)
 
 
 @pytest.mark.parametrize("name", ["conditions/poor_light", "series/coarse_900"])

@@ -82,10 +82,9 @@ def _run(arguments: argparse.Namespace) -> int:
     save_laser_pose(arguments.calibration, pose)
     turn, shift = float(np.degrees(pose.std_rad).max()), float(pose.std_mm.max())
     x, y, z = pose.T_left_lidar[:3, 3]
-    right, down, _ = pose.T_left_lidar[:3, 0]  # where its angle 0 points, in the left camera's frame
     print(f"laser: {len(views)} poses; known to {shift:.1f} mm and {turn:.2f} degrees (one standard deviation)")
     print(f"it stands {place_text(x, y, z)} the left lens: check with a ruler")
-    print(f"its angle 0 points {turn_text(right, down)} where the left lens looks")
+    print(f"its angle 0 points {turn_text(*pose.T_left_lidar[:3, 0])} where the left lens looks")
     too = "far" if pose.scale >= 0 else "near"
     off = f"{100 * abs(pose.scale):.1f} ± {100 * pose.std_scale:.1f} % too {too}"
     print(f"it reads {off} if the squares are {arguments.square_mm} mm: taken off in what is measured")
@@ -148,14 +147,13 @@ def place_text(x_mm: float, y_mm: float, z_mm: float) -> str:
     return f"{first}, {second} and {third}"
 
 
-def turn_text(right: float, down: float) -> str:
-    """Where a direction of length 1 points to a lens, by its parts to the right and down, without a minus."""
+def turn_text(right: float, down: float, ahead: float) -> str:
+    """Where a direction of length 1 points to a lens, by its parts in the lens's frame, without a minus."""
     import numpy as np
 
-    ways = (right, "right of", "left of"), (down, "below", "above")
-    return " and ".join(
-        f"{abs(np.degrees(np.arcsin(part))):.1f} degrees {one if part >= 0 else other}" for part, one, other in ways
-    )
+    turned, lowered = np.degrees([np.arctan2(right, ahead), np.arcsin(down)])
+    ways = (turned, "right of", "left of"), (lowered, "below", "above")
+    return " and ".join(f"{abs(angle):.1f} degrees {one if angle >= 0 else other}" for angle, one, other in ways)
 
 
 def _paired(pictures: str, scans: Path) -> tuple[list[Path], list[Path]]:

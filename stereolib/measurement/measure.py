@@ -19,7 +19,7 @@ from stereolib.measurement.hypotheses import Judged
 from stereolib.measurement.instrument import Instrument
 from stereolib.measurement.laser_on_floor import LaserOnFloor, Lean
 from stereolib.measurement.measured_object import MeasuredObject
-from stereolib.measurement.reasons import ScanFit
+from stereolib.measurement.reasons import Reason, ScanFit
 from stereolib.measurement.regions import OBJECTS_WITHIN_MM
 from stereolib.measurement.standing import Standing, see_standing
 from stereolib.measurement.things import NOWHERE, SCAN_REACH_M, Scene, nearest_mm, scan_fit, scanned_parts
@@ -27,6 +27,11 @@ from stereolib.measurement.views import Views
 
 _LIKELY = 0.5  # probability from which something is said to have moved
 _BY_CHANCE = 0.15  # share of matched pixels: pictures of two places have 0.08 to 0.14
+_BELOW_CAMERA = "the laser's pose is not known: it is taken to stand straight below the left camera"
+_TURNED = (
+    "nothing that the pictures show is in the scan, which has objects elsewhere: if what they show is higher than its "
+    "plane, its 0 degrees are not where the cameras look, or it counts them clockwise; calibrate-laser finds it out"
+)
 _LEFT_OUT = (
     "its readings are left out, its sizes come from the pictures. Were both taken at one moment, with nothing touching "
     "it? If this is said of many objects, the laser has moved: run calibrate-laser again; or the cameras' scale is off "
@@ -128,7 +133,7 @@ def measure_standing(standing: Standing, scan: LaserScan | None) -> Measurement:
             raise standing.no_floor
         warnings.append(f"{standing.no_floor}. What follows is the scan's alone")
     if scan is not None and instrument.lidar is None:
-        warnings.append("the laser's pose is not known: it is taken to stand straight below the left camera")
+        warnings.append(_BELOW_CAMERA)
     if scan is not None:
         scan = _above_floor(_as_cameras_tell(scan, instrument.lidar), priors.laser.lean)
         warnings += _said_of_lean(priors.laser.lean)
@@ -147,6 +152,8 @@ def measure_standing(standing: Standing, scan: LaserScan | None) -> Measurement:
         warnings.append(f"nothing stands on the floor within {reach}")
     laser = judged.solution.on_floor(priors.laser)
     readings = NOWHERE if scan is None else laser.points_mm(points_mm(scan))
+    if footprints and instrument.lidar is None and fit is ScanFit.UNTOLD and any(map(_is_not_in_scan, objects)):
+        warnings.append(_TURNED)
     warnings += [*unlike, *elsewhere, *_said_of_the_rig(views, judged, nearest_mm(judged, things), instrument)]
     pictures = views.left, views.right, views.disparity_px
     return Measurement(tuple(objects), tuple(warnings), standing.floor, laser, readings, *pictures, fit)
@@ -168,6 +175,11 @@ def disagreement(item: MeasuredObject, name: str = "") -> str:
     called = f" ({name})" if name else ""
     away = f"{np.hypot(*item.position_mm):.0f} mm away"
     return f"scan and pair disagree about the object {away}{called}: {_LEFT_OUT}"
+
+
+def _is_not_in_scan(item: MeasuredObject) -> bool:
+    why = item.reasons.get("object")
+    return why is not None and why.reason is Reason.NOT_IN_SCAN
 
 
 def _as_cameras_tell(scan: LaserScan, lidar: LidarCamera | None) -> LaserScan:

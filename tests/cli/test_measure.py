@@ -408,7 +408,9 @@ def test_where_the_laser_stands_is_said_without_a_minus():
 
 
 def test_where_the_laser_points_is_said_without_a_minus():
-    assert turn_text(0.0, np.sin(np.radians(-1.25))) == "0.0 degrees right of and 1.2 degrees above"
+    down, ahead = np.sin(np.radians(-1.25)), np.cos(np.radians(-1.25))
+    assert turn_text(0.0, down, ahead) == "0.0 degrees right of and 1.2 degrees above"
+    assert turn_text(-0.01, 0.0, -1.0) == "179.4 degrees left of and 0.0 degrees below"  # mounted the other way round
     assert LIDAR.T_left_lidar[2, 0] > 0.98  # its angle 0 is about where the cameras look
 
 

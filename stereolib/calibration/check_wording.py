@@ -22,6 +22,7 @@ CHECK_MEANINGS = {
     "no verdict": "a board that is not flat is no ruler: glue it onto something flat and take it again",
 }
 _TIED, _OPEN_PX = 0.95, 0.1  # correlation of two movements, and what they leave open, px: then nothing tells them apart
+_OTHER_PCT, _OTHER_ROWS = 10.0, 0.006  # of squares; share of the picture's width: no knock does so much and is not seen
 _TURNS, _POSES = 3, 6  # movements of the right camera: turns, then shifts; behind them those of focus
 #: What each movement is called where it is one of several that explain the same.
 _LIKE = {
@@ -65,6 +66,8 @@ _WAYS = {
 
 def check_findings(check: CalibrationCheck, bent: str) -> Iterator[str]:
     """Yield what is wrong, causes first; ``bent`` says how the board is bent, if it is."""
+    if check.sizes.square_error_pct > _OTHER_PCT or check.row_rms_px > _OTHER_ROWS * check.views.size[0]:
+        yield "this is far more than a knock does: is the calibration of these cameras, and are the squares as told?"
     if bent:
         yield bent
     else:

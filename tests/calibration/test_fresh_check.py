@@ -79,6 +79,14 @@ def test_a_wrong_square_is_a_scale(paper, pairs):
     assert result.square_pct.value == pytest.approx(100 / 24, abs=max(0.1, 4 * result.square_pct.std))
 
 
+@pytest.mark.parametrize(("shift_mm", "turn_deg", "said"), [((-15, 0, 0), 0.0, True), ((0, 0, 0), 0.4, True),
+                                                        ((-2, 0, 0), 0.1, False)])  # fmt: skip
+def test_another_rig_s_calibration_is_doubted(paper, shift_mm, turn_deg, said):
+    other = knocked(paper_rig(), shift_mm=shift_mm, turn_deg=(turn_deg, 0, 0))
+    findings = check(paper, corner_set(np.random.default_rng(10), rig=other, pairs=4)).findings
+    assert ("is the calibration of these cameras" in findings[0]) is said
+
+
 def bent(rig, rng, pairs, mm):
     """Boards whose short sides stand nearer to the cameras than their middle line by so much."""
     poses, points = draw_poses(rig, pairs, rng), BOARD.points_mm.astype(float)

@@ -10,6 +10,7 @@ Some ten minutes; with ``--only time`` two.
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
@@ -125,8 +126,11 @@ def sparsification(off: Array, std: Array) -> float:
     return float((ours - oracle).mean() / bad.mean())
 
 
-def honesty(pairs: list[Pair]) -> dict[str, Any]:
-    """Share of errors inside one and two standard deviations, pooled and of each pair; the area above; a table."""
+def honesty(pairs: list[Pair], steps_px: Sequence[float] = ()) -> dict[str, Any]:
+    """Share of errors inside one and two standard deviations, pooled and of each pair; the area above; a table.
+
+    With the steps of each pair's truth, also that with the deviation of its rounding, step^2 / 12, in squares.
+    """
     rows, off, std = [], [], []
     for pair in tqdm(pairs, "best and its rival", unit="pair"):
         found = pipelines.stereo_pipeline("best", pair.num_disparities)(pair.left, pair.right)
@@ -144,6 +148,9 @@ def honesty(pairs: list[Pair]) -> dict[str, Any]:
     means = {name: round(float(np.mean([row[name] for row in rows])), 2) for name in rows[0] if name != "pair"}
     errors, sigma = np.concatenate(off), np.concatenate(std)
     inside = {f"inside{n}_pct": round(100 * float((errors <= n * sigma).mean()), 1) for n in (1, 2)}
+    if steps_px:
+        sigma = np.concatenate([np.sqrt(s**2 + step**2 / 12) for s, step in zip(std, steps_px, strict=True)])
+        inside |= {f"inside{n}_with_rounding_pct": round(100 * float((errors <= n * sigma).mean()), 1) for n in (1, 2)}
     ahead = sum(all(row[f"best_{m}"] < row[f"rival_{m}"] for m in ("bad1_visible_pct", "bad2_pct")) for row in rows)
     return {"pairs": len(rows), "ahead_of_rival": ahead, "mean": means, **inside, "each": rows}
 

@@ -22,8 +22,6 @@ from bench_pipeline import ROOMS, honesty
 from common import loaded, save
 from virtual_pairs import Pair
 
-from stereolib.matching import stereo_pipeline
-
 Array = np.ndarray
 _THIRD = 3
 SHA256 = {
@@ -61,18 +59,6 @@ def cones(folder: Path) -> Pair:
     return Pair("cones", left.astype(np.uint8), right.astype(np.uint8), np.where(truth == 0, np.float32(np.nan), truth))
 
 
-def inside_with_rounding(pairs: list[tuple[Pair, float]]) -> dict[str, float]:
-    """Share of errors inside one and two deviations, to which that of a truth of such steps is added: step^2 / 12."""
-    off, std = [], []
-    for pair, step_px in pairs:
-        found = stereo_pipeline("best", pair.num_disparities)(pair.left, pair.right)
-        known = np.isfinite(pair.truth_px)
-        off.append(np.abs(found.disparity_px - pair.truth_px)[known])
-        std.append(np.sqrt(found.std_px[known] ** 2 + step_px**2 / 12))
-    errors, sigma = np.concatenate(off), np.concatenate(std)
-    return {f"inside{n}_with_rounding_pct": round(100 * float((errors <= n * sigma).mean()), 1) for n in (1, 2)}
-
-
 def main() -> None:
     """Write ``results/photographs.json``."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -82,9 +68,8 @@ def main() -> None:
         raise SystemExit(f"{folder} lacks {', '.join(missing)}; --help says where they come from")
     cv2.setNumThreads(1)
     pairs = [cones(folder), aloe(folder)]
-    found = honesty(pairs)
+    found = honesty(pairs, (1 / 4, 1 / _THIRD))
     each = {row.pop("pair"): row for row in found.pop("each")}
-    found |= inside_with_rounding(list(zip(pairs, (1 / 4, 1 / _THIRD), strict=True)))
     save("photographs", found | each, {*loaded(ROOMS), "matching/std_laws.json"})
 
 

@@ -103,25 +103,31 @@ def fill_from_around(
     _find_rims(index, y, x, _RAYS, rims)
     guess = guess_px[y, x]
     own = np.where(np.isnan(guess), filled[y, x], guess)
-    around = _at_holes(disparity_px, y, x, rims)
-    choices = np.column_stack([own, np.where(rims < 0, own[:, None], around)])
+    choices = np.column_stack([own, np.where(rims < 0, own[:, None], _at_holes(disparity_px, y, x, rims))])
     against = np.minimum(_unlike(left, disparity_px, y, x, rims) / np.float32(2 * unlike**2), np.float32(_MOST_UNLIKE))
     against[np.isfinite(guess), 0] = 0
     against[:, 1:] += np.float32(other)
     against[_hides(choices, y, x, disparity_px, right_px)] += np.float32(_NEVER)
+    total = _with_neighbours(disparity_px, left, index, choices, against)
+    filled[y, x] = choices[np.arange(y.size), total.argmin(axis=1)]
+    return filled
+
+
+def _with_neighbours(disparity_px: Float32, left: UInt8, index: Ints, choices: Float32, against: Float32) -> Float32:
+    """What speaks against each choice with all that its neighbours choose along four paths, (N, choices)."""
     guide = np.atleast_3d(cv2.medianBlur(left, _GUIDE_PX)).astype(np.int16)
+    (y, x), (height, width) = np.nonzero(index >= 0), index.shape
     total = -3 * against
     for down, right in ((-1, 0), (0, -1), (0, 1), (1, 0)):
         v, u = y + down, x + right
-        inside = (v >= 0) & (v < hole.shape[0]) & (u >= 0) & (u < hole.shape[1])
+        inside = (v >= 0) & (v < height) & (u >= 0) & (u < width)
         v, u = np.where(inside, v, y), np.where(inside, u, x)
         before = np.where(inside, index[v, u], -1)
         most = np.float32(_APART) / (1 + np.abs(guide[v, u] - guide[y, x]).max(axis=1) / np.float32(_EDGE))
         first = np.fmin(np.float32(_EACH_PX) * np.abs(choices - disparity_px[v, u, None]), most[:, None])
         first[~inside] = 0
         _add_path(before, most, first, choices, against, total)
-    filled[y, x] = choices[np.arange(y.size), total.argmin(axis=1)]
-    return filled
+    return total
 
 
 def _at_holes(disparity_px: Float32, y: Ints, x: Ints, rims: Ints) -> Float32:

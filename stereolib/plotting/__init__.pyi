@@ -84,6 +84,7 @@ __all__ = [
     "color_disparity",
     "color_error",
     "figure_to_image",
+    "hatch",
     "largest_square_mm",
     "lens_shift_px",
     "mark_pixels",

@@ -89,7 +89,7 @@ def find_step_pattern(readings_mm: ArrayLike, powers: Sequence[float] = STEP_POW
     -----
     A sensor whose step is ``q r^p`` counts evenly in ``x``, with ``dx = dr / (r / at)^p``: a clock (p = 0) in r, the
     place of a spot on a chip, ``s = f b / r`` (p = 2), in 1 / r. For every p the readings' x are searched for a period:
-    ``score = |sum exp(2 pi i x / q)|^2 / n``, over all q from 1.2 to 4 mm. Of readings without the period q the score
+    ``score = |sum exp(2 pi i x / q)|^2 / n``, over all q from 1.2 to 4 mm: one of 1 mm, the packet's own, would always fit, with p = 0. Of readings without the period q the score
     exceeds s with the probability ``exp(-s)``.
 
     Examples
@@ -202,23 +202,21 @@ def noise_of_median(turns_mm: ArrayLike, n: int) -> float:
     return float(np.sqrt(variance)) if variance > _LEAST_VARIANCE_MM2 else np.nan
 
 
-def repeatability(near_mm: ArrayLike, far_mm: ArrayLike, pattern: StepPattern) -> dict[str, float]:
-    """How far a real sensor keeps its millimetre.
+def repeatability(far_mm: ArrayLike, pattern: StepPattern) -> dict[str, float]:
+    """How far a real sensor keeps its millimetre just below 3 m.
 
     Parameters
     ----------
-    near_mm, far_mm : (turns, beams) array_like, mm
-        At the distance of the paper's cube, and just below 3 m.
+    far_mm : (turns, beams) array_like, mm
     pattern : StepPattern
         Of the far readings.
 
     Returns
     -------
     dict
-        ``near_mm, far_mm``: how much one reading scatters; ``step_mm`` at 3 m.
+        ``far_mm``: how much one reading scatters; ``step_mm`` at 3 m.
     """
-    near, far = noise_of_median(near_mm, 1), noise_of_median(far_mm, 1)
-    return {"near_mm": near, "far_mm": far, "step_mm": pattern.step_mm(3000.0)}
+    return {"far_mm": noise_of_median(far_mm, 1), "step_mm": pattern.step_mm(3000.0)}
 
 
 def relative_error(far_mm: ArrayLike, true_mm: ArrayLike | None = None) -> dict[str, float]:
@@ -309,20 +307,18 @@ def _medians(readings_mm: Float64, n: int) -> Float64:
     return np.asarray((groups[rows, (count - 1) // 2] + groups[rows, count // 2]) / 2)
 
 
-def turns_gain(near_mm: ArrayLike, far_mm: ArrayLike, n: int = 5) -> dict[str, float]:
-    """What n turns take off the noise that fewer leave, and what more would.
+def turns_gain(far_mm: ArrayLike, n: int = 5) -> dict[str, float]:
+    """What n turns take off the noise that fewer leave just below 3 m, and what more would.
 
     Parameters
     ----------
-    near_mm, far_mm : (turns, beams) array_like, mm
-        At the distance of the paper's cube, and just below 3 m.
+    far_mm : (turns, beams) array_like, mm
     n : int
 
     Returns
     -------
     dict
-        ``gained_mm``, far away, from two turns fewer to n; ``beyond_mm``, from n to two more; ``near_mm``, what one
-        turn scatters near by: more could not be taken off.
+        ``gained_mm``, from two turns fewer to n; ``beyond_mm``, from n to two more.
 
     Notes
     -----
@@ -330,11 +326,7 @@ def turns_gain(near_mm: ArrayLike, far_mm: ArrayLike, n: int = 5) -> dict[str, f
     of independent turns is.
     """
     fewer, some = noise_of_median(far_mm, n - 2), noise_of_median(far_mm, n)
-    return {
-        "gained_mm": fewer - some,
-        "beyond_mm": some * (1 - float(np.sqrt(n / (n + 2)))),
-        "near_mm": noise_of_median(near_mm, 1),
-    }
+    return {"gained_mm": fewer - some, "beyond_mm": some * (1 - float(np.sqrt(n / (n + 2))))}
 
 
 def error_below(limit_mm: float, **curves: ErrorCurve) -> dict[str, float]:

@@ -84,9 +84,7 @@ def test_resolution_and_range():
     fine, coarse = (evidence.find_step_pattern(counted(2, step)) for step in (1.7, 2.5))
     sharp, blunt = turns_of(0.3), turns_of(40.0)
     fine = replace(fine, steps_mm=fine.steps_mm / 2)  # steps below a millimetre leave no trace in the packet
-    assert_turns(
-        "lrf.resolution", evidence.repeatability(sharp, sharp, fine), evidence.repeatability(blunt, blunt, coarse)
-    )
+    assert_turns("lrf.resolution", evidence.repeatability(sharp, fine), evidence.repeatability(blunt, coarse))
     off = turns_of(40.0, distance_mm=2900.0)
     assert_turns("lrf.max_range", evidence.relative_error(sharp, 2800.0), evidence.relative_error(off, 2800.0))
     assert verdict_of("lrf.max_range", evidence.relative_error(sharp)) == "holds in part"  # nobody knows the truth
@@ -110,12 +108,12 @@ def test_five_turns():
     """Noise that five turns beat and seven hardly better; noise that no median of a few turns beats."""
     noisy, quiet = turns_of(10.0), turns_of(0.5)
     torn = 2800 + 30.0 * np.random.default_rng(5).choice([-1, 1], (7, 400))
-    assert_turns("claim.five_turns", evidence.turns_gain(noisy, noisy), evidence.turns_gain(quiet, 2 * torn))
-    assert evidence.turns_gain(quiet, quiet)["gained_mm"] < 1
+    assert_turns("claim.five_turns", evidence.turns_gain(noisy), evidence.turns_gain(2 * torn))
+    assert evidence.turns_gain(quiet)["gained_mm"] < 1
 
 
 def test_two_more_turns_are_reckoned_as_they_come_out():
-    reckoned = evidence.turns_gain(turns_of(8.0), turns_of(8.0))["beyond_mm"]
+    reckoned = evidence.turns_gain(turns_of(8.0))["beyond_mm"]
     five, seven = (np.median(np.random.default_rng(8).normal(0, 8, (n, 40000)), axis=0).std() for n in (5, 7))
     assert reckoned == pytest.approx(five - seven, rel=0.2)
 

@@ -168,11 +168,34 @@ class DisparityErrors:
         moves = self._moves(u, v, disparity) - np.outer(disparity, self._scale)
         return np.asarray((moves - moves.mean(axis=0)) @ self._root)
 
-    def _moves(self, u: Float64, v: Float64, disparity_px: Float64) -> Float64:
-        """Derivatives of disparities of pixels by the rig's parameters, without what turns the scene. (N, s)."""
+    def of_points(self, u: Float64, v: Float64, disparity_px: Float64) -> Float64:
+        """Tell how triangulated points err, each and together.
+
+        Parameters
+        ----------
+        u, v : (N,) float64, px
+            Of the rectified left picture.
+        disparity_px : (N,) float64
+            Above 0.
+
+        Returns
+        -------
+        (N, 3, s) float64, mm
+            `F`, in the rectified left camera's frame: the covariance of coordinates i and j is ``F_i . F_j``, whether
+            of one point or of two.
+        """
+        return np.asarray(self._points_moved(u, v, disparity_px)[1] @ self._root)
+
+    def _points_moved(self, u: Float64, v: Float64, disparity_px: Float64) -> tuple[Float64, Float64]:
+        """Points (N, 3), mm, and their derivatives by the rig's parameters (N, 3, s)."""
         rectified = self.rectified
         points = rectified.triangulate(np.stack([u, v], axis=1), disparity_px)
-        moves = np.einsum("ij,njs->nis", rectified.R1, triangulation_jacobian(rectified.rig, points @ rectified.R1))
+        moves = triangulation_jacobian(rectified.rig, points @ rectified.R1)
+        return points, np.einsum("ij,njs->nis", rectified.R1, moves)
+
+    def _moves(self, u: Float64, v: Float64, disparity_px: Float64) -> Float64:
+        """Derivatives of disparities of pixels by the rig's parameters, without what turns the scene. (N, s)."""
+        points, moves = self._points_moved(u, v, disparity_px)
         depth, rays = points[:, 2:], points[:, :2] / points[:, 2:]
         ahead, (x, y) = moves[:, 2] / depth, rays.T
         unzoomed = moves[:, :2] / depth[..., None] - rays[..., None] * (ahead - self._focal)[:, None]  # zoom: -focal

@@ -89,8 +89,8 @@ def find_step_pattern(readings_mm: ArrayLike, powers: Sequence[float] = STEP_POW
     -----
     A sensor whose step is ``q r^p`` counts evenly in ``x``, with ``dx = dr / (r / at)^p``: a clock (p = 0) in r, the
     place of a spot on a chip, ``s = f b / r`` (p = 2), in 1 / r. For every p the readings' x are searched for a period:
-    ``score = |sum exp(2 pi i x / q)|^2 / n``, over all q from 1.2 to 4 mm: one of 1 mm, the packet's own, would always fit, with p = 0. Of readings without the period q the score
-    exceeds s with the probability ``exp(-s)``.
+    ``score = |sum exp(2 pi i x / q)|^2 / n``, over all q from 1.2 to 4 mm: one of 1 mm, the packet's own, would always
+    fit, with p = 0. Of readings without the period q the score exceeds s with the probability ``exp(-s)``.
 
     Examples
     --------

@@ -94,6 +94,11 @@ class CensusSGM:
     outside_cost: int = 16
 
     def __post_init__(self) -> None:
+        for name in ("num_disparities", "block_size", "p1", "p2", "halvings", "outside_cost"):
+            value = getattr(self, name)
+            if not isinstance(value, int | np.integer):
+                raise ValueError(f"{name} must be a whole number, got {value!r}")
+            object.__setattr__(self, name, int(value))  # products of numpy's small ones may run over
         odd = (*self.census_px, self.block_size)
         if any(n < 1 or n % 2 == 0 for n in odd) or self.census_px[0] * self.census_px[1] > 64:
             raise ValueError(f"windows need odd edges, the census at most 64 pixels; got {self.census_px}, {odd[2]}")

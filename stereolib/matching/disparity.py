@@ -59,7 +59,7 @@ def disparity_to_depth(disparity_px: npt.ArrayLike, f_px: float, baseline_mm: fl
     Parameters
     ----------
     disparity_px : (H, W) array
-        NaN or <= 0 is invalid.
+        NaN, infinite or <= 0 is invalid.
     f_px, baseline_mm : float
         Of the rectified rig.
 
@@ -80,7 +80,7 @@ def disparity_to_depth(disparity_px: npt.ArrayLike, f_px: float, baseline_mm: fl
     if not (f_px > 0 and baseline_mm > 0):
         raise ValueError(f"focal length and baseline must be positive, got {f_px} px and {baseline_mm} mm")
     disparity = np.asarray(disparity_px, float)
-    valid = disparity > 0
+    valid = np.isfinite(disparity) & (disparity > 0)
     if not valid.any():
         advice = "Check that the pair is rectified, the search window covers the scene, and the surfaces have texture"
         raise ValueError(f"the disparity map of shape {disparity.shape} is empty: no pixel was matched. {advice}")
@@ -101,13 +101,16 @@ def depth_to_disparity(depth_mm: npt.ArrayLike, f_px: float, baseline_mm: float)
     Returns
     -------
     float64 of the same shape, px
+        NaN where the depth is not above 0; 0 of an infinite one.
 
     Examples
     --------
     >>> float(depth_to_disparity(706.8, f_px=760, baseline_mm=93))
     100.0
     """
-    return f_px * baseline_mm / np.asarray(depth_mm, np.float64)
+    depth = np.asarray(depth_mm, np.float64)
+    disparity_px: Float64 = f_px * baseline_mm / np.where(depth > 0, depth, np.nan)
+    return disparity_px
 
 
 def left_right_check(left_px: Floats, right_px: Floats, tolerance_px: float = 1.0) -> Floats:
@@ -124,6 +127,11 @@ def left_right_check(left_px: Floats, right_px: Floats, tolerance_px: float = 1.
     -------
     (H, W) float as `left_px`, px
         NaN where the two disagree, or the match lies outside the right image.
+
+    Raises
+    ------
+    ValueError
+        If the maps differ in shape.
 
     Examples
     --------
@@ -148,13 +156,21 @@ def left_right_difference(left_px: Floats, right_px: Floats) -> Floats:
     (H, W) float as `left_px`, px
         NaN where either is, or the match lies outside the right image.
 
+    Raises
+    ------
+    ValueError
+        If the maps differ in shape.
+
     Examples
     --------
     >>> left_right_difference(np.full((1, 4), 1.0), np.array([[1.0, 5.0, 1.0, np.nan]]))
     array([[nan,  0.,  4.,  0.]])
     """
+    left_px, right_px = np.asarray(left_px), np.asarray(right_px)
+    if left_px.ndim != 2 or left_px.shape != right_px.shape:
+        raise ValueError(f"both views' maps must be (H, W), got {left_px.shape} and {right_px.shape}")
     width = left_px.shape[1]
     target = np.where(np.isfinite(left_px), np.rint(np.arange(width) - np.nan_to_num(left_px)), -1).astype(int)
     other = np.take_along_axis(right_px, np.clip(target, 0, width - 1), axis=1)
-    difference: Floats = np.where(target >= 0, np.abs(other - left_px), np.nan)
+    difference: Floats = np.where((target >= 0) & (target < width), np.abs(other - left_px), np.nan)
     return difference

@@ -38,11 +38,13 @@ def check_map(disparity_px: npt.ArrayLike, size_px: float = 1) -> tuple[Float32,
     Raises
     ------
     ValueError
-        If the map has another shape or is empty, or the edge is no odd whole number from 1 on.
+        If the map has another shape, is empty or infinite somewhere, or the edge is no odd whole number from 1 on.
     """
-    disparity = np.asarray(disparity_px, np.float32)
-    if disparity.ndim != 2 or disparity.size == 0:
-        raise ValueError(f"expected a disparity map of shape (H, W), got {disparity.shape}")
+    disparity = np.ascontiguousarray(disparity_px, np.float32)  # OpenCV's filters of 16 bits take no other
+    if np.ndim(disparity_px) != 2 or disparity.size == 0:
+        raise ValueError(f"expected a disparity map of shape (H, W), got {np.shape(disparity_px)}")
+    if np.isinf(disparity).any():
+        raise ValueError("the map has infinite disparities: NaN is a hole")
     if size_px < 1 or size_px % 2 == 0 or int(size_px) != size_px:
         raise ValueError(f"the kernel's edge must be an odd whole number of pixels from 1 on, got {size_px}")
     return disparity, int(size_px)
@@ -155,7 +157,8 @@ def inpaint(disparity_px: npt.ArrayLike, size_px: int = 5, *, method: str = "tel
     size_px : int
         Odd edge of the neighbourhood of OpenCV's methods; the biharmonic one has none.
     method : {"telea", "navier_stokes", "biharmonic"}
-        `cv2.inpaint` twice, and `skimage.restoration.inpaint_biharmonic` (slow: a linear system over all holes).
+        `cv2.inpaint` twice (Telea's does not stay level in a large hole even where all around it is), and
+        `skimage.restoration.inpaint_biharmonic` (slow: a linear system over all holes).
 
     Returns
     -------

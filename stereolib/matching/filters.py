@@ -79,6 +79,7 @@ def dilate_set(pixels: Bools, size_px: int, *, shape: str = "rect") -> Bools:
     """
     if np.asarray(pixels).dtype != bool or np.ndim(pixels) != 2:
         raise ValueError("the set operation needs a set: a mask (H, W) of bool, for example disparity_px >= 90")
+    pixels = np.asarray(pixels)
     size, (height, width) = filling.check_map(np.zeros((1, 1)), size_px)[1], pixels.shape
     roomy, grown = np.pad(pixels, size // 2), np.zeros_like(pixels)
     for row, column in np.argwhere(_kernel(shape, size)):

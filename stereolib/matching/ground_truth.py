@@ -226,7 +226,7 @@ def seen_by_both(truth_px: Floats) -> Bools:
     rows, columns = np.nonzero(np.isfinite(truth_px))
     disparity = truth_px[rows, columns]
     target = np.rint(columns - disparity).astype(int)
-    inside = target >= 0
+    inside = (target >= 0) & (target < truth_px.shape[1])
     nearest = np.full(truth_px.shape, -np.inf)
     np.maximum.at(nearest, (rows[inside], target[inside]), disparity[inside])
     visible = np.zeros(truth_px.shape, bool)

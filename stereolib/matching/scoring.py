@@ -202,10 +202,12 @@ def overreach_px(disparity_px: Floats, truth_px: Floats, on_object: Bools, step_
     ValueError
         If the object is no mask of the map's shape, or no row has such a border.
     """
-    on_object = check_mask(on_object, np.shape(truth_px), "on_object")
+    disparity_px, truth_px = np.asarray(disparity_px), np.asarray(truth_px)
+    on_object = check_mask(on_object, truth_px.shape, "on_object")
     width, rows = on_object.shape[1], np.flatnonzero(on_object.any(axis=1))
     last = width - 1 - on_object[rows, ::-1].argmax(axis=1)
-    upright = np.abs(np.gradient(last.astype(float))) <= 1 if len(last) > 1 else np.array([True])
+    moves = np.abs(np.diff(last, prepend=last[:1], append=last[-1:]))
+    upright = np.maximum(moves[:-1], moves[1:]) <= 1
     rows, last = rows[upright & (last < width - 1)], last[upright & (last < width - 1)]
     near, far = truth_px[rows, last], truth_px[rows, last + 1]
     clear = near - far >= step_px

@@ -21,6 +21,7 @@ _MODES = {
 }
 _LARGEST = 32767  # OpenCV adds up costs in 16 bits
 _LEAST_ROOM = 88  # grey levels; see SGBMParams.room
+_FARTHEST_PX = 2047  # OpenCV returns disparities in 16 bits, too
 _WIDEST = 1024  # disparities; more than any picture that fits a matcher's memory asks for
 
 
@@ -71,6 +72,8 @@ class SGBMParams:
         for name, value in ((f.name, getattr(self, f.name)) for f in fields(self) if f.name != "mode"):
             if not (isinstance(value, int | np.integer) or (value is None and name in ("p1", "p2"))):
                 raise ValueError(f"{name} must be a whole number, got {value!r}")
+            if isinstance(value, np.integer):  # whose products may run over
+                object.__setattr__(self, name, int(value))
         if self.mode not in _MODES:
             raise ValueError(f"unknown mode {self.mode!r}; choose one of {', '.join(_MODES)}")
         self._check_window_and_block()
@@ -89,6 +92,9 @@ class SGBMParams:
             below = max(16, n // 16 * 16)
             near = f"near are {below}, {below + 16}"
             raise ValueError(f"num_disparities must be a positive multiple of 16, got {n}; {near}")
+        if self.min_disparity < -_FARTHEST_PX or self.min_disparity + n - 1 > _FARTHEST_PX:
+            got = f"got {self.min_disparity} to {self.min_disparity + n - 1}: take smaller pictures"
+            raise ValueError(f"OpenCV knows disparities from {-_FARTHEST_PX} to {_FARTHEST_PX} px, {got}")
         if block < 1 or block % 2 == 0:
             below = max(1, block - 1)
             raise ValueError(f"block_size must be odd and at least 1, got {block}; near are {below}, {below + 2}")

@@ -9,11 +9,14 @@ import numpy as np
 import numpy.typing as npt
 
 from stereolib.base import Bools, Float32, Float64, Floats, UInt8
+from stereolib.calibration import DisparityErrors
 from stereolib.matching import CheckedMatch, disparity_to_depth, match_checked
 from stereolib.measurement.disparity_map import pixel_rays
 from stereolib.measurement.instrument import Instrument
 
 _MOST_STD = 0.1  # of a point's depth: what is known worse is no point
+_APART_PX, _DISPARITIES = 16, 5  # places and disparities for which the calibration's errors are told
+_LEAST = 1e-9  # of a depth, so that there is a logarithm
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,20 +52,29 @@ class DepthMap:
     def std_mm(self) -> Float32 | None:
         """Standard deviation of each depth: the matcher's, and what the calibration leaves open. (H, W).
 
-        ``(std_Z / Z)^2 = (std_d / d)^2 + g' C g``, where C is the covariance of f, B and an offset of all disparities,
-        and ``g = (1 / f, 1 / B, 1 / d)``. None where the pipeline tells no deviation.
+        ``(std_Z / Z)^2 = (std_d / d)^2 + (std_c / d)^2 + s^2``, std_c that of a shift which correcting the rows may
+        have left, s the calibration's: where the errors from place to place are known, those of the point
+        (`DisparityErrors.of_points`), told every 16 px for five disparities and interpolated; else ``s^2 = g' C g``, C
+        the covariance of f, B and an offset of all disparities, ``g = (1 / f, 1 / B, 1 / d)``. None where the pipeline
+        tells no deviation.
         """
         std_px = self.match.estimate.std_px
         if std_px is None:
             return None
-        rectified, d = self.instrument.rectified, np.where(np.isfinite(self.depth_mm), self._disparity_px, np.nan)
-        share = np.square(std_px / d)
+        d = np.where(np.isfinite(self.depth_mm), self._disparity_px, np.nan).astype(np.float64)
+        share = (np.square(std_px) + self.match.columns_std_px**2) / np.square(d)
+        errors = self.instrument.uncertainty.errors
+        share += self._alike(d) if errors is None else _from_place_to_place(errors, d)
+        return np.asarray(self.depth_mm * np.sqrt(share), np.float32)
+
+    def _alike(self, d: Float64) -> Float64:
+        """Relative variance of depths by a calibration's errors that are the same all over the picture. (H, W)."""
+        rectified, share = self.instrument.rectified, np.zeros(d.shape)
         g = (1 / rectified.f_px, 1 / rectified.baseline_mm, 1 / d)
-        known = self.instrument.uncertainty.with_offset(self.match.columns_std_px)
-        for row, first in zip(known.covariance, g, strict=True):
+        for row, first in zip(self.instrument.uncertainty.covariance, g, strict=True):
             for value, second in zip(row, g, strict=True):
                 share = share + value * first * second
-        return np.asarray(self.depth_mm * np.sqrt(share), np.float32)
+        return share
 
     @property
     def _disparity_px(self) -> Float32:
@@ -122,6 +134,27 @@ def measure_depth(
     return DepthMap(match, pair[0], instrument, filled)
 
 
+def _from_place_to_place(errors: DisparityErrors, d: Float64) -> Float64:
+    """Relative variance of depths by a calibration's errors, of disparities (H, W); NaN stays."""
+    from scipy.interpolate import RegularGridInterpolator
+
+    known = np.isfinite(d)
+    if not known.any():
+        return d
+    low, high = float(d[known].min()), float(d[known].max())
+    disparities = np.geomspace(low, max(high, 1.01 * low), _DISPARITIES)
+    rows, columns = (np.linspace(0, n - 1, max(2, -(-n // _APART_PX) + 1)) for n in d.shape)
+    v, u, at = np.meshgrid(rows, columns, disparities, indexing="ij")
+    inside = np.maximum(u, at)  # else the right camera does not see it
+    points = errors.rectified.triangulate(np.stack([inside.ravel(), v.ravel()], axis=1), at.ravel())
+    std = np.linalg.norm(errors.of_points(inside.ravel(), v.ravel(), at.ravel())[:, 2], axis=1) / points[:, 2]
+    between = RegularGridInterpolator((rows, columns, np.log(disparities)), np.log(std + _LEAST).reshape(at.shape))
+    out = np.full(d.shape, np.nan)
+    within = np.clip(np.log(d[known]), np.log(disparities[0]), np.log(disparities[-1]))
+    out[known] = np.exp(2 * between(np.column_stack([*np.nonzero(known), within])))
+    return out
+
+
 def whole_mm(depth_mm: Floats) -> npt.NDArray[np.uint16]:
     """Turn a depth map into whole millimetres, as a depth picture of 16 bits has them.
 
@@ -132,7 +165,7 @@ def whole_mm(depth_mm: Floats) -> npt.NDArray[np.uint16]:
     Returns
     -------
     (H, W) uint16, mm
-        0 where there is no depth, or one beyond 65,535 mm.
+        0 where there is no depth above 0, or one beyond 65,535 mm.
 
     References
     ----------
@@ -144,4 +177,4 @@ def whole_mm(depth_mm: Floats) -> npt.NDArray[np.uint16]:
     [[700, 0, 0]]
     """
     whole = np.rint(np.nan_to_num(depth_mm, nan=0.0))
-    return np.where(whole <= np.iinfo(np.uint16).max, whole, 0).astype(np.uint16)
+    return np.where((whole >= 0) & (whole <= np.iinfo(np.uint16).max), whole, 0).astype(np.uint16)

@@ -197,7 +197,12 @@ def _around(at: int, by: int, most: int) -> slice:
 
 
 def measure_between(
-    one: SurfacePoint, other: SurfacePoint, rectified: RectifiedRig, uncertainty: SystematicUncertainty | None = None
+    one: SurfacePoint,
+    other: SurfacePoint,
+    rectified: RectifiedRig,
+    uncertainty: SystematicUncertainty | None = None,
+    *,
+    columns_std_px: float = 0.0,
 ) -> Between:
     """Measure how far two points lie apart.
 
@@ -207,6 +212,8 @@ def measure_between(
     rectified : RectifiedRig
     uncertainty : SystematicUncertainty, optional
         What the calibration leaves open.
+    columns_std_px : float
+        Standard deviation of something else that shifts all disparities.
 
     Returns
     -------
@@ -215,21 +222,23 @@ def measure_between(
     Raises
     ------
     ValueError
-        If a disparity is not positive: such a point lies nowhere; or both are one point, of whose length, 0, no
-        deviation can be told.
+        If a disparity is not positive and finite: such a point lies nowhere; or both are one point, of whose length,
+        0, no deviation can be told.
 
     Notes
     -----
     ``X = (u - c_x) B / d, Y = (v - c_y) B / d, Z = f B / d`` (`RectifiedRig`); derivatives of the length by central
-    differences.
+    differences. Where the errors from place to place are known, those of f, B and an offset are left out for them: the
+    length errs by what both points do along it (`DisparityErrors.of_points`).
     """
     for point in (one, other):
-        if not point.disparity_px > 0:
+        if not 0 < point.disparity_px < np.inf:
             where = point.name or _rectified_name(point.pixel)
             raise ValueError(f"{where} has a disparity of {point.disparity_px:.1f} px: too far to measure")
     if one.disparity_px == other.disparity_px and np.array_equal(one.pixel, other.pixel):
         raise ValueError(f"both ends are {one.name or _rectified_name(one.pixel)}: a length has two")
-    known = (uncertainty or SystematicUncertainty()).covariance
+    known = uncertainty or SystematicUncertainty()
+    alike = (known if known.errors is None else SystematicUncertainty()).with_offset(columns_std_px)
     K = rectified.P1[:, :3]
 
     def points(values: Float64) -> Float64:
@@ -244,13 +253,17 @@ def measure_between(
     at = np.array([*one.pixel, one.disparity_px, *other.pixel, other.disparity_px, 0.0, 0.0, 0.0])
     covariance = np.zeros((9, 9))
     each = [_CLICK_STD_PX, _CLICK_STD_PX, one.std_px, _CLICK_STD_PX, _CLICK_STD_PX, other.std_px]
-    covariance[:6, :6], covariance[6:, 6:] = np.diag(np.square(each)), known
+    covariance[:6, :6], covariance[6:, 6:] = np.diag(np.square(each)), alike.covariance
     for first, point in ((0, one), (3, other)):  # what is picked beside it lies on the same surface
         moved = _CLICK_STD_PX * np.column_stack([np.eye(2), point.slope]).T  # of u, v and d
         covariance[first : first + 3, first : first + 3] = moved @ moved.T + np.diag([0.0, 0.0, point.std_px**2])
     steps = 1e-3 * np.eye(9)
     slope = np.array([(length(at + step) - length(at - step)) / 2e-3 for step in steps])
-    return Between(points(at), at[[2, 5]], length(at), float(np.sqrt(slope @ covariance @ slope)))
+    variance = float(slope @ covariance @ slope)
+    if known.errors is not None:
+        moved = np.subtract(*known.errors.of_points(*at[:6].reshape(2, 3).T))
+        variance += float(np.square(np.subtract(*points(at)) / length(at) @ moved).sum())
+    return Between(points(at), at[[2, 5]], length(at), float(np.sqrt(variance)))
 
 
 def length_between(
@@ -288,8 +301,7 @@ def length_between(
     views = Views.of(left, right, rectified)
     map_px = match_views(views)
     one, other = (find_surface(views, map_px, at, name) for at, name in zip(ends, names, strict=True))
-    known = instrument.uncertainty.with_offset(views.rows.columns_std_px)
-    found = measure_between(one, other, rectified, known)
+    found = measure_between(one, other, rectified, instrument.uncertainty, columns_std_px=views.rows.columns_std_px)
     unseen = instrument.turned_unseen(float(found.depth_mm.mean()))
     return replace(found, warnings=(*views.rows.warnings, *instrument.warnings, unseen))
 

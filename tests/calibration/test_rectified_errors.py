@@ -175,3 +175,21 @@ def test_what_scales_the_whole_scene_is_no_error_of_one_place():
     longer = {f"T{axis}": 0.01 * part for axis, part in zip("xyz", rig.T, strict=True)}
     assert moved_by(**longer) < 0.01 * moved_by(right_fx=0.01 * rig.right.K[0, 0])
     assert not moved_by()
+
+
+def test_points_and_lengths_err_by_what_is_stated(calibrated):
+    """Depths, and lengths between points at one depth and at two, in the middle of the picture and beside it."""
+    truth, every = calibrated
+    ends = AHEAD_MM * np.array([[0.0, 0.0, 1.0], [-0.25, 0.0, 1.0], [0.25, 0.15, 1.0], [0.1, -0.15, 1.4]])
+    depth_z, length_z = [], []
+    for errors in every:
+        pixels, disparity = seen_by(truth, errors.rectified, ends)
+        found, moved = errors.rectified.triangulate(pixels, disparity), errors.of_points(*pixels.T, disparity)
+        true = ends @ errors.rectified.R1.T
+        depth_z.append((found - true)[:, 2] / np.linalg.norm(moved[:, 2], axis=1))
+        for i, j in ((0, 1), (1, 2), (0, 3)):
+            length = np.linalg.norm(found[i] - found[j])
+            along = (found[i] - found[j]) / length @ (moved[i] - moved[j])
+            length_z.append((length - np.linalg.norm(ends[i] - ends[j])) / np.linalg.norm(along))
+    for z in (depth_z, length_z):
+        assert 0.5 < np.sqrt(np.mean(np.square(z))) < 1.4

@@ -75,7 +75,7 @@ def test_a_refused_cube_gives_no_verdict_in_favour():
     blank = np.zeros((480, 640, 3), np.uint8)
     refused = attempt_height(blank, blank, paper_rig().rectify())
     sizes = evidence.sizes_by_depth_equation(hold_out_rigs(views_of(paper_rig())), recordings.BOARD, refused, TRUE_MM)
-    assert verdict_of("eq.depth", sizes) == "holds in part" and np.isnan(sizes["distance_pct"])
+    assert verdict_of("eq.depth", sizes) == "follows in part" and np.isnan(sizes["distance_pct"])
 
 
 def test_a_wrong_equation_is_refuted_too(monkeypatch):

@@ -259,3 +259,13 @@ def test_a_cap_between_two_grey_levels_is_no_more_than_it_says():
 def test_nothing_is_read_beyond_a_picture_of_another_shape():
     with pytest.raises(ValueError, match=r"the picture has shape \(2, 5\), the costs \(H, D, W\) are \(3, 5, 7\)"):
         paths.aggregate(np.zeros((3, 5, 7), np.uint8), np.zeros((2, 5), np.uint8), 20, 90, 5.0)
+
+
+@pytest.mark.parametrize("wrong", [{"num_disparities": 16.5}, {"p1": 2.5}, {"halvings": 1.0}])
+def test_numbers_that_are_not_whole_are_refused(wrong):
+    with pytest.raises(ValueError, match="must be a whole number"):
+        census_sgm.CensusSGM(**wrong)
+
+
+def test_numbers_of_numpy_do_not_run_over():
+    assert census_sgm.CensusSGM(num_disparities=np.uint8(240)).num_disparities * 2 == 480

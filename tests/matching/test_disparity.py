@@ -196,3 +196,19 @@ def test_images_of_another_kind_are_refused(dtype):
 def test_depth_needs_a_lens_and_a_baseline(f_px, baseline_mm):
     with pytest.raises(ValueError, match="focal length and baseline must be positive"):
         disparity_to_depth(np.ones((2, 2)), f_px, baseline_mm)
+
+
+@pytest.mark.parametrize("shapes", [((2, 4), (2, 7)), ((2, 4), (5, 4)), ((4,), (4,))])
+def test_views_of_other_shapes_are_not_compared(shapes):
+    with pytest.raises(ValueError, match=r"both views' maps must be \(H, W\)"):
+        left_right_check(*(np.ones(shape) for shape in shapes))
+
+
+def test_a_match_beyond_either_side_of_the_right_picture_is_none():
+    for d in (-2.0, 2.0):
+        assert np.isnan(left_right_check(np.full((1, 4), d), np.full((1, 4), d))).sum() == 2
+
+
+def test_what_is_infinitely_near_or_behind_has_no_depth_and_no_disparity():
+    np.testing.assert_array_equal(disparity_to_depth([np.inf, 1.0, -1.0], 700, 90), [np.nan, 63000, np.nan])
+    np.testing.assert_array_equal(depth_to_disparity([0.0, -5.0, np.inf, 63000.0], 700, 90), [np.nan, np.nan, 0, 1])

@@ -254,3 +254,15 @@ def test_the_union_of_one_pixel_is_the_kernel() -> None:
 def test_a_union_needs_a_set() -> None:
     with pytest.raises(ValueError, match="mask"):
         filters.dilate_set(np.ones((4, 4)), 3)
+
+
+def test_a_map_that_lies_otherwise_in_memory_is_filtered_alike():
+    turned = np.random.default_rng(2).integers(8, 12, (40, 30)).astype(np.float32).T
+    np.testing.assert_array_equal(
+        filters.smooth(turned, "speckle", size_px=3), filters.smooth(turned.copy("C"), "speckle", size_px=3)
+    )
+
+
+def test_an_infinite_disparity_is_refused():
+    with pytest.raises(ValueError, match="NaN is a hole"):
+        filters.smooth([[1.0, np.inf], [2.0, 3.0]], "background")

@@ -10,6 +10,7 @@ from support.views import small_view
 
 from stereolib.matching import (
     motorcycle_view,
+    seen_by_both,
 )
 
 
@@ -52,3 +53,7 @@ def test_the_motorcycles_hidden_pixels_are_hidden():
         assert there < 0 or view.truth_px[row][others].max() >= view.truth_px[row, column] + 1 - 1e-6
         inside += there >= 0
     assert inside > 50
+
+
+def test_a_pixel_that_would_lie_beyond_the_right_picture_is_not_seen_there():
+    np.testing.assert_array_equal(seen_by_both(np.array([[-3.0, 1.0]])), [[False, True]])

@@ -206,3 +206,12 @@ def test_scatter_is_what_the_errors_have_beside_their_mean():
     error = np.array([0.5, 1.5, -0.5, 3.0, 40.0, np.nan])  # the last two are not within 4 px
     quality = scoring.score(20 + error, np.full(6, 20.0))
     assert quality.scatter_px == pytest.approx(np.std(error[:4])) and quality.bias_px == pytest.approx(1.125)
+
+
+def test_a_border_that_goes_to_and_fro_is_not_upright():
+    on, truth = np.zeros((20, 120), bool), np.full((20, 120), 10.0)
+    for row in range(20):
+        on[row, : (60, 90)[row % 2]] = True
+    truth[on] = 60.0
+    with pytest.raises(ValueError, match="no row where the object stands"):
+        scoring.overreach_px(truth, truth, on)

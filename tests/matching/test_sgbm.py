@@ -120,3 +120,20 @@ def test_opencv_runs_over_where_it_is_refused_and_not_below():
     SGBMParams(block_size=19, p1=200, p2=800)
     with pytest.raises(ValueError, match="runs over"):
         SGBMParams(block_size=19)
+
+
+@pytest.mark.parametrize("window", [(16, -2048), (16, 2040), (1024, 1100)])
+def test_disparities_that_opencv_cannot_write_down_are_refused(window):
+    with pytest.raises(ValueError, match="OpenCV knows disparities from -2047 to 2047 px"):
+        SGBMParams(window[0], min_disparity=window[1])
+
+
+def test_the_farthest_disparities_that_are_taken_are_found():
+    left = np.random.default_rng(0).integers(0, 256, (30, 2300), np.uint8)
+    for by, first in ((2040, 2032), (-2040, -2047)):
+        found = compute_disparity(left, np.roll(left, -by, axis=1), SGBMParams(16, min_disparity=first))
+        assert np.nanmedian(found) == by
+
+
+def test_numbers_of_numpy_do_not_run_over():
+    assert SGBMParams(np.uint8(240), np.uint8(9), np.uint8(32)) == SGBMParams(240, 9, 32)

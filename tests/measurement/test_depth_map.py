@@ -6,10 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support.corners import corner_set
 from support.instruments import RECT
 
+from stereolib.calibration import fit_rig, rig_covariance
 from stereolib.matching import CheckedMatch, DisparityEstimate
 from stereolib.measurement import DepthMap, Instrument, SystematicUncertainty, measure_depth, whole_mm
+from stereolib.paper import paper_rig
 from stereolib.virtual import recordings
 
 KNOWN = SystematicUncertainty(4.0, 0.5, 0.3, (0.5, -0.4, 0.2))
@@ -76,7 +79,7 @@ def test_what_may_be_anywhere_has_no_depth():
 
 
 def test_sixteen_bits_end_at_65_m():
-    assert whole_mm(np.array([65535.4, 65536.0, 0.4, np.nan])).tolist() == [65535, 0, 0, 0]
+    assert whole_mm(np.array([65535.4, 65536.0, 0.4, np.nan, -5.0, -1e9])).tolist() == [65535, 0, 0, 0, 0, 0]
 
 
 def test_a_pair_as_it_comes():
@@ -88,3 +91,17 @@ def test_a_pair_as_it_comes():
     assert np.median(np.abs(found.depth_mm / true_mm - 1)[seen]) < 0.005
     with pytest.raises(ValueError, match="exchanged"):
         measure_depth(*pair[::-1], Instrument(RECT), "fast")
+
+
+def test_what_a_calibration_leaves_open_is_told_where_the_pixel_is():
+    """The errors of the corners of a picture, where boards hardly come, are many times those of its middle."""
+    fit = fit_rig(corner_set(np.random.default_rng(5), rig=paper_rig(), noise_px=0.15), paper_rig())
+    rectified, covariance = fit.rig.rectify(), rig_covariance(fit)
+    known, plain = SystematicUncertainty.of(rectified, covariance), depth_map(filled=True, std_px=1e-6)
+    found = replace(plain, instrument=Instrument(rectified, uncertainty=known))
+    rows, columns = np.array([240, 60, 300, 470]), np.array([330, 400, 620, 600])
+    d = found.match.estimate.disparity_px[rows, columns].astype(float)
+    exact = np.linalg.norm(known.errors.of_points(columns.astype(float), rows.astype(float), d)[:, 2], axis=1)
+    np.testing.assert_allclose(found.std_mm[rows, columns], exact, rtol=0.1)
+    alike = replace(plain, instrument=Instrument(rectified, uncertainty=replace(known, errors=None)))
+    assert found.std_mm[470, 600] > 2 * alike.std_mm[470, 600]

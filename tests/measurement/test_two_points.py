@@ -7,8 +7,10 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
+from support.corners import corner_set
 
 from stereolib.base import Float64
+from stereolib.calibration import fit_rig, rig_covariance
 from stereolib.measurement import (
     Instrument,
     SurfacePoint,
@@ -19,6 +21,7 @@ from stereolib.measurement import (
     match_views,
     measure_between,
 )
+from stereolib.paper import paper_rig
 from stereolib.virtual import Truth, recordings
 
 RECTIFIED = recordings.rectified()
@@ -146,6 +149,19 @@ def test_the_calibration_widens_the_interval() -> None:
     known = measure_between(one, other, RECTIFIED, SystematicUncertainty(baseline_mm=0.01 * RECTIFIED.baseline_mm))
     assert known.length_mm == bare.length_mm
     assert known.std_mm == pytest.approx(np.hypot(bare.std_mm, 0.01 * bare.length_mm), rel=1e-3)
+
+
+def test_errors_from_place_to_place_take_the_place_of_those_of_the_whole_picture() -> None:
+    fit = fit_rig(corner_set(np.random.default_rng(5), rig=paper_rig(), noise_px=0.15), paper_rig())
+    rectified, covariance = fit.rig.rectify(), rig_covariance(fit)
+    known = SystematicUncertainty.of(rectified, covariance)
+    one, other = SurfacePoint(np.array([560.0, 60]), 80.0, 0.05), SurfacePoint(np.array([600.0, 400]), 80.0, 0.05)
+    bare = measure_between(one, other, rectified)
+    found = measure_between(one, other, rectified, known, columns_std_px=0.2)
+    moved = np.subtract(*known.errors.of_points(*np.array([[560.0, 60, 80], [600, 400, 80]]).T))
+    along = np.subtract(*bare.points_mm) / bare.length_mm @ moved
+    shift = 0.2 / 80 * bare.length_mm  # of both disparities alike
+    assert found.std_mm == pytest.approx(np.sqrt(bare.std_mm**2 + along @ along + shift**2), rel=1e-3)
 
 
 def test_what_cannot_be_told() -> None:

@@ -12,6 +12,7 @@ from stereolib.base import Float64, UInt8
 from stereolib.measurement.floor import Floor
 from stereolib.measurement.measure import Measurement
 from stereolib.measurement.measured_object import UNSURE_MM, MeasuredObject
+from stereolib.rig import check_image
 
 #: Left, upper, right and lower end of something in a picture, px.
 Frame: TypeAlias = tuple[float, float, float, float]
@@ -152,7 +153,15 @@ def draw_length(left: UInt8, pixels: Sequence[tuple[float, float]], text: str) -
     Returns
     -------
     (H, W, 3) uint8
+
+    Raises
+    ------
+    ValueError
+        If it is no picture, or a pixel is none.
     """
+    check_image(left)
+    if not np.isfinite(pixels).all():
+        raise ValueError(f"a line needs two pixels, got {pixels}")
     picture = cv2.cvtColor(left, cv2.COLOR_GRAY2BGR) if left.ndim == 2 else left.copy()
     ends = np.array(pixels, float)
     whole = np.rint(np.clip(ends, -_FAR_PX, _FAR_PX)).astype(int).tolist()
@@ -171,12 +180,14 @@ def add_caption(picture: UInt8, text: str) -> UInt8:
     ----------
     picture : (H, W, 3) uint8
     text : str
-        Shrunk to the picture's width.
+        Shrunk to the picture's width; nothing is added if there is none.
 
     Returns
     -------
     (H + h, W, 3) uint8
     """
+    if not text:
+        return picture
     (wide, high), low = cv2.getTextSize(text, _FONT, 1.0, 1)
     width = picture.shape[1]
     scale = min(_CAPTION_SCALE * _larger(picture), (width - 2 * _MARGIN_PX) / wide)

@@ -175,3 +175,10 @@ def test_a_text_that_would_cover_another_object_is_shortened(beside, short):
     _label(picture, ("no size: depth hidden, cut", "-"), corners, (255, 0, 0), taken, [(beside, 0, 640, 300)])
     ((left, _, right, _),) = taken
     assert (right - left < 40) is short and right < beside
+
+
+def test_a_line_of_no_pixels_and_an_empty_caption():
+    picture = np.zeros((40, 60, 3), np.uint8)
+    with pytest.raises(ValueError, match="two pixels"):
+        draw_length(picture, [(np.nan, 3.0), (20.0, 10.0)], "1 mm")
+    assert add_caption(picture, "") is picture

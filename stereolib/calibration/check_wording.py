@@ -66,15 +66,16 @@ _WAYS = {
 
 def check_findings(check: CalibrationCheck, bent: str) -> Iterator[str]:
     """Yield what is wrong, causes first; ``bent`` says how the board is bent, if it is."""
-    if check.sizes.square_error_pct > _OTHER_PCT or check.row_rms_px > _OTHER_ROWS * check.views.size[0]:
+    is_other = check.sizes.square_error_pct > _OTHER_PCT or check.row_rms_px > _OTHER_ROWS * check.views.size[0]
+    if is_other:
         yield "this is far more than a knock does: is the calibration of these cameras, and are the squares as told?"
-    if bent:
+    elif bent:
         yield bent
     else:
         yield from (_moved_text(check, moved) for moved in check.movement.named)
     over = [str(limited) for limited in check.checks if limited.level]
     yield from over
-    if not bent and not check.movement.named:
+    if not (is_other or bent or check.movement.named):
         explained = "the calibration's own deviations and the corners' noise explain that: nothing has moved for sure"
         yield explained if over else "nothing has moved that these pairs can tell"
 

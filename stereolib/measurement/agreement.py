@@ -153,7 +153,8 @@ class Agreement:
         values, least, most = self._limits(known, look)
         good, bad = self._agrees(values, least, known), ~(values > most) & self._tells(known)
         shown, run = np.isfinite(values), np.zeros(len(values), bool)
-        run[: 1 - _DISAGREE] = np.convolve(bad, np.ones(_DISAGREE), "valid") == _DISAGREE
+        if len(values) >= _DISAGREE:
+            run[: 1 - _DISAGREE] = np.convolve(bad, np.ones(_DISAGREE), "valid") == _DISAGREE
         rim = _first(~shown, len(values))
         gained = np.cumsum(good - _COST * ~good - _AGAIN * run - _OTHER * (aside & self._elsewhere & ~good))[:rim]
         last = int(np.argmax(gained)) if good[:rim].any() else -1

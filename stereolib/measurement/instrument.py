@@ -27,7 +27,8 @@ from stereolib.rig import RectifiedRig, StereoRig, calibration_notes, formats
 _ROTATION_TOLERANCE = 1e-6  # of R R', for which a file's digits are enough
 _CENTIMETRES_MM = 20.0  # no two webcams stand nearer to each other
 _MOST_SCALE = 0.5  # of a laser: no reading is twice as far
-_MOST_STD = 1e6  # of deviations and of the laser's place, mm or px: a kilometre is damage, and products overflow
+_MOST_STD = 1e6  # of deviations, mm or px: a kilometre is damage, and products overflow
+_FARTHEST_MM = 2000.0  # from the left lens to the laser: no rig is larger
 
 
 @dataclass(frozen=True)
@@ -239,7 +240,7 @@ def _uncertainty(
 
 def _lidar(pose: Any, covariance: Any, scale: Any) -> LidarCamera:
     """From what a file says; one without a scale is of a laser whose scale nobody calibrated."""
-    T = finite_array(pose, (4, 4), "T_left_lidar", most=_MOST_STD)
+    T = finite_array(pose, (4, 4), "T_left_lidar", most=_FARTHEST_MM)
     size = 6 if scale is None else 7
     C = finite_array(covariance, (size, size), "covariance", most=_MOST_STD**2)
     e = 0.0 if scale is None else float(finite_array(scale, (), "scale", most=_MOST_SCALE))

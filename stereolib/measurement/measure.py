@@ -19,7 +19,7 @@ from stereolib.measurement.hypotheses import Judged
 from stereolib.measurement.instrument import Instrument
 from stereolib.measurement.laser_on_floor import LaserOnFloor, Lean
 from stereolib.measurement.measured_object import MeasuredObject
-from stereolib.measurement.reasons import Reason, ScanFit
+from stereolib.measurement.reasons import ScanFit
 from stereolib.measurement.regions import OBJECTS_WITHIN_MM
 from stereolib.measurement.standing import Standing, see_standing
 from stereolib.measurement.things import NOWHERE, SCAN_REACH_M, Scene, nearest_mm, scan_fit, scanned_parts
@@ -28,14 +28,10 @@ from stereolib.measurement.views import Views
 _LIKELY = 0.5  # probability from which something is said to have moved
 _BY_CHANCE = 0.15  # share of matched pixels: pictures of two places have 0.08 to 0.14
 _BELOW_CAMERA = "the laser's pose is not known: it is taken to stand straight below the left camera"
-_TURNED = (
-    "nothing that the pictures show is in the scan, which has objects elsewhere: if what they show is higher than its "
-    "plane, its 0 degrees are not where the cameras look, or it counts them clockwise; calibrate-laser finds it out"
-)
 _LEFT_OUT = (
     "its readings are left out, its sizes come from the pictures. Were both taken at one moment, with nothing touching "
-    "it? If this is said of many objects, the laser has moved: run calibrate-laser again; or the cameras' scale is off "
-    "(the board's squares, the distance between the cameras): calibrate with --ruler-mm"
+    "it? If this is said of many objects, the laser is elsewhere or was turned: run calibrate-laser (again); or the "
+    "cameras' scale is off (the board's squares, the distance between the cameras): calibrate with --ruler-mm"
 )
 
 
@@ -143,7 +139,7 @@ def measure_standing(standing: Standing, scan: LaserScan | None) -> Measurement:
     scene = Scene(standing, bool(footprints), priors.laser.points_mm(walls_mm), on_floor)
     things, unlike = scene.things(footprints)
     judged, things = scene.solved(things)
-    fit, everything = scan_fit(things), len(things)
+    fit, everything = scan_fit(things, is_placed=instrument.lidar is not None), len(things)
     judged, things = scene.without_phantoms(judged, things, fit)
     elsewhere = [f"{fit.value} What it alone shows is left out"] if len(things) < everything else []
     objects = sorted(scene.measured(judged, things), key=lambda thing: float(np.hypot(*thing.position_mm)))
@@ -152,8 +148,6 @@ def measure_standing(standing: Standing, scan: LaserScan | None) -> Measurement:
         warnings.append(f"nothing stands on the floor within {reach}")
     laser = judged.solution.on_floor(priors.laser)
     readings = NOWHERE if scan is None else laser.points_mm(points_mm(scan))
-    if footprints and instrument.lidar is None and fit is ScanFit.UNTOLD and any(map(_is_not_in_scan, objects)):
-        warnings.append(_TURNED)
     warnings += [*unlike, *elsewhere, *_said_of_the_rig(views, judged, nearest_mm(judged, things), instrument)]
     pictures = views.left, views.right, views.disparity_px
     return Measurement(tuple(objects), tuple(warnings), standing.floor, laser, readings, *pictures, fit)
@@ -175,11 +169,6 @@ def disagreement(item: MeasuredObject, name: str = "") -> str:
     called = f" ({name})" if name else ""
     away = f"{np.hypot(*item.position_mm):.0f} mm away"
     return f"scan and pair disagree about the object {away}{called}: {_LEFT_OUT}"
-
-
-def _is_not_in_scan(item: MeasuredObject) -> bool:
-    why = item.reasons.get("object")
-    return why is not None and why.reason is Reason.NOT_IN_SCAN
 
 
 def _as_cameras_tell(scan: LaserScan, lidar: LidarCamera | None) -> LaserScan:
@@ -221,7 +210,8 @@ def _off(value_mm: float, std_mm: float, first: str, second: str) -> str:
 
 def _said_of_the_rig(views: Views, judged: Judged, near_mm: float, instrument: Instrument) -> list[str]:
     """What has moved since its calibration, and what nobody could tell."""
-    said, solution = [*_said_of_matches(views), *views.rows.warnings, *instrument.warnings], judged.solution
+    by_chance, solution = _said_of_matches(views), judged.solution
+    said = [*(by_chance or views.rows.warnings), *instrument.warnings]  # rows matched by chance tell nothing
     if np.isfinite(near_mm) and not judged.scanned:
         said.append(instrument.turned_unseen(near_mm))
     if instrument.lidar is None and judged.scanned:

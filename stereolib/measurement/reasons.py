@@ -27,7 +27,10 @@ class Reason(Enum):
     NO_FACE = "no straight face was found"
     NO_TEXTURE = "no texture: the pair matched too little there; light or texture it"
     NO_FLOOR = "no floor was seen"
-    NOT_IN_SCAN = "it is not in the scan (lower than its plane, or dark): its sizes come from the pair alone"
+    NOT_IN_SCAN = (
+        "it is not in the scan (lower than its plane, or dark, or the scan is turned): its sizes come from the pair "
+        "alone"
+    )
     OTHERWISE_IN_SCAN = (
         "the scan shows something nearer or farther where it stands (moved since, or a scan of another place, or a "
         "turned laser): its sizes come from the pair alone"
@@ -78,7 +81,7 @@ class ScanFit(Enum):
     AGREES = "the scan shows an object where the pictures do"
     OPPOSES = (
         "the scan agrees with nothing that the pictures show: is it of this place and moment, its distances in mm, its "
-        "angles in degrees, counter-clockwise?"
+        "angles in degrees, counter-clockwise, 0 where the cameras look?"
     )
     UNTOLD = "no object is shown by both"
 

@@ -180,12 +180,13 @@ class Scene:
     def without_phantoms(self, judged: Judged, things: list[Thing], fit: ScanFit) -> tuple[Judged, list[Thing]]:
         """Leave out what the scan alone shows where it opposes the pictures: it is of another place.
 
-        It must disagree about several things, show something else where one stands, or one that both cameras should see
-        and do not: one thing may have been moved.
+        Of a laser that was calibrated it must disagree about several things, show something else where one stands, or
+        one that both cameras should see and do not: one thing may have been moved.
         """
         kept = [thing for thing in things if thing.region is not None]
         elsewhere = any(thing.otherwise or _should_be_seen(thing) for thing in things)
-        moved_one = sum(thing.disagrees for thing in things) == 1 and not elsewhere
+        is_placed = self.standing.instrument.lidar is not None
+        moved_one = is_placed and sum(thing.disagrees for thing in things) == 1 and not elsewhere
         if fit is not ScanFit.OPPOSES or moved_one or len(kept) == len(things):
             return judged, things
         return self._judged(kept), kept
@@ -273,15 +274,18 @@ def _pictured(region: ObjectRegion, box: Pictured | CannotMeasure) -> Thing:
     return Thing(box, region, why=box.refused, seen=None if box.refused else box.seen)
 
 
-def scan_fit(things: list[Thing]) -> ScanFit:
+def scan_fit(things: list[Thing], *, is_placed: bool) -> ScanFit:
     """Whether a scan is of what the pictures show; what stands beside them, or behind plain faces, tells nothing.
 
-    A lone thing where it shows something else may have been moved.
+    A lone thing where it shows something else may have been moved. But the scan of a laser that nobody calibrated has
+    its place from what it shows of the pictures' things alone: where it has others only, nobody knows what it is of.
 
     Parameters
     ----------
     things : list of Thing
         As the least squares left them.
+    is_placed : bool
+        The laser was calibrated.
 
     Returns
     -------
@@ -292,6 +296,7 @@ def scan_fit(things: list[Thing]) -> ScanFit:
     boxes = [thing for thing in things if thing.is_box]
     opposed = bool(boxes) and any(thing.disagrees or _should_be_seen(thing) for thing in things)
     opposed |= len(boxes) > 1 and any(thing.otherwise for thing in boxes)
+    opposed |= not is_placed and bool(boxes) and any(thing.footprint is not None for thing in things)
     return ScanFit.OPPOSES if opposed else ScanFit.UNTOLD
 
 

@@ -313,3 +313,11 @@ def test_what_is_matched_nearer_in_less_than_half_of_a_line_hides_no_end(samples
     seen = Samples(texture, other, flat, flat > 0, 50 * flat, matched, 0.0).agreement()
     assert np.isfinite(seen.matched_px).all() == (samples > 2)
     assert seen.reach(20).past is (Past.HIDDEN if hides else Past.OPEN)
+
+
+@pytest.mark.parametrize("lines", [1, 2])
+def test_a_face_of_hardly_a_line_is_followed_nowhere(lines):
+    """As a floor that was told far too steep makes it."""
+    flat = np.ones(lines)
+    reach = Agreement(flat, flat, flat, flat, flat, flat, flat, flat).reach(0)
+    assert reach.last <= 0 and reach.past is Past.OPEN

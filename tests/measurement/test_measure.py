@@ -252,13 +252,14 @@ def test_a_laser_nobody_calibrated_is_found_by_the_scene():
     assert np.abs(found.laser.t).max() < 15 and abs(np.degrees(found.laser.yaw_rad)) < 1.5
 
 
-@pytest.mark.parametrize("degrees", [90, 180])
-def test_a_scan_that_looks_elsewhere_is_told_of_a_laser_nobody_calibrated(degrees):
+@pytest.mark.parametrize("degrees", [20, 90, 180])
+def test_a_scan_that_looks_elsewhere_is_left_out_of_a_laser_nobody_calibrated(degrees):
     pair, scan, unknown = recordings.load_pair("room/3"), scan_of("room/3"), Instrument(RECT)
-    said = measure_objects(*pair, replace(scan, ranges_mm=np.roll(scan.ranges_mm, degrees)), unknown).warnings
-    assert len([text for text in said if "its 0 degrees are not where the cameras look" in text]) == 1
-    for one in (scan, None):
-        assert "0 degrees" not in " ".join(measure_objects(*pair, one, unknown).warnings)
+    alone = measure_objects(*pair, None, unknown)
+    found = measure_objects(*pair, replace(scan, ranges_mm=np.roll(scan.ranges_mm, degrees)), unknown)
+    assert "0 where the cameras look? What it alone shows is left out" in " ".join(found.said)
+    assert found.scan_fit is ScanFit.OPPOSES and len(found.objects) == len(alone.objects)
+    assert "0 where the cameras look" not in " ".join(measure_objects(*pair, scan, unknown).said)
 
 
 def test_a_laser_calibrated_as_reading_too_far_tells_the_same():

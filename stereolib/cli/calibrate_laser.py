@@ -92,13 +92,13 @@ def _run(arguments: argparse.Namespace) -> int:
         moved_mm, turned_deg = apart(before.T_left_lidar, pose.T_left_lidar)
         by = f"{moved_mm:.1f} mm and {turned_deg:.2f} degrees"
         print(f"the pose that stood in the file is replaced: this one lies {by} off it")
-    print(f"written into {arguments.calibration}")
-    print(f"next: stereolib measure LEFT RIGHT --scan FILE --calibration {quote(str(arguments.calibration))}")
     warnings = [pose.warning] if pose.warning else []
     if pose.T_left_lidar[1, 2] > 0:  # the axis about which its angles grow points down
         warnings.append(_CLOCKWISE)
     for text in warnings:
         print(f"warning: {text}")
+    print(f"written into {arguments.calibration}")
+    print(f"next: stereolib measure LEFT RIGHT --scan FILE --calibration {quote(str(arguments.calibration))}")
     return DONE
 
 

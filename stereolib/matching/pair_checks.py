@@ -126,8 +126,8 @@ def check_matchable(left: UInt8, right: UInt8, names: tuple[str, str] = ("left",
     ValueError: left has one grey value, 0: there is nothing to match; take it again, the lens free
     """
     check_pair(left, right, names)
-    blind = [f"{name} has {only}" for name, i in zip(names, (left, right), strict=True) if (only := _only_greys(i))]
-    if blind:
+    only = {name: _only_greys(i) for name, i in zip(names, (left, right), strict=True)}
+    if blind := [f"{name} has {greys}" for name, greys in only.items() if greys]:
         why = "there is nothing to match; take it again, the lens free"
         raise ValueError(f"{' and '.join(blind)}: {why}")
 

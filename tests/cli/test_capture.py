@@ -146,3 +146,12 @@ def test_the_output_is_no_file(tmp_path: Path, capsys: pytest.CaptureFixture[str
     (tmp_path / "file").write_text("mine")
     assert run("0", "1", "--output", tmp_path / "file" / "rig") == 2
     assert "--output must name a folder" in capsys.readouterr().err
+
+
+def test_a_board_that_nobody_sees_is_asked_for(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    sources = write_show(tmp_path / "show", small_show())
+    words = ("--board", "8x7", "--square-mm", 25, "--pairs", 1, "--patience-s", 0.3, "--output", tmp_path / "rig")
+    assert run(*sources, *words) == 2
+    told = capsys.readouterr()
+    assert "no pair was taken, since the recording ended: " in told.err and "is it one of 8x7 inner corners" in told.err
+    assert "calibrating" not in told.err and told.out == ""

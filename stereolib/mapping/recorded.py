@@ -36,6 +36,10 @@ if TYPE_CHECKING:
 _CLOUD_STEP, _CLOUD_MM = 4, 2000.0  # every so many pixels; points farther ahead are left out
 _EXACT = 1e-6  # mm and rad: the deviation of a place that is so by what it is called
 _SEED = 8  # of the walls' search: the same recordings make the same map
+_TURNED = (
+    "no scan agrees with its pictures: do the laser's angles run counter-clockwise, in degrees, with 0 where the cameras "
+    "look, and are its distances in mm? Run calibrate-laser"
+)
 _OPPOSED = "its scan agrees with nothing that its pictures show"
 _NO_PICTURES = Why(Reason.NO_FLOOR, "the station has no pictures")
 
@@ -173,10 +177,13 @@ def _map(stations: Sequence[RecordedStation], instrument: Instrument, bar: tqdm[
     if not somewhere:
         raise NothingToMap(f"no station could be measured. {_listed(left_out)}")
     placing = place_stations(somewhere, known)
-    lost = f"{_OPPOSED}, and nothing tells where it stood: take both again, at one place and moment, or give its pose"
+    turned = len(opposed) > 1 and not any(it.scan_fit is ScanFit.AGREES for it in measured.values())
+    again = "see the first warning" if turned else "take both again, at one place and moment"
+    lost = f"{_OPPOSED}, and nothing tells where it stood: {again}, or give its pose"
     left_out |= placing.left_out | dict.fromkeys(opposed & placing.left_out.keys(), lost)
     bare = [station.name for station in placing.stations if station.name in opposed]
     warnings = *placing.warnings, *(f"station {name}: {_OPPOSED}; the scan is left out of the map" for name in bare)
+    warnings = (_TURNED, *warnings) if turned else warnings
     try:
         room = merge_stations(placing.stations, rng=np.random.default_rng(_SEED))
     except NothingToMap as error:

@@ -119,6 +119,20 @@ def test_pictures_whose_scan_is_of_another_place_add_nothing_unless_their_pose_i
         assert (np.abs(thing.size_mm - true) < 4 * thing.std_mm)[np.isfinite(thing.size_mm)].all()
 
 
+def test_scans_that_are_all_turned_are_told_so_once(walked):
+    stations = list_stations(walked).stations
+    for each in stations:
+        ranges_mm = np.roll(each.read_scan().ranges_mm, 180)
+        table = "\n".join(f"{k},{mm:.0f}" for k, mm in enumerate(ranges_mm) if np.isfinite(mm))
+        each.scan.with_suffix(".csv").write_text(f"angle_deg,range_mm\n{table}\n")
+        each.scan.unlink()
+    unknown = replace(INSTRUMENT, lidar=None)
+    found = map_recordings(list_stations(walked).stations, unknown)
+    assert "with 0 where the cameras look" in found.warnings[0]
+    assert len(found.left_out) == 4 and all("see the first warning" in text for text in found.left_out.values())
+    assert not found.room.walls and len(found.room.measured) == 1
+
+
 @pytest.fixture
 def low(tmp_path):
     """A station before a box that is lower than the laser's plane, and one that is not."""

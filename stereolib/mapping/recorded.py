@@ -37,8 +37,8 @@ _CLOUD_STEP, _CLOUD_MM = 4, 2000.0  # every so many pixels; points farther ahead
 _EXACT = 1e-6  # mm and rad: the deviation of a place that is so by what it is called
 _SEED = 8  # of the walls' search: the same recordings make the same map
 _TURNED = (
-    "no scan agrees with its pictures: do the laser's angles run counter-clockwise, in degrees, with 0 where the cameras "
-    "look, and are its distances in mm? Run calibrate-laser"
+    "no scan agrees with its pictures: do the laser's angles run counter-clockwise, in degrees, with 0 where the "
+    "cameras look, and are its distances in mm? Run calibrate-laser"
 )
 _OPPOSED = "its scan agrees with nothing that its pictures show"
 _NO_PICTURES = Why(Reason.NO_FLOOR, "the station has no pictures")

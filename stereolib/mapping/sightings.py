@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 
 from stereolib.base import Float64, Ints, direction, turn_2d, wrap_rad
-from stereolib.measurement import SIZE_NAMES, UNSURE_MM, MeasuredObject, Reason, Why
+from stereolib.measurement import SIZE_NAMES, UNSURE_MM, WORST_STD, MeasuredObject, Reason, Why
 
 _QUARTER = np.pi / 2
 _GATE = 4.0  # standard deviations: chance exceeds them once in 16000 times
@@ -169,7 +169,7 @@ def merge_sightings(sightings: Sequence[Sighting], *, gate: float = _GATE) -> Ma
         dropped.append(kept.pop(min(range(len(kept)), key=doubt.__getitem__)))
     misfit = float(np.sqrt(solved.chi2 / solved.freedom)) if solved.freedom > 0 else np.nan
     grown = solved.grown(max(np.nan_to_num(misfit), 1.0) ** 2)
-    fused = _fused(kept, grown)
+    fused = _without_vague(_fused(kept, grown))
     conflicts = tuple(_conflict(out, fused, grown) for out in dropped)
     return MapObject(fused, tuple(s.station for s in kept), conflicts, misfit, tuple(sightings))
 
@@ -412,6 +412,14 @@ def _fused(kept: Sequence[Sighting], solved: _Solved) -> MeasuredObject:
         unsure={name: why for s in kept for name, why in s.measured.unsure.items() if name in wide},
         common_mm=np.where(np.isnan(size)[:, None], 0.0, common),
     )
+
+
+def _without_vague(found: MeasuredObject) -> MeasuredObject:
+    """An object without sizes that are known too badly: stations that are unsure, or contradict each other, widen them."""
+    for name, value, std in zip(SIZE_NAMES, found.size_mm, found.std_mm, strict=True):
+        if std > WORST_STD * value:
+            found = found.without(name, Why(Reason.TOO_UNCERTAIN, f"{value:.0f} ± {std:.0f} mm"))
+    return found
 
 
 def _conflict(out: Sighting, fused: MeasuredObject, solved: _Solved) -> str:

@@ -7,7 +7,7 @@ from .height_attempt import HeightAttempt, attempt_height, attempt_standing, cor
 from .instrument import Instrument, SystematicUncertainty, save_laser_pose
 from .laser_on_floor import LaserOnFloor
 from .measure import Measurement, disagreement, measure_objects, measure_standing
-from .measured_object import SIZE_NAMES, UNSURE_MM, MeasuredObject
+from .measured_object import SIZE_NAMES, UNSURE_MM, WORST_STD, MeasuredObject
 from .missing_floor import FLOOR_BY_HAND, NoFloor, find_floor, why_no_floor
 from .overlay import OBJECT_RGB, add_caption, draw_length, draw_objects, is_pictured
 from .plane_alignment import AlignedPair, CannotMeasure
@@ -22,6 +22,7 @@ __all__ = [
     "OBJECT_RGB",
     "SIZE_NAMES",
     "UNSURE_MM",
+    "WORST_STD",
     "AlignedPair",
     "Between",
     "Box",

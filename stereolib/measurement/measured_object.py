@@ -22,7 +22,8 @@ from stereolib.measurement.scene_solver import COMMON_ERRORS, Solution
 Height = tuple[float, float]  # and its standard deviation, mm
 #: What `MeasuredObject.size_mm` holds, in its order.
 SIZE_NAMES = ("length", "width", "height")
-_WORST_STD = 0.04  # share of a side: one whose standard deviation is larger is not reported
+#: Share of a side: one whose standard deviation is larger is not told.
+WORST_STD = 0.04
 #: A size that is known no better is told with what makes it so.
 UNSURE_MM = 5.0
 _UNSURE_SHARE = 0.5  # of its variance, which one kind of observation must give to be named
@@ -184,7 +185,7 @@ class BoxFacts:
     doubt: Float64 = field(default_factory=lambda: np.zeros((len(Own), len(Own))))
 
 
-def from_box(solution: Solution, box: int, facts: BoxFacts, *, worst_std: float = _WORST_STD) -> MeasuredObject:
+def from_box(solution: Solution, box: int, facts: BoxFacts, *, worst_std: float = WORST_STD) -> MeasuredObject:
     """Make a measured object of one box of a solution.
 
     Parameters
@@ -310,7 +311,7 @@ def from_scan(footprint: Footprint, laser: LaserOnFloor, height: Height, reasons
     centre, spread = laser.points_mm(footprint.centre_mm), np.full((2, 2), np.nan)
     outline, common = laser.points_mm(footprint.segment.points_mm), np.zeros((len(SIZE_NAMES), COMMON_ERRORS))
     round_std = footprint.length_std_mm if footprint.shape == "circle" else np.nan
-    is_circle = bool(round_std < _WORST_STD * footprint.length_mm)
+    is_circle = bool(round_std < WORST_STD * footprint.length_mm)
     if is_circle:
         share = 1 - laser.scale
         size[:2] = share * footprint.length_mm

@@ -127,6 +127,17 @@ def test_a_face_from_another_side_brings_the_hidden_depth(second, name):
     assert abs(both.volume_l[0] - 12.96) < 3 * both.volume_l[1] < 1.0
 
 
+def test_a_depth_between_faces_of_stations_that_stand_anywhere_is_not_told():
+    """Each face is known to 2 mm, but the second station's place to 60 only: so is what lies between them."""
+    rng, size, centre = np.random.default_rng(4), (240.0, 300.0, 180.0), (900.0, 0.0)
+    front, back = (seen_from(p, size, centre, 0.0, rng, walks.face) for p in ((0, 0, 0), (2000, 0, np.pi)))
+    for std_mm, told in ((1.0, True), (60.0, False)):
+        second = bare((2000, 0, np.pi), back, covariance=np.diag([std_mm**2, std_mm**2, 1e-8]))
+        (thing,) = merged([bare((0, 0, 0), front), second]).measured
+        assert np.isfinite(thing.size_mm).tolist() == [True, told, True]
+        assert told or thing.reasons["width"].reason is Reason.TOO_UNCERTAIN
+
+
 def test_a_face_without_ends_takes_no_depth_away():
     """Two opposite faces tell the depth; a third one, whose ends are hidden, tells nothing of it."""
     rng = np.random.default_rng(4)

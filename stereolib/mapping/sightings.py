@@ -415,7 +415,7 @@ def _fused(kept: Sequence[Sighting], solved: _Solved) -> MeasuredObject:
 
 
 def _without_vague(found: MeasuredObject) -> MeasuredObject:
-    """An object without sizes that are known too badly: stations that are unsure, or contradict each other, widen them."""
+    """An object without sizes that are known too badly, as unsure stations and contradictions make them."""
     for name, value, std in zip(SIZE_NAMES, found.size_mm, found.std_mm, strict=True):
         if std > WORST_STD * value:
             found = found.without(name, Why(Reason.TOO_UNCERTAIN, f"{value:.0f} ± {std:.0f} mm"))

@@ -1,6 +1,6 @@
 from . import datasets
 from .angles import direction, turn_2d, turn_about_z, wrap_rad
-from .arrays import Bools, Float32, Float64, Floats, Ints, UInt8, finite_array, set_frozen
+from .arrays import Bools, Float32, Float64, Floats, Ints, UInt8, as_rows, finite_array, set_frozen
 from .datasets import ROOT, NotAvailable, available, data_path, figures_dir, real_recording, real_recordings, repository
 from .files import check_name, check_target, read_bytes, read_text, write_atomic
 from .numbers import counted, listed, plus_minus, rounded
@@ -17,6 +17,7 @@ __all__ = [
     "Ints",
     "NotAvailable",
     "UInt8",
+    "as_rows",
     "available",
     "check_name",
     "check_nesting",

@@ -57,6 +57,42 @@ def finite_array(value: Any, shape: tuple[int, ...] | None, name: str, *, most: 
     return array
 
 
+def as_rows(value: npt.ArrayLike, width: int, name: str) -> Float64:
+    """Return points as rows: an array whose last axis has `width` numbers, its other axes made one.
+
+    Parameters
+    ----------
+    value : (..., width) array_like
+        A single row, rows, or a picture of them; one without any number has no rows.
+    width : int
+    name : str
+        What the message calls it.
+
+    Returns
+    -------
+    (N, width) float64
+
+    Raises
+    ------
+    ValueError
+        If the last axis is of another length; the text says so where it is the first one that fits.
+
+    Examples
+    --------
+    >>> as_rows([1, 2], 2, "pixels")
+    array([[1., 2.]])
+    >>> as_rows(np.ones((2, 5)), 2, "pixels")
+    Traceback (most recent call last):
+    ...
+    ValueError: pixels must be (N, 2), a row each, got shape (2, 5): transpose it
+    """
+    array = np.asarray(value, float)
+    if array.size and array.shape[-1:] != (width,):
+        remedy = "transpose it" if array.ndim == 2 and len(array) == width else f"give {width} numbers a row"
+        raise ValueError(f"{name} must be (N, {width}), a row each, got shape {array.shape}: {remedy}")
+    return array.reshape(-1, width)
+
+
 def set_frozen(obj: object, **values: object) -> None:
     """Set fields of a frozen dataclass while it is being made.
 

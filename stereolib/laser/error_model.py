@@ -8,7 +8,7 @@ the spread alone does not tell how a sensor works: a flight time scatters more w
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
 import numpy as np
@@ -21,6 +21,7 @@ Law: TypeAlias = Literal["constant", "linear", "quadratic"]
 LAWS: tuple[Law, ...] = ("constant", "linear", "quadratic")
 QUANTISATION_MM = float(RANGE_STEP_MM / np.sqrt(12))  # standard deviation that rounding to whole steps leaves
 _LEAST_SPREADS = 4  # two coefficients, and something left to judge them by
+_ROUNDING = 1e-9  # relative residuals of a law that fits exactly: no law is better for smaller ones
 _LEAST_IN_MEAN = 10  # readings at a distance before their mean error is called a bias
 
 
@@ -191,7 +192,7 @@ def fit_sigma(distance_mm: ArrayLike, sigma_mm: ArrayLike, law: Law = "quadratic
     a, b = (*coefficients, 0.0)[:2]
     # the likelihood of N(model, (s model)^2 / weight)
     mean_square = float(np.mean(weight * (sigma / model - 1) ** 2))
-    aic = float(len(r) * np.log(mean_square) + 2 * np.log(model).sum() + 2 * (len(coefficients) + 1))
+    aic = float(len(r) * np.log(max(mean_square, _ROUNDING**2)) + 2 * np.log(model).sum() + 2 * (len(coefficients) + 1))
     rms_mm, rms_percent = float(np.sqrt(np.mean((sigma - model) ** 2))), float(100 * np.sqrt(mean_square))
     return SigmaFit(law, float(a), float(b / scale**power), rms_mm, rms_percent, aic)
 
@@ -275,12 +276,12 @@ class BiasCorrection:
 
 
 def learn_bias(true_mm: ArrayLike, measured_mm: ArrayLike, degree: int = 2) -> BiasCorrection:
-    """Learn a bias correction by least squares, each reading weighted by 1 / (1 + (r / 1 m)^2).
+    """Learn a bias correction by least squares, each residual divided by 1 + (r / 1 m)^2, as its deviation grows.
 
     Parameters
     ----------
     true_mm, measured_mm : (n,) array_like
-        Known distances and readings, mm; NaN readings are left out.
+        Known distances and readings, mm; what is NaN is left out.
     degree : int
         Degree of the polynomial in range.
 
@@ -291,7 +292,7 @@ def learn_bias(true_mm: ArrayLike, measured_mm: ArrayLike, degree: int = 2) -> B
     Raises
     ------
     ValueError
-        If there are fewer distances than coefficients.
+        If there are not as many readings as distances, or fewer distances than coefficients.
 
     Examples
     --------
@@ -299,16 +300,23 @@ def learn_bias(true_mm: ArrayLike, measured_mm: ArrayLike, degree: int = 2) -> B
     >>> correct([505, 2008]).round(6)
     array([ 500., 2000.])
     """
-    true, r = (np.asarray(v, np.float64).ravel() for v in (true_mm, measured_mm))
-    valid = np.isfinite(r) & np.isfinite(true)
-    true, r = true[valid], r[valid]
+    true, r = _known(true_mm, measured_mm)
     if (distances := len(np.unique(true))) <= degree:
         few = f"{distances} distances with a valid reading; record more distances or lower the degree"
         raise ValueError(f"{degree + 1} coefficients cannot be learnt from {few}")
-    weight = 1 / (1 + (r / 1000) ** 2)
-    matrix = np.vander(r / 1000, degree + 1, increasing=True) * weight[:, None]
-    coefficients = np.linalg.lstsq(matrix, (r - true) * weight, rcond=None)[0]
+    scale = 1 / (1 + (r / 1000) ** 2)
+    matrix = np.vander(r / 1000, degree + 1, increasing=True) * scale[:, None]
+    coefficients = np.linalg.lstsq(matrix, (r - true) * scale, rcond=None)[0]
     return BiasCorrection(tuple(coefficients.tolist()), (float(r.min()), float(r.max())))
+
+
+def _known(true_mm: ArrayLike, measured_mm: ArrayLike) -> tuple[Float64, Float64]:
+    """Distances and readings, one each, without those of which either is NaN."""
+    true, r = (np.asarray(v, np.float64).ravel() for v in (true_mm, measured_mm))
+    if len(true) != len(r):
+        raise ValueError(f"each reading needs its known distance, got {len(true)} distances and {len(r)} readings")
+    valid = np.isfinite(true) & np.isfinite(r)
+    return true[valid], r[valid]
 
 
 def bias_correction_test(
@@ -329,11 +337,17 @@ def bias_correction_test(
         ``n_learn, n_test``, and over the test half ``rms_before_mm, rms_after_mm`` (of single
         readings) and ``bias_before_mm, bias_after_mm`` (rms, over the distances with at least 10
         readings in that half, of the mean error).
+
+    Raises
+    ------
+    ValueError
+        As `learn_bias`, of the half to learn from.
     """
-    true, r = (np.asarray(v, np.float64).ravel() for v in (true_mm, measured_mm))
-    valid = rng.permutation(np.flatnonzero(np.isfinite(r)))
-    learn, test = np.sort(valid[: len(valid) // 2]), np.sort(valid[len(valid) // 2 :])
-    corrected = learn_bias(true[learn], r[learn], degree)(r[test])
+    true, r = _known(true_mm, measured_mm)
+    halves = rng.permutation(len(r))
+    learn, test = np.sort(halves[: len(r) // 2]), np.sort(halves[len(r) // 2 :])
+    learnt = learn_bias(true[learn], r[learn], degree)
+    corrected = replace(learnt, range_mm=(0.0, np.inf))(r[test])  # the halves need not reach equally far
     result: dict[str, float] = {"n_learn": len(learn), "n_test": len(test)}
     for name, values in (("before", r[test]), ("after", corrected)):
         error = values - true[test]
@@ -390,7 +404,8 @@ def error_against_n(
     true_mm : float
         That distance, mm.
     rng : numpy.random.Generator
-        Draws the realizations, without repeats within one combination.
+        Draws the realizations, each from all readings: combinations without repeats would agree the more the nearer n
+        comes to m, and all be the same at m.
     n : sequence of int
         Numbers of realizations; those above m are left out.
     draws : int
@@ -424,9 +439,8 @@ def error_against_n(
     numbers = np.array([k for k in n if 1 <= k <= len(values)], int)
     if not len(numbers):
         raise ValueError(f"none of n = {tuple(n)} lies between 1 and the {len(values)} valid readings: record more")
-    # sorted in full: a partition's order depends on the processor
-    order = np.argsort(rng.random((draws, len(values))), axis=1, kind="stable")
-    errors = np.stack([combine(values[order[:, :k]], axis=1) - true_mm for k in numbers])
+    drawn = values[rng.integers(len(values), size=(draws, numbers.max()))]
+    errors = np.stack([combine(drawn[:, :k], axis=1) - true_mm for k in numbers])
     bias, sigma = float(values.mean() - true_mm), float(values.std(ddof=min(1, len(values) - 1)))
     return ErrorAgainstN(
         numbers, np.sqrt((errors**2).mean(axis=1)), errors.std(axis=1), np.sqrt(bias**2 + sigma**2 / numbers), bias

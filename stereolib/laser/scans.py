@@ -46,6 +46,11 @@ class LaserScan:
     emitter_offset_mm, emitter_angle_rad : float
         How far from the sensor's axis its light starts, mm, and in which direction, counter-clockwise from the beam,
         rad. An XV-11's unless given; 0 for a sensor whose beams start at its axis.
+
+    Raises
+    ------
+    ValueError
+        If an array is not of one dimension, or they differ in length.
     """
 
     ranges_mm: Float64
@@ -64,7 +69,11 @@ class LaserScan:
     def __post_init__(self) -> None:
         ranges = np.asarray(self.ranges_mm, np.float64)
         set_frozen(self, ranges_mm=np.where(np.isfinite(ranges) & (ranges > 0), ranges, np.nan))
+        set_frozen(self, intensities=np.asarray(self.intensities, np.float64))
         copies = {name: value.copy() for name, value in vars(self).items() if isinstance(value, np.ndarray)}
+        if ranges.ndim != 1 or any(copy.shape != ranges.shape for copy in copies.values()):
+            shapes = ", ".join(f"{name} {copy.shape}" for name, copy in copies.items())
+            raise ValueError(f"a scan has one number a beam in each of its arrays, (n,), got {shapes}")
         for copy in copies.values():
             copy.setflags(write=False)
         set_frozen(self, **copies)
@@ -200,11 +209,12 @@ def average(
     Returns
     -------
     AveragedScan
+        Its intensities are means of those measured, whatever the method.
 
     Raises
     ------
     ValueError
-        If no turn is left, or for an unknown method.
+        If no turn is left, the turns are not of the same beams, or for an unknown method.
 
     Examples
     --------
@@ -238,9 +248,16 @@ def average(
 
 
 def _stack_mm(scans: Sequence[LaserScan]) -> Float64:
-    """Ranges of several scans, (turns, 360) mm."""
+    """Ranges of several scans of the same beams, (turns, 360) mm."""
     if not len(scans):
         raise ValueError("no turns given: record for at least one second, so that whole turns (5 a second) are in it")
+    for name in ("angle_min_rad", "angle_increment_rad", "emitter_offset_mm", "emitter_angle_rad"):
+        if len(values := {getattr(scan, name) for scan in scans}) > 1:
+            got = " and ".join(f"{value:g}" for value in sorted(values)[:2])
+            raise ValueError(f"the turns are of different beams, {name} {got}: take those of one sensor as it stood")
+    if len(beams := {len(scan.ranges_mm) for scan in scans}) > 1:
+        got = " and ".join(str(count) for count in sorted(beams)[:2])
+        raise ValueError(f"the turns have {got} beams: take those of one sensor")
     return np.stack([scan.ranges_mm for scan in scans])
 
 
@@ -303,6 +320,11 @@ def moving_readings(scans: Sequence[LaserScan], threshold_mm: float = 25.0) -> B
     Returns
     -------
     (turns, 360) bool
+
+    Raises
+    ------
+    ValueError
+        If there is no turn, or they are not of the same beams.
 
     Examples
     --------

@@ -131,7 +131,7 @@ def fit_walls(
     Raises
     ------
     ValueError
-        If the points run out before `count` walls are found.
+        If the number is less than 1, or the points run out before `count` walls are found.
 
     Notes
     -----
@@ -146,6 +146,8 @@ def fit_walls(
     >>> [round(wall.offset_mm) for wall in fit_walls(points, 2, rng=np.random.default_rng(0))]
     [800, 600]
     """
+    if count < 1:
+        raise ValueError(f"count must be 1 wall or more, got {count}")
     p = _checked(points, 2 * count)
     free = np.asarray(np.isfinite(p).all(axis=1))
     walls: list[Wall] = []

@@ -34,7 +34,7 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from stereolib.base import Bools, Float64, UInt8
+from stereolib.base import Bools, Float64, UInt8, as_rows, set_frozen
 from stereolib.laser.framing import PACKET_BYTES, TURN_BYTES, Framer, Words, checksums, words_at
 
 PACKETS_PER_TURN, READINGS_PER_PACKET = 90, 4
@@ -50,7 +50,7 @@ Errors: TypeAlias = Literal["skip", "raise"]
 
 @dataclass(frozen=True, eq=False)
 class Readings:
-    """Decoded packets as a struct of read-only arrays, and what was met on the way.
+    """Decoded packets as a struct of arrays, read-only copies, and what was met on the way.
 
     Attributes
     ----------
@@ -88,7 +88,9 @@ class Readings:
 
     def __post_init__(self) -> None:
         for name in _ARRAYS:
-            getattr(self, name).setflags(write=False)
+            own = np.array(getattr(self, name))
+            own.setflags(write=False)
+            set_frozen(self, **{name: own})
 
     def __len__(self) -> int:
         return len(self.index)
@@ -129,21 +131,23 @@ class Readings:
         Raises
         ------
         ValueError
-            If a value does not fit into a packet.
+            If a value does not fit into a packet, or the distances are not rows of four, each with its index.
 
         Examples
         --------
         >>> Readings.build(0, [[500, 501, np.nan, 503]]).error_code
         array([[ 0,  0, 53,  0]], dtype=uint8)
         """
-        distance = np.array(distance_mm, np.float64).reshape(-1, READINGS_PER_PACKET)
+        distance = as_rows(distance_mm, READINGS_PER_PACKET, "distance_mm")
         n, shape = len(distance), distance.shape
+        if np.ndim(index) and np.size(index) != n:
+            raise ValueError(f"each packet needs its index, got {np.size(index)} for {n} rows of four distances")
         code = np.where(np.isnan(distance), np.broadcast_to(error_code, shape), 0)
-        _check_range("index", index, PACKETS_PER_TURN - 1)
+        _check_range("index", index, PACKETS_PER_TURN - 1, whole=True)
         _check_range("distance_mm", distance, MAX_DISTANCE_MM)
         _check_range("speed_rpm", speed_rpm, MAX_RPM)
-        _check_range("strength", strength, 0xFFFF)
-        _check_range("error_code", code, 0xFF)
+        _check_range("strength", strength, 0xFFFF, whole=True)
+        _check_range("error_code", code, 0xFF, whole=True)
         return cls(
             index=np.broadcast_to(index, n).astype(np.uint8),
             speed_rpm=np.broadcast_to(speed_rpm, n).astype(np.float64),
@@ -178,6 +182,8 @@ def decode(data: bytes, errors: Errors = "skip") -> Readings:
     ------
     PacketError
         With ``errors="raise"``; a ValueError that carries the offset and the bytes.
+    ValueError
+        If the data are no bytes.
 
     Examples
     --------
@@ -185,7 +191,7 @@ def decode(data: bytes, errors: Errors = "skip") -> Readings:
     >>> readings.index, readings.distance_mm
     (array([17], dtype=uint8), array([[228., 226., 224., 223.]]))
     """
-    return Decoder(errors)._run(bytes(data), final=True)
+    return Decoder(errors)._run(_as_bytes(data), final=True)
 
 
 class Decoder:
@@ -224,8 +230,13 @@ class Decoder:
         -------
         Readings
             What these bytes settled.
+
+        Raises
+        ------
+        ValueError
+            If the chunk is no bytes; `PacketError` with ``errors="raise"``.
         """
-        return self._run(bytes(chunk), final=False)
+        return self._run(_as_bytes(chunk), final=False)
 
     def close(self) -> Readings:
         """End the stream.
@@ -329,12 +340,22 @@ def encode(readings: Readings) -> bytes:
     return words.tobytes()
 
 
-def _check_range(name: str, values: ArrayLike, high: float) -> None:
+def _as_bytes(data: object) -> bytes:
+    """The bytes of bytes, a bytearray, a memoryview or an array; an int would be taken for so many zeros."""
+    try:
+        return memoryview(data).tobytes()  # type: ignore[arg-type]
+    except TypeError:
+        remedy = "read the recording with Path(...).read_bytes()"
+        raise ValueError(f"a stream is decoded from bytes, got {type(data).__name__}: {remedy}") from None
+
+
+def _check_range(name: str, values: ArrayLike, high: float, *, whole: bool = False) -> None:
     values = np.asarray(values)
-    wrong = values[(values < 0) | (values > high)]
+    wrong = values[(values < 0) | (values > high) | (whole & (values != np.floor(values)))]
     if wrong.size:
-        sent = f"a packet holds 0 to {high:g}. Give NaN for a distance that the sensor cannot measure"
-        raise ValueError(f"{name} {wrong.flat[0]:g} cannot be sent: {sent}")
+        sent = f"a packet holds {'whole numbers from ' if whole else ''}0 to {high:g}"
+        remedy = "Give NaN for a distance that the sensor cannot measure"
+        raise ValueError(f"{name} {wrong.flat[0]:g} cannot be sent: {sent}. {remedy}")
 
 
 _EMPTY = Readings.build([], np.empty((0, READINGS_PER_PACKET)))

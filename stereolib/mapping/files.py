@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import yaml
 
 from stereolib.base import Float64, Ints, write_atomic
 from stereolib.mapping.occupancy import OccupancyGrid
@@ -125,9 +126,10 @@ def write_grid(path: str | os.PathLike[str], grid: OccupancyGrid, *, overwrite: 
     picture = _target(path.with_suffix(".pgm"), (".pgm",), overwrite)
     rows, columns = grid.cells.shape
     write_atomic(picture, f"P5\n{columns} {rows}\n255\n".encode() + grid.cells[::-1].tobytes())
+    image = yaml.safe_dump({"image": picture.name}, allow_unicode=True, width=np.inf)  # quoted where it must be
     x, y = grid.origin_mm / 1000
     text = (
-        f"image: {picture.name}\nresolution: {grid.resolution_mm / 1000:.6f}\norigin: [{x:.6f}, {y:.6f}, 0.0]\n"
+        f"{image}resolution: {grid.resolution_mm / 1000:.6f}\norigin: [{x:.6f}, {y:.6f}, 0.0]\n"
         "negate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n"
     )
     return write_atomic(path, text), picture

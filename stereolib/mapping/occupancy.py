@@ -93,7 +93,8 @@ def occupancy_grid(
     Raises
     ------
     ValueError
-        If there is no reading, or the grid would have more than 25 million cells.
+        If there is no reading, a cell has no side, the rim is negative, or the grid would have more than 25 million
+        cells.
 
     Notes
     -----
@@ -105,6 +106,8 @@ def occupancy_grid(
         raise ValueError(f"{len(stations)} stations without a single reading make no grid: give their scans")
     if not resolution_mm > 0:
         raise ValueError(f"a cell needs a positive side in mm, got {resolution_mm}")
+    if not margin_mm >= 0:
+        raise ValueError(f"the rim around everything is 0 mm or more, got {margin_mm:g}")
     start, end = np.concatenate(laser), np.concatenate([s.to_map(s.scan_mm) for s in stations])
     both = np.concatenate([start, end])
     origin = np.floor((both.min(axis=0) - margin_mm) / resolution_mm) * resolution_mm

@@ -72,7 +72,7 @@ def place_stations(stations: Sequence[Station], known: Collection[str] = ()) -> 
     Raises
     ------
     ValueError
-        If there is no station.
+        If there is no station, or two have one name.
 
     Notes
     -----
@@ -83,6 +83,9 @@ def place_stations(stations: Sequence[Station], known: Collection[str] = ()) -> 
     """
     if not stations:
         raise ValueError("a map needs at least one station, none was given")
+    names = [s.name for s in stations]
+    if twice := [name for name in names if names.count(name) > 1]:
+        raise ValueError(f"{len(twice)} stations are named {twice[0]!r}: give each a name of its own")
     scanned = [s for s in stations if len(s.scan_mm)]
     stays = [s for s in stations if s.name in known and not len(s.scan_mm)]
     given = [s for s in scanned if s.name in known]

@@ -8,6 +8,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from os import PathLike
 from pathlib import Path
 from shlex import quote
 from typing import Any, TypeVar
@@ -157,12 +158,12 @@ class RigFolder:
             return Instrument(rectified)
         return Instrument(rectified, None, SystematicUncertainty.of(rectified, rig_covariance(diagnosis.fit)))
 
-    def save_calibration(self, path: Path, diagnosis: Diagnosis) -> Path:
+    def save_calibration(self, path: str | PathLike[str], diagnosis: Diagnosis) -> Path:
         """Write the calibration of the boards, with the laser's pose where the folder's own calibration knows it.
 
         Parameters
         ----------
-        path : Path
+        path : path
         diagnosis : Diagnosis
             From `calibrate`.
 
@@ -178,7 +179,7 @@ class RigFolder:
         own = self.folder / CALIBRATION
         lidar = Instrument.load(own).lidar if own.is_file() else None
         save_calibration(path, diagnosis)
-        return path if lidar is None else save_laser_pose(path, lidar)
+        return Path(path) if lidar is None else save_laser_pose(path, lidar)
 
     def __str__(self) -> str:
         pairs, scans = (sum(bool(getattr(each, what)) for each in self.stations) for what in ("left", "scan"))
@@ -186,12 +187,12 @@ class RigFolder:
         return f"{boards}, {counted(pairs, 'pair')} to measure, {counted(scans, 'scan')}"
 
 
-def write_demo_file(folder: Path) -> Path:
+def write_demo_file(folder: str | PathLike[str]) -> Path:
     """Write the ``rig.toml`` of the demo rig, the virtual rig's recordings.
 
     Parameters
     ----------
-    folder : Path
+    folder : path
         Where they are.
 
     Returns
@@ -202,15 +203,15 @@ def write_demo_file(folder: Path) -> Path:
     values: dict[str, Any] = {"about": f"The virtual rig, taken for one of which nothing is known: {typed}."}
     values |= {"square_mm": [25.0, 25.0], "ruler_mm": 93.0, "pairs": "room/*.jpg", "scans": "room/*.bin"}
     asked = AskedLength("3", ((299, 368), (298, 218)), 240.0), AskedLength("2", ((313, 380), (225, 121)), 336.0)
-    return write_rig_file(folder / RIG_FILE, lengths=asked, **values)
+    return write_rig_file(Path(folder) / RIG_FILE, lengths=asked, **values)
 
 
-def write_rig_file(path: Path, **values: Any) -> Path:
+def write_rig_file(path: str | PathLike[str], **values: Any) -> Path:
     """Write a ``rig.toml`` with a comment at every entry.
 
     Parameters
     ----------
-    path : Path
+    path : path
     **values
         ``about`` (a sentence), ``corners``, ``square_mm``, ``at_mm``, ``ruler_mm``, ``boards``, ``pairs``, ``scans``,
         ``lengths`` (of `AskedLength`): in place of what stands there else.
@@ -226,12 +227,12 @@ def write_rig_file(path: Path, **values: Any) -> Path:
     return write_atomic(path, page.get_template("rig.toml.jinja").render(usual | values))
 
 
-def load_rig_folder(folder: Path, *, with_boards: bool = True) -> RigFolder:
+def load_rig_folder(folder: str | PathLike[str], *, with_boards: bool = True) -> RigFolder:
     """Read what a rig's folder holds.
 
     Parameters
     ----------
-    folder : Path
+    folder : path
         With ``rig.toml`` in it.
     with_boards : bool
         Look for boards, of which the file must then say what they are.
@@ -246,6 +247,7 @@ def load_rig_folder(folder: Path, *, with_boards: bool = True) -> RigFolder:
         If there is no such folder or file, the file says something else than it should, or recordings cannot be
         paired. The text names the file and the remedy.
     """
+    folder = Path(folder)
     if folder.is_file():
         raise ValueError(f"{folder} is a file: name the folder of your rig; stereolib new my_rig makes one")
     new = f"stereolib new {quote(str(folder))}"
@@ -298,12 +300,12 @@ def _absent(
         yield f"no pair is named like {listed(alone)}: used by themselves"
 
 
-def lying_there(folder: Path) -> dict[str, str]:
+def lying_there(folder: str | PathLike[str]) -> dict[str, str]:
     """Tell how pairs and scans that lie in a folder itself are named in its ``rig.toml``.
 
     Parameters
     ----------
-    folder : Path
+    folder : path
 
     Returns
     -------
@@ -311,6 +313,7 @@ def lying_there(folder: Path) -> dict[str, str]:
         Patterns of ``"pairs"`` and ``"scans"``, as ``"*.jpg"``; ``"."`` of pairs in its folders left/ and right/. What
         one pattern would not name is left out.
     """
+    folder = Path(folder)
     try:
         stations = list_stations(folder).stations
     except ValueError:  # there are none

@@ -88,9 +88,11 @@ def refine_poses(
     -----
     Minimises ``sum rho((R_j n) . (T_i p - T_j q) / s)`` over the poses ``T``: p is a reading of station i, q the
     nearest bit of station j with its normal n, s its deviation by noise and a; rho is Cauchy's loss, at two
-    deviations. The covariance is ``H^-1 (N + sum_c g_c g_c' + G G') H^-1``: N is the noise's part, ``g_c`` what the
-    bias does through all pairs of one station with one bit of another, which err together, G what b and the laser do
-    through all: a column for each error of its pose and scale, of those that all stations share and of each station's.
+    deviations. The covariance is ``H^-1 C' C H^-1``: H is the loss's second derivative, and each row of C is what one
+    standard deviation of an independent error does to its gradient. There is a row for each reading's noise, which
+    enters all pairs that the reading or the line through it is in (i to j and j to i alike), one for the bias of each
+    bit of each station, and one for each error of the laser: b's, those of its pose and scale that all stations share,
+    and each station's own.
     """
     if len(stations) < 2:
         raise ValueError(f"matching needs two stations or more, got {len(stations)}: a single one has nothing to match")
@@ -156,8 +158,10 @@ class _Scan:
         Of the bit, towards the laser; NaN where not straight.
     bit : (N,) int
         Number of the bit.
-    noise, bias : (N,) float64, mm
-        Deviations by noise, and by what a bit's readings share.
+    line : (N, N) float64
+        By how much each anchor (row) shifts across its bit for 1 mm of each reading.
+    noise, across, bias : (N,) float64, mm
+        Deviations by noise, as it is and across the bit, and by what a bit's readings share.
     shared, own : (k, N, 2) float64, mm
         Shifts that all readings share for one standard deviation of each error: with all scans, and with none.
     """
@@ -166,7 +170,9 @@ class _Scan:
     anchors: Float64
     normals: Float64
     bit: Ints
+    line: Float64
     noise: Float64
+    across: Float64
     bias: Float64
     shared: Float64
     own: Float64
@@ -198,7 +204,7 @@ class _Scan:
         by_laser, own = _of_laser(station)
         by_range = bias_mm[1] * range_mm[:, None] * (p - station.laser_mm)
         bias, bit = np.full(len(p), bias_mm[0]), np.cumsum(turn | ~straight)
-        anchors, normals = p.copy(), np.where(straight[:, None], normals, np.nan)
+        anchors, normals, fit = p.copy(), np.where(straight[:, None], normals, np.nan), np.eye(len(p))
         for members in (np.flatnonzero(straight & (bit == k)) for k in np.unique(bit[straight])):
             if len(members) < 3:
                 continue
@@ -208,7 +214,11 @@ class _Scan:
             if np.sqrt(np.mean(off**2)) < _ONE_LINE * np.median(noise[members]):  # one line for all of it
                 normals[members] = line * np.sign(line @ normals[members].sum(axis=0))
                 anchors[members] -= off[:, None] * line
-        return cls(p, anchors, normals, bit, noise, bias, np.concatenate([by_range[None], by_laser]), own)
+                along = (p[members] - middle) @ (line[::-1] * [1, -1])
+                fit[np.ix_(members, members)] = 1 / len(members) + np.outer(along, along) / (along @ along)
+        across = noise * np.abs(((p - station.laser_mm) * np.nan_to_num(normals)).sum(axis=1)) / range_mm
+        shared = np.concatenate([by_range[None], by_laser])
+        return cls(p, anchors, normals, bit, fit, noise, across, bias, shared, own)
 
 
 def _match(scans: Sequence[_Scan], poses: Float64, reach: float) -> tuple[Ints, ...]:
@@ -264,12 +274,11 @@ def _residuals(scans: Sequence[_Scan], poses: Float64, pairs: tuple[Ints, ...]) 
     return residual, J
 
 
-def _deviations(scans: Sequence[_Scan], pairs: tuple[Ints, ...]) -> tuple[Float64, Float64]:
-    """Of the distances of pairs: by noise and bias, and the bias's part, each (N,) mm."""
+def _deviations(scans: Sequence[_Scan], pairs: tuple[Ints, ...]) -> Float64:
+    """Of the distances of pairs by noise and bias, (N,) mm."""
     first, second = _numbers(scans, pairs)
-    noise, bias = (np.concatenate([getattr(scan, name) for scan in scans]) for name in ("noise", "bias"))
-    common = np.hypot(bias[first], bias[second])
-    return np.hypot(np.hypot(noise[first], noise[second]), common), common
+    each = np.concatenate([np.hypot(scan.noise, scan.bias) for scan in scans])
+    return np.asarray(np.hypot(each[first], each[second]))
 
 
 def _least_squares(scans: Sequence[_Scan], poses: Float64, pairs: tuple[Ints, ...], doubt: float) -> Float64:
@@ -277,7 +286,7 @@ def _least_squares(scans: Sequence[_Scan], poses: Float64, pairs: tuple[Ints, ..
 
     Gauss-Newton with Cauchy's weights ``1 / (1 + (r / (doubt s))^2)``.
     """
-    deviation = _deviations(scans, pairs)[0]
+    deviation = _deviations(scans, pairs)
     poses = poses.copy()
     for _ in range(_STEPS):
         residual, J = _residuals(scans, poses, pairs)
@@ -292,22 +301,25 @@ def _least_squares(scans: Sequence[_Scan], poses: Float64, pairs: tuple[Ints, ..
 
 def _covariance(scans: Sequence[_Scan], poses: Float64, pairs: tuple[Ints, ...]) -> Float64:
     residual, J = _residuals(scans, poses, pairs)
-    deviation, common = _deviations(scans, pairs)
-    J = J[:, 3:] / deviation[:, None]
-    weight = 1 / (1 + (residual / deviation / _DOUBT) ** 2)
-    inverse = np.linalg.inv(J.T @ (weight[:, None] * J))
-    i, _, j, b = pairs
-    wall = np.array([scans[k].bit[m] for k, m in zip(j, b, strict=True)])
-    cluster = np.unique(np.stack([i, j, wall]), axis=1, return_inverse=True)[1].ravel()
-    G = np.zeros((cluster.max() + 1, J.shape[1]))
-    np.add.at(G, cluster, (weight * common / deviation)[:, None] * J)
+    deviation, J = _deviations(scans, pairs), J[:, 3:]
+    off = (residual / deviation / _DOUBT) ** 2
+    pull = ((1 - off) / (1 + off) ** 2 / deviation**2)[:, None] * J  # rho'': of pairs that come 1 mm farther apart
+    inverse = np.linalg.inv(J.T @ pull)
     first, second = _numbers(scans, pairs)
+    each = np.zeros((sum(len(scan.points) for scan in scans), J.shape[1]))  # of a reading, in all its pairs at once
+    np.add.at(each, second, -pull)
+    ends = np.cumsum([len(scan.points) for scan in scans])
+    each = np.concatenate([scan.line @ on for scan, on in zip(scans, np.split(each, ends[:-1]), strict=True)])
+    np.add.at(each, first, pull)
+    across, bias = (np.concatenate([getattr(scan, name) for scan in scans])[:, None] for name in ("across", "bias"))
+    bit = np.unique(np.concatenate([scan.bit + k * len(each) for k, scan in enumerate(scans)]), return_inverse=True)[1]
+    alike = np.zeros((bit.max() + 1, J.shape[1]))
+    np.add.at(alike, bit, bias * each)
     normals = np.concatenate([_placed(scan, pose)[2] for scan, pose in zip(scans, poses, strict=True)])
     errors = _errors(scans, poses)
-    shift = ((errors[:, first] - errors[:, second]) * normals[second]).sum(axis=-1)
-    shared = J.T @ (shift * (weight / deviation)).T
-    own = J * (weight * np.sqrt(1 - (common / deviation) ** 2))[:, None]
-    return np.asarray(inverse @ (G.T @ G + own.T @ own + shared @ shared.T) @ inverse)
+    shared = ((errors[:, first] - errors[:, second]) * normals[second]).sum(axis=-1) @ pull
+    columns = np.concatenate([across * each, alike, shared])
+    return np.asarray(inverse @ (columns.T @ columns) @ inverse)
 
 
 def _errors(scans: Sequence[_Scan], poses: Float64) -> Float64:

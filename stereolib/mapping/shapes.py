@@ -162,10 +162,17 @@ def join_clouds(clouds: Sequence[Cloud]) -> Cloud:
     -------
     Cloud
 
+    Raises
+    ------
+    ValueError
+        If there is none.
+
     Examples
     --------
     >>> one = Cloud(np.zeros((2, 3)), np.zeros((2, 3), np.uint8))
     >>> len(join_clouds([one, one, one]).points_mm)
     6
     """
+    if not clouds:
+        raise ValueError("no cloud was given, so that there is nothing to join: make them with `colored_cloud`")
     return Cloud(np.concatenate([c.points_mm for c in clouds]), np.concatenate([c.colors_rgb for c in clouds]))

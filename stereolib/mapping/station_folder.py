@@ -13,6 +13,7 @@ import re
 import reprlib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from os import PathLike
 from pathlib import Path
 
 import numpy as np
@@ -99,13 +100,13 @@ class RecordedStation:
         return None if self.scan is None else read_scan(self.scan)
 
 
-def read_scan(path: Path) -> LaserScan:
+def read_scan(path: str | PathLike[str]) -> LaserScan:
     """Read a scan: the median of all turns of a recording, or a table of angles and ranges.
 
     Parameters
     ----------
-    path : Path
-        As `stereolib.laser.save_recording` writes it; or a .csv with the columns ``angle_deg,range_mm``.
+    path : path
+        As `stereolib.laser.record_port` writes it; or a .csv with the columns ``angle_deg,range_mm``.
 
     Returns
     -------
@@ -117,6 +118,7 @@ def read_scan(path: Path) -> LaserScan:
     ValueError
         If it is no recording, most of it is damaged, it holds no whole turn, or its columns are no scan.
     """
+    path = Path(path)
     if path.suffix.lower() == ".csv":
         return _scan_of_table(path)
     try:
@@ -143,13 +145,13 @@ class StationFolder:
     unused: tuple[str, ...] = field(default=())
 
 
-def list_stations(folder: Path, poses: Path | None = None) -> StationFolder:
+def list_stations(folder: str | PathLike[str], poses: str | PathLike[str] | None = None) -> StationFolder:
     """Find the stations of a folder.
 
     Parameters
     ----------
-    folder : Path
-    poses : Path, optional
+    folder : path
+    poses : path, optional
         Default: ``poses.csv`` in the folder, if it is there.
 
     Returns
@@ -169,6 +171,7 @@ def list_stations(folder: Path, poses: Path | None = None) -> StationFolder:
     >>> [station.name for station in found.stations], found.stations[0].left.name
     (['1', '2', '3', '4', '5'], '1_left.jpg')
     """
+    folder, poses = Path(folder), None if poses is None else Path(poses)
     if not folder.is_dir():
         raise ValueError(
             f"{folder} is no folder: expected one with 1_left.png, 1_right.png, 1_scan.bin, 2_left.png, ..."
@@ -202,12 +205,12 @@ def list_stations(folder: Path, poses: Path | None = None) -> StationFolder:
     return StationFolder(tuple(stations), tuple(sorted([*unused, *(path.name for path in others)])))
 
 
-def name_scans(files: Iterable[Path]) -> dict[str, Path]:
+def name_scans(files: Iterable[str | PathLike[str]]) -> dict[str, Path]:
     """Tell of each recording of the laser to which pair it belongs by name.
 
     Parameters
     ----------
-    files : iterable of Path
+    files : iterable of path
         Others than .bin and .csv are left out.
 
     Returns
@@ -226,7 +229,7 @@ def name_scans(files: Iterable[Path]) -> dict[str, Path]:
     ['2', 'door']
     """
     found: dict[str, Path] = {}
-    for path in (path for path in files if path.suffix.lower() in _SCANS):
+    for path in (path for path in map(Path, files) if path.suffix.lower() in _SCANS):
         if _names_a_side(path):
             raise ValueError(f"{path}: a side of a station is a picture (PNG, JPEG, ...); name it so, or move it away")
         words = pair_name(path).split()
@@ -270,13 +273,15 @@ def pair_stations(
     return sorted([*stations, *alone], key=lambda station: _by_number(station.name)), alone
 
 
-def known_poses(stations: Sequence[RecordedStation], path: Path, *, needed: bool = False) -> list[RecordedStation]:
+def known_poses(
+    stations: Sequence[RecordedStation], path: str | PathLike[str], *, needed: bool = False
+) -> list[RecordedStation]:
     """Give stations the poses of a file.
 
     Parameters
     ----------
     stations : sequence of RecordedStation
-    path : Path
+    path : path
         As ``poses.csv``.
     needed : bool
         Whether it must be there.
@@ -290,6 +295,7 @@ def known_poses(stations: Sequence[RecordedStation], path: Path, *, needed: bool
     ValueError
         If it cannot be used.
     """
+    path = Path(path)
     if not (needed or path.is_file()):
         return list(stations)
     known = _read_poses(path, [station.name for station in stations])

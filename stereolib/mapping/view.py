@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
-from stereolib.base import Float64, UInt8, direction
+from stereolib.base import Float64, UInt8, as_rows, direction
 from stereolib.mapping.assemble import Map
 from stereolib.mapping.shapes import Cloud, Solid
 from stereolib.mapping.stations import Station, station_names
@@ -76,7 +76,7 @@ class Eye:
         -------
         pixels, depths_mm : (N, 2) and (N,) float64
         """
-        turned = (np.asarray(points_mm, float).reshape(-1, 3) - self.place_mm) @ self.axes.T
+        turned = (as_rows(points_mm, 3, "points_mm") - self.place_mm) @ self.axes.T
         depth = np.maximum(turned[:, 2], 1.0)
         return turned[:, :2] / depth[:, None] * self.f_px + self.centre_px, turned[:, 2]
 

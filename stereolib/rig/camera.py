@@ -8,13 +8,15 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stereolib.base import Float64, finite_array, set_frozen
+from stereolib.base import Bools, Float64, as_rows, finite_array, set_frozen
 
 _DIST_LENGTHS = (0, 4, 5, 8, 12, 14)
 _LARGEST_PX = 2**15 - 1  # a side of a picture: OpenCV's lookup maps hold no more
 _LEAST_FOCAL_PX, _MOST_PX = 0.1, 1e6  # of K: whatever lies outside is no lens but a slip, and products overflow
 _MOST_DIST = 1e6  # a coefficient of the lens: those that are fitted to noise reach thousands
 _NEWTON_STEPS = 20  # four or five do far from the fold
+_DAMPED_STEPS = 60  # tried, halved ones among them: next to a fold that is none forty are needed
+_FARTHEST = 1e6  # ideal coordinates: a direction along the picture plane, whose powers do not overflow yet
 _START_INSIDE = 0.9  # of the fold radius: on it the Jacobian is singular
 _SETTLED = 1e-12  # step of ideal coordinates: a thousandth of a millionth of a pixel
 _MISS = 1e-7  # what a solution may miss its target by, ideal coordinates: 1e-4 px
@@ -72,6 +74,11 @@ class Camera:
         -------
         (N, 2) float64, px
 
+        Raises
+        ------
+        ValueError
+            If the points are not rows of three.
+
         Examples
         --------
         >>> camera = Camera([[700, 0, 320], [0, 700, 240], [0, 0, 1]], [], (640, 480))
@@ -79,7 +86,7 @@ class Camera:
         array([[390., 240.],
                [ nan,  nan]])
         """
-        points = np.asarray(points_mm, float).reshape(-1, 3)
+        points = as_rows(points_mm, 3, "points_mm")
         with np.errstate(divide="ignore", invalid="ignore"):
             xy = np.where(points[:, 2:] > 0, points[:, :2] / points[:, 2:], np.nan)
         distorted, _ = distort(xy, self.dist)
@@ -95,17 +102,24 @@ class Camera:
         ----------
         pixels : (N, 2) array_like, px
         clamp : bool
-            Give pixels without a direction the one at the fold instead of NaN: what a renderer wants.
+            Give pixels without a direction the one at the fold instead of NaN: what a renderer wants. Of a lens that
+            does not fold and yet reaches no such pixel, one whose image comes near it.
 
         Returns
         -------
         (N, 3) float64
             Third column 1.
 
+        Raises
+        ------
+        ValueError
+            If the pixels are not rows of two.
+
         Notes
         -----
         Solves ``distort(x) = K^-1 u`` with ``x <- x - J^-1 (distort(x) - K^-1 u)``, the iterate kept inside the
-        fold radius, where ``d(r g(r^2))/dr`` first vanishes.
+        fold radius, where ``d(r g(r^2))/dr`` first vanishes. Where that derivative only comes near 0, whole steps
+        may leap to and fro: what they miss is solved again by steps that are halved until they lead nearer.
 
         Examples
         --------
@@ -113,28 +127,30 @@ class Camera:
         >>> camera.project(camera.rays([[100.0, 50.0]])).round(6)
         array([[100.,  50.]])
         """
-        uv = np.asarray(pixels, float).reshape(-1, 2)
+        uv = as_rows(pixels, 2, "pixels")
         target = _tilted((uv - self.K[:2, 2]) @ np.linalg.inv(self.K[:2, :2]).T, self.dist, inverse=True)
         if not self.dist.any():
             found = np.isfinite(target).all(axis=1, keepdims=True)
             return np.column_stack([np.where(found, target, np.nan), np.ones(len(target))])
-        limit = self.fold_radius
-        xy = target * np.minimum(1.0, _START_INSIDE * limit / np.maximum(np.hypot(*target.T), 1e-12))[:, None]
+        limit = min(self.fold_radius, _FARTHEST)
+        xy = _within(target, _START_INSIDE * limit)
         for _ in range(_NEWTON_STEPS):
-            value, jacobian = distort(xy, self.dist)
-            determinant = jacobian[0] * jacobian[3] - jacobian[1] * jacobian[2]
-            determinant = np.where(np.abs(determinant) < _LEAST_DETERMINANT, _LEAST_DETERMINANT, determinant)
-            ex, ey = (value - target).T
-            step = np.stack([jacobian[3] * ex - jacobian[1] * ey, jacobian[0] * ey - jacobian[2] * ex], 1)
-            step /= determinant[:, None]
-            xy = xy - step
-            xy *= np.minimum(1.0, limit / np.maximum(np.hypot(*xy.T), 1e-12))[:, None]
+            step = _newton_step(*distort(xy, self.dist), target)
+            xy = _within(xy - step, limit)
             if np.abs(step).max(initial=0.0) < _SETTLED:
                 break
-        lost = ~(np.abs(distort(xy, self.dist)[0] - target).max(axis=1, initial=0.0) < _MISS)
-        if lost.any():
-            xy[lost] = _at_fold(target[lost], self.dist, limit) if clamp and np.isfinite(limit) else np.nan
+        if (lost := self._missed(xy, target)).any():
+            xy[lost] = _damped(target[lost], self.dist, limit)
+            lost = self._missed(xy, target)
+            if not clamp:
+                xy[lost] = np.nan
+            elif limit < _FARTHEST:
+                xy[lost] = _at_fold(target[lost], self.dist, limit)
         return np.column_stack([xy, np.ones(len(xy))])
+
+    def _missed(self, xy: Float64, target: Float64) -> Bools:
+        """Which ideal coordinates the lens does not map to their target."""
+        return np.asarray(~(np.abs(distort(xy, self.dist)[0] - target).max(axis=1, initial=0.0) < _MISS))
 
     @cached_property
     def fold_radius(self) -> float:
@@ -155,7 +171,7 @@ def distort(xy: ArrayLike, dist: ArrayLike) -> tuple[Float64, Float64]:
     ----------
     xy : (N, 2) array_like
         ``x/z, y/z``, no unit.
-    dist : (n,) array_like
+    dist : (n,) or (1, n) array_like
         OpenCV's order; the tilt of the 14-coefficient model is not applied here.
 
     Returns
@@ -163,6 +179,11 @@ def distort(xy: ArrayLike, dist: ArrayLike) -> tuple[Float64, Float64]:
     xy_distorted : (N, 2) float64
     jacobian : (4, N) float64
         ``dx'/dx, dx'/dy, dy'/dx, dy'/dy``.
+
+    Raises
+    ------
+    ValueError
+        If the coordinates are not rows of two.
 
     Notes
     -----
@@ -177,8 +198,8 @@ def distort(xy: ArrayLike, dist: ArrayLike) -> tuple[Float64, Float64]:
     >>> distorted
     array([[0.5125, 0.    ]])
     """
-    k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4 = np.pad(np.asarray(dist, float), (0, 14))[:12]
-    x, y = np.asarray(xy, float).T
+    k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4 = np.pad(np.ravel(np.asarray(dist, float)), (0, 14))[:12]
+    x, y = as_rows(xy, 2, "xy").T
     r2 = x * x + y * y
     over = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
     under = 1 + r2 * (k4 + r2 * (k5 + r2 * k6))
@@ -192,6 +213,35 @@ def distort(xy: ArrayLike, dist: ArrayLike) -> tuple[Float64, Float64]:
     along_y = g + 2 * y * y * dg + 6 * p1 * y + 2 * p2 * x + y * prism_y
     jacobian = np.stack([along_x, cross + y * prism_x, cross + x * prism_y, along_y])
     return np.column_stack([xd, yd]), jacobian
+
+
+def _newton_step(value: Float64, jacobian: Float64, target: Float64) -> Float64:
+    """By how much ideal coordinates, with their image and Jacobian, are off their target by a linear lens, (N, 2)."""
+    determinant = jacobian[0] * jacobian[3] - jacobian[1] * jacobian[2]
+    determinant = np.where(np.abs(determinant) < _LEAST_DETERMINANT, _LEAST_DETERMINANT, determinant)
+    ex, ey = (value - target).T
+    step = np.stack([jacobian[3] * ex - jacobian[1] * ey, jacobian[0] * ey - jacobian[2] * ex], 1)
+    return np.asarray(step / determinant[:, None])
+
+
+def _within(xy: Float64, limit: float) -> Float64:
+    """Ideal coordinates, those beyond a circle drawn in to it, (N, 2)."""
+    return np.asarray(xy * np.minimum(1.0, limit / np.maximum(np.hypot(*xy.T), 1e-12))[:, None])
+
+
+def _damped(target: Float64, dist: Float64, limit: float) -> Float64:
+    """Ideal coordinates of targets by Newton's steps, each halved until it leads nearer, (N, 2)."""
+    xy = _within(target, _START_INSIDE * min(limit, 1.0))
+    value, jacobian = distort(xy, dist)
+    share = np.ones(len(xy))
+    for _ in range(_DAMPED_STEPS):
+        there = _within(xy - share[:, None] * _newton_step(value, jacobian, target), limit)
+        value_there, jacobian_there = distort(there, dist)
+        nearer = np.hypot(*(value_there - target).T) < np.hypot(*(value - target).T)
+        xy, value = (np.where(nearer[:, None], new, old) for new, old in ((there, xy), (value_there, value)))
+        jacobian = np.where(nearer, jacobian_there, jacobian)
+        share = np.where(nearer, np.minimum(2 * share, 1.0), share / 2)
+    return xy
 
 
 def _at_fold(target: Float64, dist: Float64, limit: float) -> Float64:

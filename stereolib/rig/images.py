@@ -20,6 +20,7 @@ MAX_MEGAPIXELS = 100.0  # no webcam comes near; a few kB can claim a thousand ti
 _GAMMA = 2.2  # of cameras' and screens' grey levels (sRGB, nearly)
 _LIGHT = ((np.arange(256) / 255) ** _GAMMA).astype(np.float32)
 _ORIENTATION, _ON_ITS_SIDE = 0x0112, (5, 6, 7, 8)  # of EXIF
+_WIDTH, _HEIGHT = 0x0100, 0x0101  # of TIFF
 _FILTERING = Lock()  # warnings' filters belong to the whole process, pictures are read by several threads
 
 
@@ -78,13 +79,16 @@ def image_size(path: str | PathLike[str]) -> tuple[int, int]:
         As `read_image`, which reads it whole where its header is not understood.
     """
     from PIL import Image
+    from PIL.TiffImagePlugin import TiffImageFile
 
     with _FILTERING, warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:
             with Image.open(path) as image:
-                turned = image.getexif().get(_ORIENTATION, 1) in _ON_ITS_SIDE
-                return image.size[::-1] if turned else image.size
+                # of a TIFF, `size` is turned already, or not: it depends on Pillow's version
+                tags = image.tag_v2 if isinstance(image, TiffImageFile) else {}
+                width, height = (int(tags[_WIDTH]), int(tags[_HEIGHT])) if tags else image.size
+                return (height, width) if image.getexif().get(_ORIENTATION, 1) in _ON_ITS_SIDE else (width, height)
         except (OSError, ValueError, Image.DecompressionBombError):
             pass
     height, width = read_image(path).shape[:2]
@@ -194,11 +198,17 @@ def to_light(image: UInt8) -> Float32:
     -------
     float32, 0..1, shaped like `image`
 
+    Raises
+    ------
+    ValueError
+        If it is no picture of 8 bits.
+
     Examples
     --------
     >>> (100 * to_light(np.array([[0, 128, 255]], np.uint8))).round().tolist()
     [[0.0, 22.0, 100.0]]
     """
+    check_image(image)
     return np.asarray(cv2.LUT(image, _LIGHT))
 
 
@@ -214,11 +224,17 @@ def to_grey(image: UInt8) -> UInt8:
     -------
     (H, W) uint8
 
+    Raises
+    ------
+    ValueError
+        If it is no picture of 8 bits.
+
     Examples
     --------
     >>> to_grey(np.full((1, 1, 3), (0, 0, 255), np.uint8)).tolist()
     [[76]]
     """
+    check_image(image)
     return image if image.ndim == 2 else np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY))
 
 

@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereolib.base import Float64, UInt8, finite_array, read_json, set_frozen, write_atomic
+from stereolib.base import Float64, UInt8, as_rows, finite_array, read_json, set_frozen, write_atomic
 from stereolib.rig.camera import Camera
 from stereolib.rig.images import check_image
 from stereolib.rig.transforms import skew
@@ -311,7 +311,7 @@ class RectifiedRig:
         Raises
         ------
         ValueError
-            If `side` is another word.
+            If `side` is another word, or the pixels are not rows of two.
 
         Examples
         --------
@@ -341,11 +341,18 @@ class RectifiedRig:
         -------
         (N, 3) float64, mm, in the rectified left camera's frame
 
+        Raises
+        ------
+        ValueError
+            If the pixels are not rows of two, or the disparities are not as many.
+
         Notes
         -----
         ``Z = f B / d``, ``X = (u - cx) B / d``, ``Y = (v - cy) B / d`` (section II.C, with B for the paper's T).
         """
-        uv, disparity = np.asarray(pixels, float).reshape(-1, 2), np.asarray(disparity_px, float).ravel()
+        uv, disparity = as_rows(pixels, 2, "pixels"), np.asarray(disparity_px, float).ravel()
+        if len(uv) != len(disparity):
+            raise ValueError(f"each pixel needs its disparity, got {len(uv)} pixels and {disparity.size} disparities")
         per_px = self.baseline_mm / np.where(disparity > 0, disparity, np.nan)
         xy = (uv - self.P1[:2, 2]) * per_px[:, None]
         return np.column_stack([xy, self.f_px * per_px])

@@ -14,18 +14,26 @@ def rigid(R: ArrayLike, t: ArrayLike) -> Float64:
     Parameters
     ----------
     R : (3, 3) array_like
-    t : (3,) array_like
+    t : (3,), (3, 1) or (1, 3) array_like
 
     Returns
     -------
     (4, 4) float64
         ``[[R, t], [0, 1]]``: takes ``(x, 1)`` to ``(R x + t, 1)``.
 
+    Raises
+    ------
+    ValueError
+        If R is no matrix, as a vector of Rodrigues is none, or t has not three numbers.
+
     Examples
     --------
     >>> rigid(np.eye(3), [10.0, 20.0, 30.0]) @ [1.0, 2.0, 3.0, 1.0]
     array([11., 22., 33.,  1.])
     """
+    if np.shape(R) != (3, 3) or np.size(t) != 3:
+        remedy = "of a rotation's vector cv2.Rodrigues makes the matrix"
+        raise ValueError(f"R must be (3, 3) and t (3,), got shapes {np.shape(R)} and {np.shape(t)}: {remedy}")
     T = np.eye(4)
     T[:3, :3], T[:3, 3] = R, np.ravel(t)
     return T

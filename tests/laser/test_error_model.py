@@ -85,3 +85,45 @@ def test_error_falls_with_the_root_of_n_down_to_the_bias():
         laser.error_against_n([np.nan], 1000, rng=rng)
     with pytest.raises(ValueError, match=r"none of n = \(5, 10\) lies between 1 and the 2 valid readings"):
         laser.error_against_n([1000.0, 1001], 1000, rng=rng, n=(5, 10))
+
+
+def test_the_error_of_all_readings_combined_is_not_zero_by_construction():
+    rng = np.random.default_rng(8)
+    readings = rng.normal(1000, 8, 20)
+    curve = laser.error_against_n(readings, readings.mean(), rng=rng, n=(5, 20), method="mean")
+    np.testing.assert_allclose(curve.spread_mm, readings.std() / np.sqrt([5, 20]), rtol=0.05)
+
+
+def test_halves_need_not_reach_equally_far():
+    """One reading each at 500 and 2000 mm: some draws learn without one of them and test with it."""
+    true = np.array([500.0] + 20 * [1000.0] + 20 * [1200.0] + [2000.0])
+    for seed in range(8):
+        result = laser.bias_correction_test(true, true + 5, degree=1, rng=np.random.default_rng(seed))
+        assert result["rms_after_mm"] < 1e-6
+
+
+def test_what_is_nan_is_left_out_and_lengths_must_agree():
+    true, rng = np.repeat([500.0, 1000, 2000], 20), np.random.default_rng(9)
+    measured = true + 5
+    true[3] = measured[30] = np.nan
+    result = laser.bias_correction_test(true, measured, degree=0, rng=rng)
+    assert result["n_learn"] + result["n_test"] == 58 and result["rms_before_mm"] == pytest.approx(5)
+    for refuse in (
+        lambda: laser.learn_bias(true, measured[:7]),
+        lambda: laser.bias_correction_test(true, [1], rng=rng),
+    ):
+        with pytest.raises(ValueError, match="each reading needs its known distance, got 60 distances"):
+            refuse()
+
+
+def test_a_residual_is_divided_by_its_deviation():
+    """Where one coefficient has to serve two biases, their mean is weighted by the inverse squares of deviations."""
+    assert laser.learn_bias([990, 1980], [1000, 2000], degree=0).coefficients_mm[0] == pytest.approx(
+        (10 / 2**2 + 20 / 5**2) / (1 / 2**2 + 1 / 5**2)
+    )
+
+
+def test_an_exact_law_is_no_better_than_rounding_tells():
+    r = [500, 1000, 2000, 4000]
+    best = laser.compare_sigma_laws(r, [2.0, 2, 2, 2])
+    assert best[0].law == "constant" and all(np.isfinite(fit.aic) for fit in best)

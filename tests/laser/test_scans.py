@@ -132,6 +132,22 @@ def test_average_refuses_what_it_cannot_do():
         laser.average([scan(np.ones(360))], "mode")
 
 
+def test_turns_of_other_beams_are_not_combined():
+    ranges = np.full(360, 1000.0)
+    with pytest.raises(ValueError, match=r"different beams, angle_min_rad 0 and 0\.5: take those of one sensor"):
+        laser.average([scan(ranges), scan(ranges, angle_min_rad=0.5)])
+    with pytest.raises(ValueError, match="emitter_offset_mm 0 and 25"):
+        laser.average([scan(ranges), scan(ranges, emitter_offset_mm=0.0)])
+    with pytest.raises(ValueError, match="have 180 and 360 beams"):
+        laser.moving_readings([scan(ranges), scan(ranges[:180])])
+
+
+@pytest.mark.parametrize("ranges, strength", [(np.ones((2, 3)), np.ones((2, 3))), (np.ones(3), np.ones(2)), (1.0, 1.0)])
+def test_a_scan_has_one_number_a_beam(ranges, strength):
+    with pytest.raises(ValueError, match=r"one number a beam.*ranges_mm \("):
+        laser.LaserScan(ranges, strength)
+
+
 def test_gate():
     gated = laser.gate(scan([100, 2999, 3000, 3001, np.nan]), max_mm=3000)
     np.testing.assert_array_equal(gated.ranges_mm, [100, 2999, 3000, np.nan, np.nan])

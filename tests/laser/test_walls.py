@@ -58,6 +58,11 @@ def test_walls_of_a_known_room():
         assert w.inliers.sum() >= 115 and 0.8 < w.rms_mm < 1.3
 
 
+def test_no_wall_is_none_to_fit():
+    with pytest.raises(ValueError, match="count must be 1 wall or more, got 0"):
+        laser.fit_walls(np.ones((9, 2)), 0, rng=np.random.default_rng(0))
+
+
 def test_line_at_right_angles_not_along_y():
     line = laser.fit_line([[5, -100], [5, 0], [5, 200]])  # upright: no slope to speak of
     np.testing.assert_allclose(line.normal, [1, 0], atol=1e-12)

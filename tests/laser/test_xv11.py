@@ -385,5 +385,32 @@ def test_what_cannot_be_sent_is_refused():
         laser.Readings.build(0, [[20000, 1, 1, 1]])
     with pytest.raises(ValueError, match="index 90"):
         laser.Readings.build(90, [[1, 1, 1, 1]])
+    with pytest.raises(ValueError, match="index nan cannot be sent: a packet holds whole numbers"):
+        laser.Readings.build([np.nan], [[1, 1, 1, 1]])
+    with pytest.raises(ValueError, match=r"index 1\.5"):
+        laser.Readings.build(1.5, [[1, 1, 1, 1]])
+    with pytest.raises(ValueError, match=r"strength 0\.5"):
+        laser.Readings.build(0, [[1, 1, 1, 1]], 0.5)
+    with pytest.raises(ValueError, match=r"distance_mm must be \(N, 4\).*\(4, 90\): transpose it"):
+        laser.Readings.build(np.arange(90), np.ones((4, 90)))
+    with pytest.raises(ValueError, match="got 3 for 2 rows"):
+        laser.Readings.build([0, 1, 2], np.ones((2, 4)))
     with pytest.raises(ValueError, match="read-only"):
         laser.decode(VECTOR).distance_mm[0, 0] = 1
+
+
+def test_readings_are_copies_and_leave_the_callers_arrays_alone():
+    readings = laser.decode(VECTOR)
+    own = {name: value.copy() for name, value in vars(readings).items() if isinstance(value, np.ndarray)}
+    copy = laser.Readings(**own)
+    own["distance_mm"][0, 0] = 1
+    assert copy.distance_mm[0, 0] == 228
+
+
+@pytest.mark.parametrize("data", [1000, "fa", [250, 177], None])
+def test_what_is_no_bytes_is_not_decoded(data):
+    with pytest.raises(ValueError, match="decoded from bytes, got"):
+        laser.decode(data)
+    with pytest.raises(ValueError, match="decoded from bytes, got"):
+        laser.Decoder().feed(data)
+    assert len(laser.decode(bytearray(VECTOR))) == len(laser.decode(memoryview(VECTOR))) == 1

@@ -20,6 +20,7 @@ from stereolib.mapping import (
     Solid,
     Station,
     colored_cloud,
+    join_clouds,
     map_solids,
     merge_stations,
     occupancy_grid,
@@ -223,6 +224,9 @@ def test_map_server_reads_the_grid_back(tmp_path):
         write_grid(tmp_path / "map.yaml", grid)
     with pytest.raises(ValueError, match=r"must end in \.yaml"):
         write_grid(tmp_path / "map.pgm", grid)
+    for name in ("a: #b.yaml", "Küche.yaml", "12.yaml"):
+        text, picture = write_grid(tmp_path / name, grid)
+        assert yaml.safe_load(text.read_text(encoding="utf-8"))["image"] == picture.name
 
 
 def test_grids_that_make_no_sense_are_refused():
@@ -233,6 +237,13 @@ def test_grids_that_make_no_sense_are_refused():
         occupancy_grid([one], resolution_mm=0.05)
     with pytest.raises(ValueError, match="positive side"):
         occupancy_grid([one], resolution_mm=0)
+    with pytest.raises(ValueError, match="0 mm or more, got -5000"):
+        occupancy_grid([one], margin_mm=-5000)
+
+
+def test_no_cloud_is_none_to_join():
+    with pytest.raises(ValueError, match="no cloud was given"):
+        join_clouds([])
 
 
 # --- pictures

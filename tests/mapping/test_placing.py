@@ -154,3 +154,5 @@ def test_stations_without_a_scan():
     assert not alone.pose.any()
     with pytest.raises(ValueError, match="at least one station"):
         place_stations([])
+    with pytest.raises(ValueError, match="2 stations are named 'blind': give each"):
+        place_stations([*walked(1), blind, blind])

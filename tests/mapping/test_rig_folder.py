@@ -13,7 +13,15 @@ from support.instruments import LIDAR
 
 from stereolib.base import data_path
 from stereolib.calibration import Charuco, Checkerboard, diagnose
-from stereolib.mapping import RIG_FILE, RIG_FOLDERS, load_rig_folder, tried, write_demo_file, write_rig_file
+from stereolib.mapping import (
+    RIG_FILE,
+    RIG_FOLDERS,
+    load_rig_folder,
+    lying_there,
+    tried,
+    write_demo_file,
+    write_rig_file,
+)
 from stereolib.measurement import Between, Instrument, save_laser_pose
 from stereolib.paper import paper_rig
 from stereolib.virtual import recordings, walk
@@ -211,3 +219,10 @@ def test_poses_of_the_folder_are_read(folder):
 def test_the_demo_rig_is_written_as_it_is_committed(tmp_path):
     committed = data_path("virtual/rig.toml").read_text()
     assert write_demo_file(tmp_path).read_text() == committed
+    assert write_demo_file(str(tmp_path)).read_text() == committed
+
+
+def test_paths_may_be_texts(folder):
+    fill(folder, "1_left.png", "1_right.png", "scans/1.bin")
+    assert load_rig_folder(str(folder)).folder == folder
+    assert lying_there(str(folder)) == {"pairs": "*.png"} == lying_there(folder)

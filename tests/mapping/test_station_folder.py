@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from stereolib.mapping import list_stations, read_scan
+from stereolib.mapping import list_stations, name_scans, read_scan
 from stereolib.virtual import walk
 
 GREY = np.full((48, 64, 3), 90, np.uint8)
@@ -35,6 +35,14 @@ def test_files_are_told_apart_by_their_names(folder):
     assert found.stations[0].pose == pytest.approx((10, -20.5, np.pi / 2)) and found.stations[1].pose is None
     assert found.stations[0].read_pair((64, 48))[1].shape == (48, 64, 3) and found.stations[1].read_pair((1, 1)) is None
     assert list_stations(folder, _poses(folder, "2,1,2,3")).stations[1].pose == pytest.approx((1, 2, np.radians(3)))
+
+
+def test_paths_may_be_texts(folder):
+    assert list_stations(str(folder)) == list_stations(folder)
+    assert read_scan(str(folder / "1_scan.bin")).complete and name_scans(["2_scan.bin"]).keys() == {"2"}
+    assert list_stations(str(folder), str(_poses(folder, "2,1,2,3"))).stations[1].pose
+    with pytest.raises(ValueError, match="x is no folder"):
+        list_stations("x")
 
 
 def test_a_scan_of_which_every_turn_lost_a_packet_is_read(folder):

@@ -111,6 +111,24 @@ def test_opencvs_inverse_is_wrong_by_pixels_at_the_fold():
     assert np.hypot(*(lens.project(ours[has_direction]) - pixels[has_direction]).T).max() < 1e-6
 
 
+@pytest.mark.parametrize(
+    "dist", [[-0.32731821, -0.04706196, 0, 0, 0.04496969], [-0.134, -0.27, 0, 0, 0.118], [-0.3, -0.05, 0, 0, 0.04]]
+)
+def test_a_lens_that_nearly_folds_reaches_every_pixel(dist):
+    """Newton's whole steps leap to and fro where the derivative comes near 0."""
+    lens = Camera([[350, 0, 320], [0, 350, 240], [0, 0, 1]], dist, (640, 480))
+    assert lens.fold_radius == np.inf
+    for clamp in (False, True):
+        np.testing.assert_allclose(lens.project(lens.rays(grid(lens), clamp=clamp)), grid(lens), atol=1e-4)
+
+
+def test_clamped_rays_are_finite_though_no_direction_leads_to_the_pixel():
+    """Far out this lens draws everything to a circle of 88 px and never folds."""
+    lens = Camera([[350, 0, 320], [0, 350, 240], [0, 0, 1]], [0, 0, 0, 0, 0, 16.0, 0, 0], (640, 480))
+    assert np.isnan(lens.rays([[100.0, 50.0]])).any() and np.isfinite(lens.rays(grid(lens), clamp=True)).all()
+    assert np.isfinite(lens.rays([[np.nan, 1.0], [330.0, 240.0]])[1]).all()
+
+
 def test_left_lens_reaches_every_pixel():
     lens = paper_rig().left
     np.testing.assert_allclose(opencv(lens.rays(grid(lens)), lens), grid(lens), atol=1e-6)
@@ -142,6 +160,23 @@ def test_fold_radius_is_the_root_of_the_derivative():
 def test_refuses(change, text):
     with pytest.raises(ValueError, match=text):
         Camera(**{"K": K, "dist": [], "size": (640, 480), **change})
+
+
+def test_arrays_of_another_orientation_are_refused():
+    lens = camera(5)
+    with pytest.raises(ValueError, match=r"points_mm must be \(N, 3\).*\(3, 5\): transpose it"):
+        lens.project(np.ones((3, 5)))
+    with pytest.raises(ValueError, match=r"pixels must be \(N, 2\).*\(2, 3\): transpose it"):
+        lens.rays(np.ones((2, 3)))
+    with pytest.raises(ValueError, match=r"xy must be \(N, 2\).*\(4,\): give 2 numbers"):
+        distort(np.ones(4), lens.dist)
+    assert lens.rays([1.0, 2.0]).shape == lens.rays(np.ones((1, 1, 2))).shape == (1, 3)
+    assert lens.project([]).shape == (0, 2)
+
+
+def test_distortion_may_come_in_a_row_as_opencv_gives_it():
+    for one, other in zip(distort([[0.1, 0.2]], [LENSES[5]]), distort([[0.1, 0.2]], LENSES[5]), strict=True):
+        np.testing.assert_array_equal(one, other)
 
 
 def test_is_a_read_only_copy():

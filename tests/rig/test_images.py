@@ -8,8 +8,9 @@ import zlib
 import cv2
 import numpy as np
 import pytest
+from PIL import Image
 
-from stereolib.rig import check_pair, read_image, read_pair, to_grey, to_light
+from stereolib.rig import check_pair, image_size, read_image, read_pair, to_grey, to_light
 
 
 @pytest.fixture
@@ -72,6 +73,34 @@ def test_grey_is_the_luminance(picture):
     np.testing.assert_allclose(to_grey(picture), expected, atol=0.51)
     assert to_grey(picture[..., 0]) is not None
     np.testing.assert_array_equal(to_grey(picture[..., 0]), picture[..., 0])
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        np.zeros((4, 6)),
+        np.zeros((4, 6, 3), np.int64),
+        np.zeros((4, 6), np.int8),
+        np.zeros((4, 6, 4), np.uint8),
+        np.zeros((4, 6, 1), np.uint8),
+        np.zeros((0, 6), np.uint8),
+        [[0, 255]],
+    ],
+)
+def test_grey_and_light_are_made_of_pictures_alone(wrong):
+    for make in (to_grey, to_light):
+        with pytest.raises(ValueError, match=r"the picture: (images must be uint8 arrays|expected \(H, W\) grey)"):
+            make(wrong)
+
+
+@pytest.mark.parametrize("kind", ["tif", "jpg", "png"])
+def test_the_size_is_that_of_the_picture_as_it_is_read(tmp_path, picture, kind):
+    """Cameras that are held upright say so in the file."""
+    for orientation in (1, 3, 6, 8):
+        exif = Image.Exif()
+        exif[0x0112] = orientation
+        Image.fromarray(picture).save(path := tmp_path / f"{orientation}.{kind}", exif=exif.tobytes())
+        assert image_size(path) == read_image(path).shape[1::-1] == ((60, 40) if orientation < 5 else (40, 60))
 
 
 def test_pair_in_order(tmp_path, picture):

@@ -143,6 +143,15 @@ def test_refuses_images(rectified, left, right, text):
         rectified.rectify(left.astype(np.uint8), right.astype(np.uint8))
 
 
+def test_refuses_points_of_another_orientation(rectified):
+    with pytest.raises(ValueError, match=r"\(2, 3\): transpose it"):
+        rectified.rectify_points(np.ones((2, 3)), "left")
+    with pytest.raises(ValueError, match=r"\(2, 3\): transpose it"):
+        rectified.triangulate(np.ones((2, 3)), [1, 2, 3])
+    with pytest.raises(ValueError, match="got 2 pixels and 3 disparities"):
+        rectified.triangulate(np.ones((2, 2)), [1, 2, 3])
+
+
 def test_refuses_bad_rigs(rig):
     with pytest.raises(ValueError, match="R is not a rotation"):
         StereoRig(rig.left, rig.right, np.round(rig.R, 3), rig.T)

@@ -96,6 +96,12 @@ def test_verdict_follows_the_error(recorded, error_pct, verdict):
     assert found.verdict == verdict and len(found.reasons) == (verdict != "good")
 
 
+def test_a_fit_that_did_not_settle_is_said(recorded):
+    away = replace(recorded.fit, gradient=recorded.fit.gradient + 1e6)
+    said = findings._settling_findings(replace(recorded, fit=away))
+    assert "did not settle" in said[0].text and not findings._settling_findings(recorded)
+
+
 def turned(views):
     """Both pictures a quarter to the right."""
     (width, height), sides = views.size, (views.left_px, views.right_px)

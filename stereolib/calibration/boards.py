@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from threading import Semaphore
 from typing import Any
@@ -327,21 +328,31 @@ def over_cores(task: Callable[[Any], Any], items: Sequence[Any], what: str, *, p
     from joblib import Parallel, cpu_count, delayed
     from tqdm.auto import tqdm
 
-    threads, cores = cv2.getNumThreads(), cpu_count()
+    cores = cpu_count()
     slots = Semaphore(cores)
 
     def held(item: Any) -> Any:
         with slots:
             return task(item)
 
+    with one_opencv_thread():
+        try:
+            parallel = Parallel(n_jobs=cores, prefer="threads", return_as="generator")
+            running = parallel(delayed(held)(item) for item in items)
+            yield from tqdm(running, what, len(items), unit="view", disable=not progress, leave=False)
+        finally:
+            for _ in range(cores):  # interrupted: OpenCV aborts the process if Python ends under it
+                slots.acquire()
+
+
+@contextmanager
+def one_opencv_thread() -> Iterator[None]:
+    """Keep OpenCV to one thread: several add up in the order in which they end, and no sum is twice the same."""
+    threads = cv2.getNumThreads()
     cv2.setNumThreads(1)
     try:
-        parallel = Parallel(n_jobs=cores, prefer="threads", return_as="generator")
-        running = parallel(delayed(held)(item) for item in items)
-        yield from tqdm(running, what, len(items), unit="view", disable=not progress, leave=False)
+        yield
     finally:
-        for _ in range(cores):  # interrupted: OpenCV aborts the process if Python ends under it
-            slots.acquire()
         cv2.setNumThreads(threads)
 
 

@@ -130,6 +130,26 @@ def test_few_pairs_are_widened_by_students_t(views):
         rig_covariance(few, method="guess")
 
 
+def test_few_pairs_are_stated_too_widely_as_documented(rig):
+    """The detector's noise alone: the jackknife's deviations over the corners', by the number of pairs."""
+    wide = {}
+    for count in (6, 12, 30):
+        ratios = []
+        for k in range(8):
+            found = bundle_adjustment.fit_rig(corner_set(np.random.default_rng([k, count]), rig=rig, pairs=count), rig)
+            jackknife, corners = (rig_covariance(found, method=m).diagonal() for m in ("jackknife", "corners"))
+            ratios.append(jackknife / corners)
+        wide[count] = np.sqrt(np.mean(ratios))
+    assert 1.3 < wide[6] < 1.8 and 1.1 < wide[12] < 1.4 and 1 < wide[30] < 1.2
+
+
+def test_one_pair_is_no_set_to_leave_pairs_out_of(views, rig):
+    alone = bundle_adjustment.fit_rig(views.only([0]), rig, free=False)
+    for method in ("auto", "jackknife"):
+        with pytest.raises(ValueError, match="1 pair cannot be left out"):
+            rig_covariance(alone, method=method)
+
+
 def test_parts_by_name(fitted, covariance):
     names, parts = rig_parameter_names(fitted.rig), rig_std(fitted.rig, covariance)
     assert len(names) == 24

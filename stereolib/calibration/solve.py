@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from stereolib.base import Bools, Float32, Float64, Floats
-from stereolib.calibration.boards import Board, BoardViews, one_opencv_thread
+from stereolib.calibration.boards import Board, BoardViews, check_corners, one_opencv_thread
 from stereolib.calibration.bundle_adjustment import RigFit, fit_rig
 from stereolib.calibration.lens_models import LENS_MODELS
 from stereolib.rig import Camera, RectifiedRig, StereoRig
@@ -91,10 +91,12 @@ def calibrate_camera(
     Raises
     ------
     ValueError
-        Fewer than 3 views, all views alike, or an unknown model.
+        Fewer than 3 views, all views alike, corners outside the pictures, a view with fewer than four of them or all
+        on one line, or an unknown model.
     """
     count, flags = _model(model)
     views = len(corners_px)
+    check_corners(board, corners_px, size, [f"view {k + 1}" for k in range(views)])
     if views < _MIN_VIEWS:
         why = f"{views} views of the board are too few: at least {_MIN_VIEWS} with different tilts are needed"
         raise ValueError(f"{why}, and 15 to 30 give a trustworthy lens")

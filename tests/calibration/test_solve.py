@@ -159,6 +159,13 @@ def test_the_same_rig_comes_from_any_number_of_threads(recorded):
     assert np.array_equal(found[0], found[1]) and np.array_equal(found[0], found[2])
 
 
+def test_a_view_without_corners_is_refused_by_its_number(exact):
+    corners = exact.left_px.copy()
+    corners[4, 2:] = np.nan
+    with pytest.raises(ValueError, match=r"too few corners of the board, .*: view 5; leave such"):
+        calibrate_camera(BOARD, corners, exact.size)
+
+
 def test_refuses(exact):
     with pytest.raises(ValueError, match="2 views of the board are too few: at least 3"):
         calibrate_camera(BOARD, exact.left_px[:2], exact.size)

@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 
 from stereolib.base import Bools, Float64, Floats
-from stereolib.calibration.boards import BoardViews
+from stereolib.calibration.boards import BoardViews, can_be_posed
 from stereolib.rig import Camera, StereoRig
 
 _DAMPING = 1e-3  # of the first Levenberg-Marquardt step, over the diagonal
@@ -28,6 +28,8 @@ _EXACT_PX = 1e-6  # corners that fit better are rounded, not noisy
 _POSE_ROUNDS = 10  # steps of the boards' poses alone, which have six unknowns each and settle in three
 #: Gauss-Newton steps after `cv2.solvePnP`, which stops at 1e-7 rad: each gains two digits or more, six reach rounding.
 _POSE_STEPS = 6
+_LEAST_POSED, _LEAST_SOLID = 4, 6  # corners of a board, and points that lie in no plane
+_FLAT = 1e-6  # of their extent: points that leave a plane, or a line, by less lie in it
 _POSE_WORSE = 1e-6  # of the sum of squares: far above rounding, so that every processor decides alike
 _POSE_SAME_PX2 = 1e-12  # sums of squares below are a perfect fit
 _UNHELD = 1e-13  # of the largest eigenvalue: directions below are held by nothing
@@ -366,10 +368,15 @@ def board_poses(board_mm: Floats, corners_px: Floats, camera: Camera) -> tuple[F
     Returns
     -------
     turns, shifts : (n, 3, 3) and (n, 3) float64, mm
+
+    Raises
+    ------
+    ValueError
+        As `board_pose`.
     """
     turns, shifts = [], []
     for corners in np.asarray(corners_px, float):
-        known = np.isfinite(corners[:, 0])
+        known = np.isfinite(corners).all(axis=1)
         turn, shift = board_pose(board_mm[known], corners[known], camera)
         turns.append(cv2.Rodrigues(turn)[0])
         shifts.append(shift)
@@ -402,14 +409,20 @@ def board_pose(board_mm: Floats, corners_px: Floats, camera: Camera) -> tuple[Fl
     Parameters
     ----------
     board_mm : (N, 3) array
+        In one plane, or six and more of them.
     corners_px : (N, 2) array
-        All of them found.
+        All of them found, four at least, and not all on one line.
     camera : Camera
 
     Returns
     -------
     turn, shift : (3,) float64, rad and mm
         ``x_camera = Rodrigues(turn) @ x_board + shift``.
+
+    Raises
+    ------
+    ValueError
+        If corners are missing, NaN, too few, or on one line.
 
     Notes
     -----
@@ -426,6 +439,7 @@ def board_pose(board_mm: Floats, corners_px: Floats, camera: Camera) -> tuple[Fl
     (True, array([-30.,  10., 600.]))
     """
     points, corners = np.asarray(board_mm, float), np.asarray(corners_px, float)
+    _check_posable(points, corners)
     _, turn, shift = cv2.solvePnP(points, corners, camera.K, camera.dist)
     first, misses = (turn, shift), []
     for _ in range(_POSE_STEPS + 1):
@@ -439,6 +453,19 @@ def board_pose(board_mm: Floats, corners_px: Floats, camera: Camera) -> tuple[Fl
     if not misses[-1] <= misses[0] * (1 + _POSE_WORSE) + _POSE_SAME_PX2:
         turn, shift = first
     return turn.ravel(), shift.ravel()
+
+
+def _check_posable(points: Float64, corners: Float64) -> None:
+    if points.shape != (len(corners), 3) or corners.shape != (len(points), 2):
+        raise ValueError(f"a pose needs (N, 3) points and (N, 2) corners, got {points.shape} and {corners.shape}")
+    if not (np.isfinite(points).all() and np.isfinite(corners).all()):
+        raise ValueError("a pose needs points and corners that are known: leave out those that are NaN")
+    along, across, off = (
+        np.linalg.svd(points - points.mean(axis=0), compute_uv=False) if len(points) > 2 else np.zeros(3)
+    )
+    needed = _LEAST_POSED if off <= _FLAT * along else _LEAST_SOLID
+    if len(points) < needed or across <= _FLAT * along or not can_be_posed(corners[None])[0]:
+        raise ValueError(f"{len(points)} corners tell no pose: it takes {needed} at least, not all on one line")
 
 
 def _scaled_eigen(normal: Float64) -> tuple[Float64, Float64, Float64]:

@@ -141,6 +141,23 @@ def test_pose_of_a_board_is_the_minimum_to_rounding(views, rig):
     np.testing.assert_allclose(bundle_adjustment.board_pose(board, shaken, rig.left)[1], shift, rtol=0, atol=1e-9)
 
 
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        (lambda b, c: (b, np.full_like(c, np.nan)), "leave out those that are NaN"),
+        (lambda b, c: (b[:3], c[:3]), "3 corners tell no pose: it takes 4 at least"),
+        (lambda b, c: (b, c[:50]), r"got \(54, 3\) and \(50, 2\)"),
+        (lambda b, c: (b, 0 * c + c[0]), "54 corners tell no pose"),
+        (lambda b, c: (b[:9], c[:9]), "9 corners tell no pose: .* not all on one line"),
+        (lambda b, c: (b[[0, 5, 20, 30, 50]] + np.diag([0.0, 0, 9, 9, 9])[:, 2:], c[:5]), "it takes 6 at least"),
+    ],
+)
+def test_corners_that_tell_no_pose_are_refused(views, rig, change, text):
+    points, corners = change(views.board.points_mm.astype(float), views.left_px[0].astype(float))
+    with pytest.raises(ValueError, match=text):
+        bundle_adjustment.board_pose(points, corners, rig.left)
+
+
 def test_a_pose_is_refined_to_rounding_from_where_opencv_stops(views, rig):
     for corners in views.left_px[:3].astype(float):
         turn, shift = bundle_adjustment.board_pose(views.board.points_mm, corners, rig.left)

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 INTERVAL_STDS = 2.05
 _LEAST_PAIRS = 2  # one of which can be left out
 _INTERVAL, _USUAL_PAIRS = 0.975, 30  # quantile of Student's t, and the number of pairs whose t is `INTERVAL_STDS`
+_LEAST_AT_MM = 10.0  # no camera sees two pictures of what is nearer: metres were given
 _DIST_NAMES = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4", "tau_x", "tau_y")
 #: Parameters of a lens, the coefficients in OpenCV's order.
 LENS_NAMES = ("fx", "fy", "cx", "cy", *_DIST_NAMES)
@@ -260,6 +261,33 @@ def triangulation_jacobian(rig: StereoRig, points_mm: Float64) -> Float64:
     return np.asarray(-np.linalg.solve(AT @ A, AT @ B))
 
 
+def check_distance(at_mm: float) -> None:
+    """Refuse a distance that is none, or that was given in metres.
+
+    Parameters
+    ----------
+    at_mm : float
+        Where depths are judged.
+
+    Raises
+    ------
+    ValueError
+        If it is no positive number, or nearer than any camera sees.
+
+    Examples
+    --------
+    >>> check_distance(1.0)
+    Traceback (most recent call last):
+    ...
+    ValueError: the distance to judge depths at was given as 1, but millimetres are expected: for 1 m that is 1000
+    """
+    if not (np.isfinite(at_mm) and at_mm > 0):
+        raise ValueError(f"the distance to judge depths at must be a positive number of mm, got {at_mm}")
+    if at_mm < _LEAST_AT_MM:
+        meant = f"millimetres are expected: for {at_mm:g} m that is {1000 * at_mm:g}"
+        raise ValueError(f"the distance to judge depths at was given as {at_mm:g}, but {meant}")
+
+
 def left_grid(rig: StereoRig, at_mm: float, step_px: int) -> tuple[Ints, Ints, Float64, Bools]:
     """Lay a grid of left pixels at one depth.
 
@@ -278,8 +306,15 @@ def left_grid(rig: StereoRig, at_mm: float, step_px: int) -> tuple[Ints, Ints, F
         In the left camera's frame, row by row.
     in_sight : (N * M,) bool
         The right camera sees them.
+
+    Raises
+    ------
+    ValueError
+        If the grid has no pixel in the picture.
     """
     width, height = rig.left.size
+    if not 1 <= step_px < 2 * min(width, height):
+        raise ValueError(f"a grid of steps of {step_px} px has no point in pictures of {width}x{height}: 20 are usual")
     columns, rows = np.arange(step_px // 2, width, step_px), np.arange(step_px // 2, height, step_px)
     pixels = np.stack(np.meshgrid(columns, rows), -1).reshape(-1, 2)
     points = rig.left.rays(pixels, clamp=True) * at_mm
@@ -309,11 +344,17 @@ def error_map(
     -------
     ErrorMap
 
+    Raises
+    ------
+    ValueError
+        If the distance is no positive number of mm, or given in metres, or the grid has no pixel in the picture.
+
     Notes
     -----
     ``sigma^2 = g C g'`` with g the row of `triangulation_jacobian` for the depth, or the difference of two for a
     length. The noise of a matched pixel comes on top of it.
     """
+    check_distance(at_mm)
     columns, rows, points, in_sight = left_grid(rig, at_mm, step_px)
     half = np.array([of_mm / 2, 0.0, 0.0])
     ends = triangulation_jacobian(rig, points + half)[:, 0] - triangulation_jacobian(rig, points - half)[:, 0]
@@ -337,7 +378,13 @@ def compare_calibrations(first: RigFit, second: RigFit, *, at_mm: float = 700.0,
     Returns
     -------
     Agreement
+
+    Raises
+    ------
+    ValueError
+        As `error_map` and `rig_covariance`.
     """
+    check_distance(at_mm)
     difference = rig_difference(first.rig, second.rig)
     total = rig_covariance(first) + rig_covariance(second)
     _, rows, points, in_sight = left_grid(second.rig, at_mm, step_px)

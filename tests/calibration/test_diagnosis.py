@@ -109,6 +109,14 @@ def turned(views):
     return replace(views, size=(height, width), left_px=left, right_px=right)
 
 
+@pytest.mark.parametrize("at_mm", [1.0, 0.0, np.nan])
+def test_refuses_a_distance_in_metres(at_mm):
+    with pytest.raises(
+        ValueError, match=r"the distance to judge depths at (was given as 1, but mill|must be a positive)"
+    ):
+        diagnose(corner_set(np.random.default_rng(4), pairs=3), at_mm=at_mm)
+
+
 def test_cameras_above_each_other_are_said_to_be():
     good = corner_set(np.random.default_rng(4), pairs=12)
     found = diagnose(turned(good))

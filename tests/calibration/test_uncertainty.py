@@ -182,6 +182,16 @@ def test_error_map_is_what_triangulation_does(fitted, covariance):
     assert found.depth_mm.shape == (12, 16)
 
 
+def test_maps_refuse_metres_and_grids_without_a_pixel(fitted, covariance):
+    with pytest.raises(ValueError, match="given as 1, but millimetres are expected: for 1 m that is 1000"):
+        error_map(fitted.rig, covariance, at_mm=1.0)
+    for step_px in (0, 5000):
+        with pytest.raises(ValueError, match=f"steps of {step_px} px has no point in pictures of 640x480"):
+            error_map(fitted.rig, covariance, step_px=step_px)
+        with pytest.raises(ValueError, match="has no point"):
+            compare_calibrations(fitted, fitted, step_px=step_px)
+
+
 def test_halves_differ_by_what_was_predicted(views, rig):
     first, second = (bundle_adjustment.fit_rig(views.only(range(k, 30, 2)), rig) for k in (0, 1))
     agreement = compare_calibrations(first, second)

@@ -11,6 +11,7 @@ from stereolib.calibration.boards import Board, BoardViews, Checkerboard
 from stereolib.calibration.bundle_adjustment import RigFit, fit_rig, moved_rig
 from stereolib.rig import StereoRig
 
+_PARALLEL = 1e-15  # square of an angle: a line of sight so near the other's direction meets it beyond all measure
 _TRIED_STRETCH = 0.01  # of a square's height: the secant's step
 _STRETCH = 0.003  # of a square's height: printers do that, and it costs less than the limits
 _STRETCH_SHARE = 0.1  # of the residuals (of its root) that a stretch must explain to be named
@@ -53,7 +54,8 @@ def triangulate(rig: StereoRig, left_px: Floats, right_px: Floats) -> Float64:
     Returns
     -------
     (N, 3) float64, mm
-        In the left camera's frame; NaN where a pixel is.
+        In the left camera's frame; NaN where a pixel is, and where two lines of sight are parallel. Where they part, so
+        that they would meet behind the cameras, z is negative: wrong matches, or another rig.
 
     Notes
     -----
@@ -75,7 +77,10 @@ def triangulate(rig: StereoRig, left_px: Floats, right_px: Floats) -> Float64:
     A[:, 2:] = rig.R[:2] - right[:, :2, None] * rig.R[2]
     b[:, 2:] = right[:, :2] * rig.T[2] - rig.T[:2]
     AT = A.transpose(0, 2, 1)
-    return np.asarray(np.linalg.solve(AT @ A, AT @ b[..., None])[..., 0])
+    normal = np.where(np.isfinite(A).all(axis=(1, 2), keepdims=True), AT @ A, 0.0)
+    met = np.linalg.det(normal) > _PARALLEL
+    points = np.linalg.solve(np.where(met[:, None, None], normal, np.eye(3)), AT @ b[..., None])[..., 0]
+    return np.asarray(np.where(met[:, None], points, np.nan))
 
 
 def left_out_size_errors(views: BoardViews, fitted: RigFit) -> SizeErrors:

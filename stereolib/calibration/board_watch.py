@@ -165,7 +165,13 @@ class BoardWatch:
         ----------
         name : str
         left_px, right_px : (corners, 2) float32, px
+
+        Raises
+        ------
+        ValueError
+            As `BoardViews`.
         """
+        BoardViews(self.board, self.size, left_px[None], right_px[None], (name,), ())  # or it would spoil all others
         self._names.append(name)
         self._corners.append((left_px, right_px))
         self._poses.append(self._place(left_px))

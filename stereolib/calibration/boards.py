@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from threading import Semaphore
 from typing import Any
@@ -10,13 +11,16 @@ from typing import Any
 import cv2
 import numpy as np
 
-from stereolib.base import Float32, UInt8
+from stereolib.base import Bools, Float32, Floats, UInt8, listed
 from stereolib.calibration.refinement import refine
 from stereolib.rig import check_image, check_pair, to_grey
 
 _LEAST_NUMBERED = 8  # corners of a ChArUco board: a pose has six unknowns, some are to spare
 _LEAST_SQUARE_MM = 1.0  # no camera sees a board of smaller ones at a distance: metres were given
 _MOST_SQUARE_MM = 1e6  # a kilometre: no board has larger ones
+_LEAST_POSED = 4  # corners of a flat board, not all on one line: fewer have no pose
+_ON_A_LINE = 1e-6  # of their spread along it: corners that leave a line by less do not tell how a board is turned
+_BEYOND_PX = 1.0  # beyond a picture's outermost pixels: refined to sub-pixel, a corner may end there
 _ASPECTS = (0.8, 1.25)  # printers stretch by a per cent, so that anything beyond is a slip
 
 
@@ -46,8 +50,7 @@ class Checkerboard:
     aspect: float = 1.0
 
     def __post_init__(self) -> None:
-        if not all(isinstance(n, int | np.integer) for n in (self.columns, self.rows)):
-            raise ValueError(f"inner corners are counted in whole numbers, got {self.columns!r} x {self.rows!r}")
+        _check_counted(self.columns, self.rows)
         if self.columns < 3 or self.rows < 3:
             raise ValueError(f"a checkerboard needs at least 3x3 inner corners, got {self.columns}x{self.rows}")
         if self.columns == self.rows:
@@ -90,6 +93,7 @@ class Charuco:
     legacy: bool = False
 
     def __post_init__(self) -> None:
+        _check_counted(self.columns, self.rows)
         if self.columns < 2 or self.rows < 2:
             raise ValueError(f"a ChArUco board needs at least 2x2 inner corners, got {self.columns}x{self.rows}")
         _check_square(self.square_mm)
@@ -139,6 +143,12 @@ class BoardViews:
         Of those pairs.
     missing : tuple of str
         Names of the pairs in which a camera did not see the board.
+
+    Raises
+    ------
+    ValueError
+        If there are not as many names, left and right views, and corners, as there should be; if corners lie outside
+        the pictures; or if a view has fewer than four, or all of them on one line.
     """
 
     board: Board
@@ -147,6 +157,13 @@ class BoardViews:
     right_px: Float32
     names: tuple[str, ...]
     missing: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        if not len(self.left_px) == len(self.right_px) == len(self.names):
+            came = f"{len(self.left_px)} left views, {len(self.right_px)} right ones and {len(self.names)} names"
+            raise ValueError(f"{came}: every pair needs one of each")
+        for side, corners in (("left", self.left_px), ("right", self.right_px)):
+            check_corners(self.board, corners, self.size, [f"{name} ({side})" for name in self.names])
 
     def __len__(self) -> int:
         return len(self.names)
@@ -167,6 +184,63 @@ class BoardViews:
         return replace(self, left_px=self.left_px[keep], right_px=self.right_px[keep], names=names)
 
 
+def check_corners(board: Board, corners_px: Floats, size: tuple[int, int], names: Sequence[str]) -> None:
+    """Refuse views that are none of a board, or of other pictures.
+
+    Parameters
+    ----------
+    board : Checkerboard or Charuco
+    corners_px : (views, corners, 2) array
+        NaN where a corner was not found.
+    size : (width, height), px
+    names : sequence of str
+        Of the views.
+
+    Raises
+    ------
+    ValueError
+        If there are other corners than the board's, some lie outside the pictures, or a view has fewer than four, or
+        all of them on one line; the views are named.
+    """
+    corners, count = np.asarray(corners_px, float), board.columns * board.rows
+    if corners.shape[1:] != (count, 2):
+        why = f"a board of {board.columns}x{board.rows} inner corners needs (views, {count}, 2) of them"
+        raise ValueError(f"{why}, NaN where not found; got {corners.shape}")
+    outside = (corners < -_BEYOND_PX) | (corners > np.array(size) - 1 + _BEYOND_PX)
+    if wrong := [name for name, view in zip(names, outside, strict=True) if view.any()]:
+        why = f"corners lie outside pictures of {size[0]}x{size[1]}: {listed(wrong)}"
+        raise ValueError(f"{why}; are these the pictures' width and height, in this order?")
+    enough = can_be_posed(corners) & can_be_posed(np.where(np.isfinite(corners), board.points_mm[:, :2], np.nan))
+    if few := [name for name, is_enough in zip(names, enough, strict=True) if not is_enough]:
+        why = f"too few corners of the board, fewer than {_LEAST_POSED} or all on one line: {listed(few)}"
+        raise ValueError(f"{why}; leave such pairs out")
+
+
+def can_be_posed(corners_px: Floats) -> Bools:
+    """Tell which views show enough of a board to say where it is: four corners, not all on one line.
+
+    Parameters
+    ----------
+    corners_px : (views, corners, 2) array
+        NaN where a corner was not found.
+
+    Returns
+    -------
+    (views,) bool
+
+    Examples
+    --------
+    >>> can_be_posed(np.array([[[0.0, 0], [10, 0], [20, 0], [30, 1]], [[0, 0], [10, 0], [20, 0], [30, 0]]]))
+    array([ True, False])
+    """
+    corners = np.asarray(corners_px, float)
+    known = np.isfinite(corners).all(axis=-1, keepdims=True)
+    middle = np.where(known, corners, 0).sum(axis=1, keepdims=True) / np.maximum(known.sum(axis=1, keepdims=True), 1)
+    off = np.where(known, corners - middle, 0)
+    across, along = np.linalg.eigvalsh(off.transpose(0, 2, 1) @ off).T
+    return np.asarray((known.sum(axis=(1, 2)) >= _LEAST_POSED) & (across > _ON_A_LINE**2 * along))
+
+
 def find_checkerboard(image: UInt8, board: Checkerboard) -> Float32 | None:
     """Find the corners of a checkerboard to sub-pixel.
 
@@ -185,7 +259,13 @@ def find_checkerboard(image: UInt8, board: Checkerboard) -> Float32 | None:
     (columns * rows, 2) float32, px, or None
         In the order of `Checkerboard.points_mm`, up to a half turn of the board (see `match_order`); NaN for an
         outermost corner too near the board's rim.
+
+    Raises
+    ------
+    ValueError
+        If `image` is no such picture.
     """
+    check_image(image)
     grey, inner = to_grey(image), (board.columns, board.rows)
     detected, corners = cv2.findChessboardCornersSB(grey, inner, flags=cv2.CALIB_CB_NORMALIZE_IMAGE)
     if not detected:  # stretching the contrast can close the gaps between the squares of an overexposed board
@@ -209,7 +289,13 @@ def find_charuco(image: UInt8, board: Charuco) -> Float32 | None:
     (columns * rows, 2) float32, px, or None
         In the order of `Charuco.points_mm`; NaN where a corner was not found. None for fewer than eight corners, or
         for corners on one line, which say nothing about a pose.
+
+    Raises
+    ------
+    ValueError
+        If `image` is no such picture.
     """
+    check_image(image)
     grey = to_grey(image)
     corners, ids, *_ = cv2.aruco.CharucoDetector(board.printed).detectBoard(grey)
     if ids is None or len(ids) < _LEAST_NUMBERED:
@@ -245,7 +331,6 @@ def find_board(image: UInt8, board: Board) -> Float32 | None:
     >>> find_board(np.full((240, 320), 128, np.uint8), Checkerboard(9, 6, 25.0)) is None
     True
     """
-    check_image(image)
     return find_charuco(image, board) if isinstance(board, Charuco) else find_checkerboard(image, board)
 
 
@@ -327,21 +412,31 @@ def over_cores(task: Callable[[Any], Any], items: Sequence[Any], what: str, *, p
     from joblib import Parallel, cpu_count, delayed
     from tqdm.auto import tqdm
 
-    threads, cores = cv2.getNumThreads(), cpu_count()
+    cores = cpu_count()
     slots = Semaphore(cores)
 
     def held(item: Any) -> Any:
         with slots:
             return task(item)
 
+    with one_opencv_thread():
+        try:
+            parallel = Parallel(n_jobs=cores, prefer="threads", return_as="generator")
+            running = parallel(delayed(held)(item) for item in items)
+            yield from tqdm(running, what, len(items), unit="view", disable=not progress, leave=False)
+        finally:
+            for _ in range(cores):  # interrupted: OpenCV aborts the process if Python ends under it
+                slots.acquire()
+
+
+@contextmanager
+def one_opencv_thread() -> Iterator[None]:
+    """Keep OpenCV to one thread: several add up in the order in which they end, and no sum is twice the same."""
+    threads = cv2.getNumThreads()
     cv2.setNumThreads(1)
     try:
-        parallel = Parallel(n_jobs=cores, prefer="threads", return_as="generator")
-        running = parallel(delayed(held)(item) for item in items)
-        yield from tqdm(running, what, len(items), unit="view", disable=not progress, leave=False)
+        yield
     finally:
-        for _ in range(cores):  # interrupted: OpenCV aborts the process if Python ends under it
-            slots.acquire()
         cv2.setNumThreads(threads)
 
 
@@ -386,6 +481,11 @@ def pair_views(
     numbered = isinstance(board, Charuco)
     right_px = np.stack([right if numbered else match_order(left, right) for _, left, right in both])
     return BoardViews(board, size, left_px, right_px, tuple(name for name, _, _ in both), missing)
+
+
+def _check_counted(columns: int, rows: int) -> None:
+    if not all(isinstance(n, int | np.integer) for n in (columns, rows)):
+        raise ValueError(f"inner corners are counted in whole numbers, got {columns!r} x {rows!r}")
 
 
 def _check_square(square_mm: float) -> None:

@@ -15,15 +15,21 @@ import cv2
 import numpy as np
 
 from stereolib.base import Bools, Float64, Floats
-from stereolib.calibration.boards import BoardViews
+from stereolib.calibration.boards import BoardViews, can_be_posed
 from stereolib.rig import Camera, StereoRig
 
 _DAMPING = 1e-3  # of the first Levenberg-Marquardt step, over the diagonal
 _MOST_DAMPING = 1e8  # steps that are damped so much and still gain nothing are at the minimum
-_LEAST_GAIN = 1e-9  # share of the sum of squares: a step that gains less is the last one
+_FASTEST_FALL = 0.1  # of the damping in one step
+_LEAST_GAIN = 1e-9  # share of the sum of squares: a step that gains less is the last one, if it was not damping's doing
+_STEPS = 200  # rational lenses creep along curved valleys and need a hundred, others six
+_SETTLED = 1e-3  # standard deviations: a minimum that is nearer is reached
+_EXACT_PX = 1e-6  # corners that fit better are rounded, not noisy
 _POSE_ROUNDS = 10  # steps of the boards' poses alone, which have six unknowns each and settle in three
 #: Gauss-Newton steps after `cv2.solvePnP`, which stops at 1e-7 rad: each gains two digits or more, six reach rounding.
 _POSE_STEPS = 6
+_LEAST_POSED, _LEAST_SOLID = 4, 6  # corners of a board, and points that lie in no plane
+_FLAT = 1e-6  # of their extent: points that leave a plane, or a line, by less lie in it
 _POSE_WORSE = 1e-6  # of the sum of squares: far above rounding, so that every processor decides alike
 _POSE_SAME_PX2 = 1e-12  # sums of squares below are a perfect fit
 _UNHELD = 1e-13  # of the largest eigenvalue: directions below are held by nothing
@@ -72,7 +78,36 @@ class RigFit:
     def sigma_px(self) -> float:
         """Standard deviation of one coordinate, from the residuals and the degrees of freedom."""
         free = 2 * int(self.known.sum()) - 6 * len(self.turns) - self.normal.shape[1]
-        return float(np.sqrt((self.residuals_px**2).sum() / max(free, 1)))
+        return float(np.sqrt(self.squares_px2 / max(free, 1)))
+
+    @property
+    def squares_px2(self) -> float:
+        """Sum of the squares of all residuals, what a fit makes least."""
+        return float((self.residuals_px**2).sum())
+
+    @property
+    def converged(self) -> bool:
+        """Whether the minimum is reached: by the problem as linearised here it is nearer, along any combination of
+        parameters, than a thousandth of the standard deviation that the corners' noise leaves. For a rig that was
+        fitted; one that was kept is at no minimum."""
+        left = self.promised_px2(_solve(self.normal.sum(axis=0), self.gradient.sum(axis=0)))
+        return left <= (_SETTLED * max(self.sigma_px, _EXACT_PX)) ** 2
+
+    def promised_px2(self, step: Float64) -> float:
+        """What a step takes off the sum of squares by the problem as linearised here, the boards' poses following.
+
+        Parameters
+        ----------
+        step : (s,) float64
+            Of the shared parameters.
+
+        Returns
+        -------
+        float
+        """
+        inverse, _, own = self._poses
+        shared = 2 * self.gradient.sum(axis=0) - self.normal.sum(axis=0) @ step
+        return float(np.einsum("ki,kij,kj->", own, inverse, own) + step @ shared)
 
     def without_each(self) -> Float64:
         """How the shared parameters move when each pair in turn is left out.
@@ -87,7 +122,7 @@ class RigFit:
         return np.array([_solve(N, -g) for N, g in zip(rest, self.gradient, strict=True)])
 
 
-def fit_rig(views: BoardViews, rig: StereoRig, *, iterations: int = 30, free: bool = True) -> RigFit:
+def fit_rig(views: BoardViews, rig: StereoRig, *, iterations: int = _STEPS, free: bool = True) -> RigFit:
     """Fit a rig and the boards' poses to all corners, from a start that is near.
 
     Parameters
@@ -104,29 +139,26 @@ def fit_rig(views: BoardViews, rig: StereoRig, *, iterations: int = 30, free: bo
     Returns
     -------
     RigFit
+        `RigFit.converged` says whether the steps were enough.
 
     Notes
     -----
-    Levenberg-Marquardt with the diagonal as the scale, until a step gains less than 1e-9 of the sum of squares.
+    Levenberg-Marquardt with the diagonal as the scale, until a step gains less than 1e-9 of the sum of squares and the
+    minimum is no farther than a thousandth of a standard deviation. The damping follows how much of what a step
+    promised it kept (Nielsen, Damping parameter in Marquardt's method, IMM-REP-1999-05), which goes along the curved
+    valleys of rational lenses in a third of the steps. Lenses of twelve and more coefficients may not settle.
     """
     now = _linearise(views, rig, *board_poses(views.board.points_mm, views.left_px, rig.left))
     if not free:
         return _posed(views, now, iterations)
     damping = _DAMPING
     for _ in range(iterations):
-        before = float((now.residuals_px**2).sum())
-        gain = -1.0
-        while gain < 0 and damping < _MOST_DAMPING:
-            total = now.normal.sum(axis=0)
-            step = _solve(total + damping * np.diag(np.diag(total)), now.gradient.sum(axis=0))
-            with suppress(ValueError):  # a step out of what a camera can be gains nothing
-                trial = _linearise(views, moved_rig(now.rig, step), *_pose_step(now, step))
-                gain = before - float((trial.residuals_px**2).sum())
-            damping *= 0.1 if gain >= 0 else 10.0
-        if gain < 0:
+        before = now.squares_px2
+        better, damping = _damped_step(views, now, damping)
+        if better is None:
             break
-        now = trial
-        if gain <= _LEAST_GAIN * before:
+        now = better
+        if before - now.squares_px2 <= _LEAST_GAIN * before and now.converged:
             break
     return now
 
@@ -284,6 +316,21 @@ def _linearise(views: BoardViews, rig: StereoRig, turns: Float64, shifts: Float6
     return RigFit(rig, turns, shifts, residuals, known, normal, gradient, (inverse, cross, own[..., 0]))
 
 
+def _damped_step(views: BoardViews, now: RigFit, damping: float) -> tuple[RigFit | None, float]:
+    """The problem after the first step that gains, None if there is none, and the damping that the next begins with."""
+    total, pull, growth = now.normal.sum(axis=0), now.gradient.sum(axis=0), 2.0
+    while damping < _MOST_DAMPING:
+        step = _solve(total + damping * np.diag(np.diag(total)), pull)
+        with suppress(ValueError):  # a step out of what a camera can be gains nothing
+            trial = _linearise(views, moved_rig(now.rig, step), *_pose_step(now, step))
+            gain = now.squares_px2 - trial.squares_px2
+            if gain >= 0:
+                kept = min(gain / max(now.promised_px2(step), 1e-30), 1.0)
+                return trial, damping * max(_FASTEST_FALL, 1 - (2 * kept - 1) ** 3)
+        damping, growth = damping * growth, 2 * growth
+    return None, damping
+
+
 def _pose_step(now: RigFit, step: Float64) -> tuple[Float64, Float64]:
     """The poses after a step of the shared parameters: each pair's own least squares."""
     inverse, cross, own = now._poses
@@ -299,7 +346,7 @@ def _posed(views: BoardViews, now: RigFit, iterations: int) -> RigFit:
             trial = _linearise(views, now.rig, *_pose_step(now, still))
         except ValueError:  # a step to where no camera sees the board gains nothing
             break
-        gain = 1 - float((trial.residuals_px**2).sum()) / max(float((now.residuals_px**2).sum()), 1e-30)
+        gain = 1 - trial.squares_px2 / max(now.squares_px2, 1e-30)
         if not gain >= 0:
             break
         now = trial
@@ -321,10 +368,15 @@ def board_poses(board_mm: Floats, corners_px: Floats, camera: Camera) -> tuple[F
     Returns
     -------
     turns, shifts : (n, 3, 3) and (n, 3) float64, mm
+
+    Raises
+    ------
+    ValueError
+        As `board_pose`.
     """
     turns, shifts = [], []
     for corners in np.asarray(corners_px, float):
-        known = np.isfinite(corners[:, 0])
+        known = np.isfinite(corners).all(axis=1)
         turn, shift = board_pose(board_mm[known], corners[known], camera)
         turns.append(cv2.Rodrigues(turn)[0])
         shifts.append(shift)
@@ -357,14 +409,20 @@ def board_pose(board_mm: Floats, corners_px: Floats, camera: Camera) -> tuple[Fl
     Parameters
     ----------
     board_mm : (N, 3) array
+        In one plane, or six and more of them.
     corners_px : (N, 2) array
-        All of them found.
+        All of them found, four at least, and not all on one line.
     camera : Camera
 
     Returns
     -------
     turn, shift : (3,) float64, rad and mm
         ``x_camera = Rodrigues(turn) @ x_board + shift``.
+
+    Raises
+    ------
+    ValueError
+        If corners are missing, NaN, too few, or on one line.
 
     Notes
     -----
@@ -381,6 +439,7 @@ def board_pose(board_mm: Floats, corners_px: Floats, camera: Camera) -> tuple[Fl
     (True, array([-30.,  10., 600.]))
     """
     points, corners = np.asarray(board_mm, float), np.asarray(corners_px, float)
+    _check_posable(points, corners)
     _, turn, shift = cv2.solvePnP(points, corners, camera.K, camera.dist)
     first, misses = (turn, shift), []
     for _ in range(_POSE_STEPS + 1):
@@ -394,6 +453,19 @@ def board_pose(board_mm: Floats, corners_px: Floats, camera: Camera) -> tuple[Fl
     if not misses[-1] <= misses[0] * (1 + _POSE_WORSE) + _POSE_SAME_PX2:
         turn, shift = first
     return turn.ravel(), shift.ravel()
+
+
+def _check_posable(points: Float64, corners: Float64) -> None:
+    if points.shape != (len(corners), 3) or corners.shape != (len(points), 2):
+        raise ValueError(f"a pose needs (N, 3) points and (N, 2) corners, got {points.shape} and {corners.shape}")
+    if not (np.isfinite(points).all() and np.isfinite(corners).all()):
+        raise ValueError("a pose needs points and corners that are known: leave out those that are NaN")
+    along, across, off = (
+        np.linalg.svd(points - points.mean(axis=0), compute_uv=False) if len(points) > 2 else np.zeros(3)
+    )
+    needed = _LEAST_POSED if off <= _FLAT * along else _LEAST_SOLID
+    if len(points) < needed or across <= _FLAT * along or not can_be_posed(corners[None])[0]:
+        raise ValueError(f"{len(points)} corners tell no pose: it takes {needed} at least, not all on one line")
 
 
 def _scaled_eigen(normal: Float64) -> tuple[Float64, Float64, Float64]:

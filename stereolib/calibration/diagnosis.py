@@ -25,7 +25,7 @@ from stereolib.calibration.misfits import by_reason
 from stereolib.calibration.outliers import sort_pairs
 from stereolib.calibration.rectified_errors import rectified_std
 from stereolib.calibration.solve import epipolar_errors_px, rectified_scale
-from stereolib.calibration.uncertainty import ErrorMap, RigStd, error_map, rig_covariance, rig_std
+from stereolib.calibration.uncertainty import ErrorMap, RigStd, check_distance, error_map, rig_covariance, rig_std
 from stereolib.calibration.wrong_corners import CornerOff, corners_off
 from stereolib.rig import StereoRig
 
@@ -199,7 +199,8 @@ def diagnose(
     Raises
     ------
     ValueError
-        Fewer than 5 usable pairs, all views alike, left and right exchanged, or pairs that do not belong together.
+        Fewer than 5 usable pairs, all views alike, left and right exchanged, pairs that do not belong together, or a
+        distance or a ruler's reading that is none in mm.
 
     Notes
     -----
@@ -208,9 +209,9 @@ def diagnose(
     contradicts, squares not as high as wide, a rig that moved, one that cannot be rectified or sees nothing there, a
     lens that folds where boards were seen. All else is advice.
     """
-    for what, value in (("ruler's reading", ruler_mm), ("distance to judge depths at", at_mm)):
-        if value is not None and not (np.isfinite(value) and value > 0):
-            raise ValueError(f"the {what} must be a positive number of mm, got {value}")
+    check_distance(at_mm)
+    if ruler_mm is not None and not (np.isfinite(ruler_mm) and ruler_mm > 0):
+        raise ValueError(f"the ruler's reading must be a positive number of mm, got {ruler_mm}")
     pairs = sort_pairs(views, model)
     used = pairs.views.only(pairs.groups[0])
     fit, rig = pairs.calibration.fit, pairs.calibration.rig

@@ -104,6 +104,7 @@ def judged(diagnosis: Diagnosis, moved_by: tuple[str, ...], ruler_mm: float | No
             *_rectification_findings(diagnosis),
             *_scale_findings(diagnosis, ruler_mm),
             *_lens_findings(diagnosis),
+            *_settling_findings(diagnosis),
             *_coverage_findings(diagnosis),
             *check_findings(diagnosis),
             *(_fold_finding(diagnosis, *fold) for fold in folds_of(diagnosis.rig)),
@@ -235,6 +236,14 @@ def _lens_findings(diagnosis: Diagnosis) -> list[Finding]:
         return [Finding(_level(diagnosis.lens_error_pct), f"{text}; {differ}: use --model {best.model}")]
     text = f"the last coefficients of {model} cannot be told from these pictures: {best.model} predicts boards left out"
     return [Finding(_REMARK, f"{text} as well {errors}: use --model {best.model}")]
+
+
+def _settling_findings(diagnosis: Diagnosis) -> list[Finding]:
+    """Whether the fit came to its end."""
+    if diagnosis.fit.converged:
+        return []
+    text = f"the fit with {diagnosis.model} did not settle, these pictures leave some of its coefficients open"
+    return [Finding(_REMARK, f"{text}: use a shorter --model, or hold boards to the rims of the pictures")]
 
 
 def _coverage_findings(diagnosis: Diagnosis) -> list[Finding]:

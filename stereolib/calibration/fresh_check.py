@@ -152,8 +152,8 @@ def check_calibration(
     Raises
     ------
     ValueError
-        If pairs made the calibration, have another size of pictures, show one picture twice, are exchanged, or fit no
-        rig at all.
+        If there is no pair, or pairs made the calibration, have another size of pictures, show one picture twice, are
+        exchanged, or fit no rig at all.
 
     Notes
     -----
@@ -205,6 +205,8 @@ def check_calibration(
 
 def _refuse(rig: StereoRig, views: BoardViews, record: CalibrationRecord) -> None:
     """Pairs that cannot be a test of this calibration."""
+    if not len(views):
+        raise ValueError("there is no pair of the board to check the calibration with: one is enough")
     if views.size != rig.left.size:
         sizes = "the pictures are {}x{}, the calibration is for {}x{}".format(*views.size, *rig.left.size)
         raise ValueError(f"{sizes}: take pictures of that size, or calibrate again")

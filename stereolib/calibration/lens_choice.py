@@ -59,13 +59,15 @@ def hold_out_splits(pairs: int, count: int = _FOLDS, *, few: bool = False) -> li
     Raises
     ------
     ValueError
-        If there are too few pairs for so many parts.
+        If numbers are not whole, or there are too few pairs for so many parts.
 
     Examples
     --------
     >>> [left_out.tolist() for _, left_out in hold_out_splits(5, 2)]
     [[0, 2, 4], [1, 3]]
     """
+    if not all(isinstance(n, int | np.integer) for n in (pairs, count)):
+        raise ValueError(f"pairs and parts are counted in whole numbers, got {pairs!r} and {count!r}")
     if not 2 <= count <= pairs // (3 if few else 1):
         raise ValueError(f"{pairs} pairs cannot be split into {count} parts of {'at least three' if few else 'one'}")
     everyone: Ints = np.arange(pairs)

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from stereolib.base import Bools, Float32, Float64, Floats
-from stereolib.calibration.boards import Board, BoardViews
+from stereolib.calibration.boards import Board, BoardViews, check_corners, one_opencv_thread
 from stereolib.calibration.bundle_adjustment import RigFit, fit_rig
 from stereolib.calibration.lens_models import LENS_MODELS
 from stereolib.rig import Camera, RectifiedRig, StereoRig
@@ -91,19 +91,22 @@ def calibrate_camera(
     Raises
     ------
     ValueError
-        Fewer than 3 views, all views alike, or an unknown model.
+        Fewer than 3 views, all views alike, corners outside the pictures, a view with fewer than four of them or all
+        on one line, or an unknown model.
     """
     count, flags = _model(model)
     views = len(corners_px)
+    check_corners(board, corners_px, size, [f"view {k + 1}" for k in range(views)])
     if views < _MIN_VIEWS:
         why = f"{views} views of the board are too few: at least {_MIN_VIEWS} with different tilts are needed"
         raise ValueError(f"{why}, and 15 to 30 give a trustworthy lens")
     if (np.nanmax(corners_px, axis=0) - np.nanmin(corners_px, axis=0)).max() < _SAME_PX:
         raise ValueError(f"all {views} views show the board in the same place: move and tilt it between pictures")
     until = _until(_STEPS if count <= _LONG_LENS else _LONG_LENS_STEPS)
-    rms, K, dist, _, _, std, _, view_rms = cv2.calibrateCameraExtended(
-        *_lists(board, corners_px), size, None, None, flags=flags, criteria=until
-    )
+    with one_opencv_thread():
+        rms, K, dist, _, _, std, _, view_rms = cv2.calibrateCameraExtended(
+            *_lists(board, corners_px), size, None, None, flags=flags, criteria=until
+        )
     if not np.isfinite(rms):
         raise ValueError(f"the calibration of {views} views did not converge: are they all tilted the same way?")
     camera = Camera(K, np.ravel(dist)[:count], size)
@@ -138,7 +141,9 @@ def calibrate_stereo(views: BoardViews, *, model: str = "brown3", fixed: bool = 
     -----
     R and T come from `cv2.stereoCalibrate` with the lenses fixed. It must be told the model's flags again: without
     them it reads only k1 k2 p1 p2 k3 of a longer lens and drops the rest in silence. The joint step is `fit_rig`,
-    which meets `cv2.stereoCalibrate`'s minimum in a tenth of its time (in a hundredth with 14 coefficients).
+    which meets `cv2.stereoCalibrate`'s minimum in a tenth of its time with up to five coefficients, and goes below it
+    with more, whose minimum lies far along a flat valley; `RigFit.converged` says whether it was reached. OpenCV runs
+    on one thread, so that the same corners always give the same rig.
     """
     both = views.left_px, views.right_px
     left, right = (calibrate_camera(views.board, corners, views.size, model=model) for corners in both)
@@ -160,7 +165,9 @@ def _relative(views: BoardViews, left: Camera, right: Camera, flags: int) -> tup
     lenses = left.K.copy(), dists[0], right.K.copy(), dists[1]
     flags |= cv2.CALIB_FIX_INTRINSIC
     stereo: Any = cv2.stereoCalibrate  # whose type stubs do not allow for vectors
-    _, _, _, _, _, R, T, *_ = stereo(points, first, second, *lenses, views.size, flags=flags, criteria=_until(_STEPS))
+    until = _until(_STEPS)
+    with one_opencv_thread():
+        _, _, _, _, _, R, T, *_ = stereo(points, first, second, *lenses, views.size, flags=flags, criteria=until)
     return R, T.ravel()
 
 

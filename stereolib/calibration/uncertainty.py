@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.special import stdtrit
 
-from stereolib.base import Bools, Float64, Ints
+from stereolib.base import Bools, Float64, Ints, counted
 from stereolib.calibration.bundle_adjustment import (
     RigFit,
     inverse_normal,
@@ -25,7 +25,9 @@ if TYPE_CHECKING:
 
 #: Half the width of a 95 % interval in standard deviations: Student's t for thirty pairs.
 INTERVAL_STDS = 2.05
+_LEAST_PAIRS = 2  # one of which can be left out
 _INTERVAL, _USUAL_PAIRS = 0.975, 30  # quantile of Student's t, and the number of pairs whose t is `INTERVAL_STDS`
+_LEAST_AT_MM = 10.0  # no camera sees two pictures of what is nearer: metres were given
 _DIST_NAMES = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4", "tau_x", "tau_y")
 #: Parameters of a lens, the coefficients in OpenCV's order.
 LENS_NAMES = ("fx", "fy", "cx", "cy", *_DIST_NAMES)
@@ -100,7 +102,8 @@ class Agreement:
 
     @property
     def rms_z(self) -> float:
-        """Near 1 when the stated uncertainties are right."""
+        """Near 1 when the stated uncertainties are right, from some 25 pairs in each calibration on: of fewer,
+        `rig_covariance` states too much, and from 12 it averages 0.8, from 6 some 0.6."""
         return float(np.sqrt(np.mean(self.z**2)))
 
 
@@ -113,10 +116,13 @@ def rig_covariance(fitted: RigFit, *, method: str = "auto") -> Float64:
     method : "auto" | "jackknife" | "corners"
         ``"corners"`` takes every corner's error as independent: ``sigma^2 (J'J)^-1``. ``"jackknife"`` leaves each pair
         out in turn, ``(n - 1)/n sum d_k d_k'``, and so also counts errors that a pair's corners share: a board that
-        bends, a hand that moved between two shutters. With the detector's noise alone both agree; on pictures of
-        bent boards, and on real webcams, the first is too small several times over. ``"auto"`` is the jackknife,
-        widened for few pairs by Student's t, ``(t(n - 1) / t(29))^2``, so that `INTERVAL_STDS` deviations make the
-        95 % interval for any number of pairs from five on.
+        bends, a hand that moved between two shutters. On pictures of bent boards, and on real webcams, the first is
+        too small several times over. With the detector's noise alone both agree for many pairs; of few, leaving one
+        out moves a rig farther than noise does, and the jackknife's deviations are too large: rms by a tenth for 30
+        pairs, a quarter for 12, a half for 6. ``"auto"`` is the jackknife, widened for few pairs by Student's t,
+        ``(t(n - 1) / t(29))^2``, so that `INTERVAL_STDS` deviations make at least the 95 % interval for any number of
+        pairs from five on; with the detector's noise alone its deviations are 1.35 times too large for 12 pairs, 1.9
+        times for 6.
 
     Returns
     -------
@@ -126,7 +132,7 @@ def rig_covariance(fitted: RigFit, *, method: str = "auto") -> Float64:
     Raises
     ------
     ValueError
-        If the method is none of these.
+        If the method is none of these, or there is one pair and nothing left without it.
 
     References
     ----------
@@ -136,7 +142,10 @@ def rig_covariance(fitted: RigFit, *, method: str = "auto") -> Float64:
         raise ValueError(f'method must be "auto", "jackknife" or "corners", got {method!r}')
     if method == "corners":
         return fitted.sigma_px**2 * inverse_normal(fitted.normal.sum(axis=0))
-    pairs, moves = len(fitted.turns), fitted.without_each()
+    if (pairs := len(fitted.turns)) < _LEAST_PAIRS:
+        why = f"{counted(pairs, 'pair')} cannot be left out in turn, at least {_LEAST_PAIRS} are needed"
+        raise ValueError(f'{why}: take more, or choose method="corners"')
+    moves = fitted.without_each()
     moves = moves - moves.mean(axis=0)
     widened = 1.0
     if method == "auto":
@@ -252,6 +261,33 @@ def triangulation_jacobian(rig: StereoRig, points_mm: Float64) -> Float64:
     return np.asarray(-np.linalg.solve(AT @ A, AT @ B))
 
 
+def check_distance(at_mm: float) -> None:
+    """Refuse a distance that is none, or that was given in metres.
+
+    Parameters
+    ----------
+    at_mm : float
+        Where depths are judged.
+
+    Raises
+    ------
+    ValueError
+        If it is no positive number, or nearer than any camera sees.
+
+    Examples
+    --------
+    >>> check_distance(1.0)
+    Traceback (most recent call last):
+    ...
+    ValueError: the distance to judge depths at was given as 1, but millimetres are expected: for 1 m that is 1000
+    """
+    if not (np.isfinite(at_mm) and at_mm > 0):
+        raise ValueError(f"the distance to judge depths at must be a positive number of mm, got {at_mm}")
+    if at_mm < _LEAST_AT_MM:
+        meant = f"millimetres are expected: for {at_mm:g} m that is {1000 * at_mm:g}"
+        raise ValueError(f"the distance to judge depths at was given as {at_mm:g}, but {meant}")
+
+
 def left_grid(rig: StereoRig, at_mm: float, step_px: int) -> tuple[Ints, Ints, Float64, Bools]:
     """Lay a grid of left pixels at one depth.
 
@@ -270,8 +306,15 @@ def left_grid(rig: StereoRig, at_mm: float, step_px: int) -> tuple[Ints, Ints, F
         In the left camera's frame, row by row.
     in_sight : (N * M,) bool
         The right camera sees them.
+
+    Raises
+    ------
+    ValueError
+        If the grid has no pixel in the picture.
     """
     width, height = rig.left.size
+    if not 1 <= step_px < 2 * min(width, height):
+        raise ValueError(f"a grid of steps of {step_px} px has no point in pictures of {width}x{height}: 20 are usual")
     columns, rows = np.arange(step_px // 2, width, step_px), np.arange(step_px // 2, height, step_px)
     pixels = np.stack(np.meshgrid(columns, rows), -1).reshape(-1, 2)
     points = rig.left.rays(pixels, clamp=True) * at_mm
@@ -301,11 +344,17 @@ def error_map(
     -------
     ErrorMap
 
+    Raises
+    ------
+    ValueError
+        If the distance is no positive number of mm, or given in metres, or the grid has no pixel in the picture.
+
     Notes
     -----
     ``sigma^2 = g C g'`` with g the row of `triangulation_jacobian` for the depth, or the difference of two for a
     length. The noise of a matched pixel comes on top of it.
     """
+    check_distance(at_mm)
     columns, rows, points, in_sight = left_grid(rig, at_mm, step_px)
     half = np.array([of_mm / 2, 0.0, 0.0])
     ends = triangulation_jacobian(rig, points + half)[:, 0] - triangulation_jacobian(rig, points - half)[:, 0]
@@ -329,7 +378,13 @@ def compare_calibrations(first: RigFit, second: RigFit, *, at_mm: float = 700.0,
     Returns
     -------
     Agreement
+
+    Raises
+    ------
+    ValueError
+        As `error_map` and `rig_covariance`.
     """
+    check_distance(at_mm)
     difference = rig_difference(first.rig, second.rig)
     total = rig_covariance(first) + rig_covariance(second)
     _, rows, points, in_sight = left_grid(second.rig, at_mm, step_px)

@@ -27,6 +27,7 @@ from stereolib.rig import RectifiedRig, StereoRig, calibration_notes, formats
 _ROTATION_TOLERANCE = 1e-6  # of R R', for which a file's digits are enough
 _CENTIMETRES_MM = 20.0  # no two webcams stand nearer to each other
 _MOST_SCALE = 0.5  # of a laser: no reading is twice as far
+_ROUNDED = 0.01  # below zero: digits that a file leaves out make an eigenvalue of correlations so small
 _MOST_STD = 1e6  # of deviations, mm or px: a kilometre is damage, and products overflow
 _FARTHEST_MM = 2000.0  # from the left lens to the laser: no rig is larger
 
@@ -45,6 +46,11 @@ class SystematicUncertainty:
         Of the focal length with the baseline and with the offset, and of these two.
     errors : DisparityErrors or None
         Errors besides, from place to place, where the covariance of all parameters is known.
+
+    Raises
+    ------
+    ValueError
+        If no three quantities can be correlated so.
     """
 
     f_px: float = 0.0
@@ -52,6 +58,11 @@ class SystematicUncertainty:
     offset_px: float = 0.0
     correlation: tuple[float, float, float] = (0.0, 0.0, 0.0)
     errors: DisparityErrors | None = None
+
+    def __post_init__(self) -> None:
+        if not np.linalg.eigvalsh(self._together)[0] >= -_ROUNDED:
+            why = "no three quantities are correlated so: each must be within -1 and 1, and all fit to each other"
+            raise ValueError(f"correlation {self.correlation}: {why}; leave it out if it is not known")
 
     @classmethod
     def of(cls, rectified: RectifiedRig, covariance: Float64) -> SystematicUncertainty:
@@ -92,10 +103,16 @@ class SystematicUncertainty:
     @property
     def covariance(self) -> Float64:
         """Of focal length (px), baseline (mm) and offset (px). (3, 3)."""
-        std, together = np.array([self.f_px, self.baseline_mm, self.offset_px]), np.eye(3)
+        std = np.array([self.f_px, self.baseline_mm, self.offset_px])
+        return np.asarray(self._together * np.outer(std, std))
+
+    @property
+    def _together(self) -> Float64:
+        """The correlations as a matrix. (3, 3)."""
+        together = np.eye(3)
         together[np.triu_indices(3, 1)] = self.correlation
         together.T[np.triu_indices(3, 1)] = self.correlation
-        return np.asarray(together * np.outer(std, std))
+        return together
 
     def with_offset(self, std_px: float) -> SystematicUncertainty:
         """The same, with something else that shifts every disparity.

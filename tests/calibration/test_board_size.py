@@ -9,6 +9,7 @@ import pytest
 from support.corners import corner_set, draw_rig
 
 from stereolib.calibration import Charuco, board_size, bundle_adjustment
+from stereolib.rig import Camera, StereoRig
 from stereolib.virtual.recordings import BOARD
 
 
@@ -21,6 +22,18 @@ def test_points_come_back(rig):
     points = np.random.default_rng(0).uniform([-80, -120, 500], [200, 120, 1500], (50, 3))
     pixels = rig.left.project(points), rig.right.project(points @ rig.R.T + rig.T)
     np.testing.assert_allclose(board_size.triangulate(rig, *pixels), points, atol=1e-6)
+
+
+def test_parallel_lines_of_sight_meet_nowhere_and_cost_no_other_point():
+    camera = Camera([[700, 0, 320], [0, 700, 240], [0, 0, 1]], [], (640, 480))
+    rig = StereoRig(camera, camera, np.eye(3), [-90.0, 0, 0])
+    left, right = (
+        [[320, 240.0], [np.nan, 240], [390, 240], [320, 240]],
+        [[320, 240.0], [320, 240], [320, 240], [390, 240]],
+    )
+    points = board_size.triangulate(rig, left, right)
+    assert np.isnan(points[:2]).all()
+    np.testing.assert_allclose(points[2:, 2], [900, -900])
 
 
 def test_size_of_a_scaled_board_is_off_by_the_scale():

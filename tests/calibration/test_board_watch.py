@@ -41,6 +41,14 @@ def test_a_board_is_ready_when_it_stands_still(watch: BoardWatch) -> None:
     assert again.speed == pytest.approx(8.0 / 640 / 0.2, rel=0.01)
 
 
+def test_what_shows_no_board_is_not_remembered(watch: BoardWatch) -> None:
+    corners = find_board(pairs()[0][0], recordings.BOARD)
+    assert corners is not None
+    with pytest.raises(ValueError, match=r"too few corners of the board, .*: empty \(left\)"):
+        watch.add("empty", np.full_like(corners, np.nan), corners)
+    assert len(watch.views) == 0 and not watch.places.size
+
+
 def test_the_side_that_does_not_see_it_is_named(watch: BoardWatch) -> None:
     left, right = pairs()[0]
     grey = np.full_like(left, 120)

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
+from support.corners import corner_set
 
 from stereolib.calibration import Charuco, Checkerboard, boards, find_charuco, find_checkerboard, find_in_pairs
 from stereolib.calibration.boards import match_order
@@ -184,6 +187,7 @@ def test_a_stretched_board_keeps_its_mean():
     ("board", "text"),
     [
         ((1, 6, 25, 20), "at least 2x2 inner corners, got 1x6"),
+        ((5.5, 4, 25, 18), "counted in whole numbers, got 5.5 x 4"),
         ((8, 5, 20, 25), "marker must be smaller than its square, both in mm, got 25 and 20"),
         ((8, 5, 25, 20, "9X9_1"), "unknown ArUco dictionary '9X9_1'"),
     ],
@@ -191,6 +195,30 @@ def test_a_stretched_board_keeps_its_mean():
 def test_charuco_refuses(board, text):
     with pytest.raises(ValueError, match=text):
         Charuco(*board)
+
+
+@pytest.mark.parametrize("image", [np.zeros((48, 64)), [[1, 2], [3, 4]], np.zeros((48, 64, 4), np.uint8)])
+def test_what_is_no_picture_is_refused(image):
+    for find, board in ((find_checkerboard, BOARD), (find_charuco, CHARUCO)):
+        with pytest.raises(ValueError, match="the picture: "):
+            find(image, board)
+
+
+def test_views_that_are_none_are_refused_by_name():
+    views = corner_set(np.random.default_rng(4), pairs=5)
+    for known in (0, 2, 9):  # none, two, and a row
+        left = views.left_px.copy()
+        left[3, known:] = np.nan
+        with pytest.raises(
+            ValueError, match=r"fewer than 4 or all on one line: pair 04 \(left\); leave such pairs out"
+        ):
+            replace(views, left_px=left)
+    with pytest.raises(ValueError, match=r"corners lie outside pictures of 480x640: .*in this order\?"):
+        replace(views, size=(480, 640))
+    with pytest.raises(ValueError, match="5 left views, 5 right ones and 3 names"):
+        replace(views, names=views.names[:3])
+    with pytest.raises(ValueError, match=r"9x6 inner corners needs \(views, 54, 2\) of them, NaN .*\(5, 50, 2\)"):
+        replace(views, right_px=views.right_px[:, :50])
 
 
 def test_refuses_a_senseless_aspect():

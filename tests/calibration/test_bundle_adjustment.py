@@ -88,6 +88,27 @@ def test_leaving_out_is_refitting(views, fitted):
         np.testing.assert_allclose(steps[k] / spread, refitted / spread, atol=0.05)
 
 
+def test_a_rational_lens_is_fitted_to_its_minimum():
+    views = corner_set(np.random.default_rng(7), pairs=20, noise_px=0.1)
+    fitted = calibrate_stereo(views, model="rational8").fit
+    assert fitted.converged
+    std = np.sqrt(np.diag(bundle_adjustment.inverse_normal(fitted.normal.sum(axis=0)))) * fitted.sigma_px
+    moved = bundle_adjustment.rig_difference(bundle_adjustment.fit_rig(views, fitted.rig).rig, fitted.rig)
+    assert (np.abs(moved) < 1e-3 * std).all()
+
+
+def test_a_fit_says_that_its_steps_were_too_few(views, rig, fitted):
+    start = bundle_adjustment.moved_rig(rig, np.r_[5.0, 5.0, np.zeros(22)])
+    assert fitted.converged and not bundle_adjustment.fit_rig(views, start, iterations=1).converged
+
+
+def test_a_step_takes_off_what_it_promised(views, rig):
+    start = bundle_adjustment.fit_rig(views, rig, free=False)
+    step = bundle_adjustment._solve(start.normal.sum(axis=0), start.gradient.sum(axis=0))
+    moved = bundle_adjustment.fit_rig(views, bundle_adjustment.moved_rig(rig, step), free=False)
+    assert start.squares_px2 - moved.squares_px2 == pytest.approx(start.promised_px2(step), rel=0.01)
+
+
 def test_steps_lead_there_and_back(rig):
     step = np.random.default_rng(4).normal(0, 1e-2, 24)
     np.testing.assert_allclose(
@@ -118,6 +139,23 @@ def test_pose_of_a_board_is_the_minimum_to_rounding(views, rig):
     assert np.abs(slope).max() < 1e-9  # px
     shaken = corners * (1 + 1e-15 * rng.standard_normal(corners.shape))
     np.testing.assert_allclose(bundle_adjustment.board_pose(board, shaken, rig.left)[1], shift, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        (lambda b, c: (b, np.full_like(c, np.nan)), "leave out those that are NaN"),
+        (lambda b, c: (b[:3], c[:3]), "3 corners tell no pose: it takes 4 at least"),
+        (lambda b, c: (b, c[:50]), r"got \(54, 3\) and \(50, 2\)"),
+        (lambda b, c: (b, 0 * c + c[0]), "54 corners tell no pose"),
+        (lambda b, c: (b[:9], c[:9]), "9 corners tell no pose: .* not all on one line"),
+        (lambda b, c: (b[[0, 5, 20, 30, 50]] + np.diag([0.0, 0, 9, 9, 9])[:, 2:], c[:5]), "it takes 6 at least"),
+    ],
+)
+def test_corners_that_tell_no_pose_are_refused(views, rig, change, text):
+    points, corners = change(views.board.points_mm.astype(float), views.left_px[0].astype(float))
+    with pytest.raises(ValueError, match=text):
+        bundle_adjustment.board_pose(points, corners, rig.left)
 
 
 def test_a_pose_is_refined_to_rounding_from_where_opencv_stops(views, rig):

@@ -96,11 +96,25 @@ def test_verdict_follows_the_error(recorded, error_pct, verdict):
     assert found.verdict == verdict and len(found.reasons) == (verdict != "good")
 
 
+def test_a_fit_that_did_not_settle_is_said(recorded):
+    away = replace(recorded.fit, gradient=recorded.fit.gradient + 1e6)
+    said = findings._settling_findings(replace(recorded, fit=away))
+    assert "did not settle" in said[0].text and not findings._settling_findings(recorded)
+
+
 def turned(views):
     """Both pictures a quarter to the right."""
     (width, height), sides = views.size, (views.left_px, views.right_px)
     left, right = (np.stack([height - 1 - at[..., 1], at[..., 0]], axis=-1) for at in sides)
     return replace(views, size=(height, width), left_px=left, right_px=right)
+
+
+@pytest.mark.parametrize("at_mm", [1.0, 0.0, np.nan])
+def test_refuses_a_distance_in_metres(at_mm):
+    with pytest.raises(
+        ValueError, match=r"the distance to judge depths at (was given as 1, but mill|must be a positive)"
+    ):
+        diagnose(corner_set(np.random.default_rng(4), pairs=3), at_mm=at_mm)
 
 
 def test_cameras_above_each_other_are_said_to_be():

@@ -132,6 +132,11 @@ def test_what_made_the_calibration_is_refused(paper):
     assert "whether these are fresh cannot be checked" in check_calibration(paper[0], fresh).notes[0]
 
 
+def test_no_pair_is_no_check(paper):
+    with pytest.raises(ValueError, match="there is no pair of the board"):
+        check(paper, corner_set(np.random.default_rng(6), pairs=3).only([]))
+
+
 def test_numbered_boards_may_be_seen_in_part(paper):
     board = Charuco(9, 6, 25.0, 18.0)
     fresh = corner_set(np.random.default_rng(6), pairs=3)
@@ -141,7 +146,7 @@ def test_numbered_boards_may_be_seen_in_part(paper):
     assert result.verdict == "still good" and not result.movement.named
     assert np.isnan(result.points_mm[:, :9]).all() and np.isfinite(result.board_pct.std)
     left[1, 9:] = np.nan
-    left[1, 9:14] = fresh.left_px[1, 9:14]
+    left[1, 16:21] = fresh.left_px[1, 16:21]
     with pytest.raises(ValueError, match=r"too few corners are seen by both cameras, 5 in pair 02: at least 10"):
         check(paper, replace(fresh, board=board, left_px=left, right_px=right))
 

@@ -27,6 +27,12 @@ def test_more_coefficients_fit_better_and_predict_no_better(brown):
     assert by["brown3"].hold_out_rms_px == pytest.approx(0.034 * np.sqrt(2), rel=0.1)  # the noise put in
 
 
+def test_splits_are_counted_in_whole_numbers():
+    for pairs, count in ((10.5, 2), (10, 2.0)):
+        with pytest.raises(ValueError, match="pairs and parts are counted in whole numbers"):
+            hold_out_splits(pairs, count)
+
+
 def test_fourteen_coefficients_overfit_few_pairs(brown):
     results = {r.model: r for r in hold_out_errors(brown, ["brown3", "tilted14"], hold_out_splits(30, 5, few=True))}
     assert results["tilted14"].train_rms_px < results["brown3"].train_rms_px

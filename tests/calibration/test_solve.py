@@ -146,6 +146,26 @@ def test_left_and_right_exchanged(exact):
         calibrate_stereo(views)
 
 
+def test_the_same_rig_comes_from_any_number_of_threads(recorded):
+    some, before, found = recorded.only(range(0, len(recorded), 2)), cv2.getNumThreads(), []
+    try:
+        for threads in (1, 2, 2):
+            cv2.setNumThreads(threads)
+            rig = calibrate_stereo(some, model="rational8").rig
+            assert cv2.getNumThreads() == threads
+            found.append(np.concatenate([rig.left.dist, rig.right.dist, rig.T]))
+    finally:
+        cv2.setNumThreads(before)
+    assert np.array_equal(found[0], found[1]) and np.array_equal(found[0], found[2])
+
+
+def test_a_view_without_corners_is_refused_by_its_number(exact):
+    corners = exact.left_px.copy()
+    corners[4, 2:] = np.nan
+    with pytest.raises(ValueError, match=r"too few corners of the board, .*: view 5; leave such"):
+        calibrate_camera(BOARD, corners, exact.size)
+
+
 def test_refuses(exact):
     with pytest.raises(ValueError, match="2 views of the board are too few: at least 3"):
         calibrate_camera(BOARD, exact.left_px[:2], exact.size)

@@ -130,6 +130,26 @@ def test_few_pairs_are_widened_by_students_t(views):
         rig_covariance(few, method="guess")
 
 
+def test_few_pairs_are_stated_too_widely_as_documented(rig):
+    """The detector's noise alone: the jackknife's deviations over the corners', by the number of pairs."""
+    wide = {}
+    for count in (6, 12, 30):
+        ratios = []
+        for k in range(8):
+            found = bundle_adjustment.fit_rig(corner_set(np.random.default_rng([k, count]), rig=rig, pairs=count), rig)
+            jackknife, corners = (rig_covariance(found, method=m).diagonal() for m in ("jackknife", "corners"))
+            ratios.append(jackknife / corners)
+        wide[count] = np.sqrt(np.mean(ratios))
+    assert 1.3 < wide[6] < 1.8 and 1.1 < wide[12] < 1.4 and 1 < wide[30] < 1.2
+
+
+def test_one_pair_is_no_set_to_leave_pairs_out_of(views, rig):
+    alone = bundle_adjustment.fit_rig(views.only([0]), rig, free=False)
+    for method in ("auto", "jackknife"):
+        with pytest.raises(ValueError, match="1 pair cannot be left out"):
+            rig_covariance(alone, method=method)
+
+
 def test_parts_by_name(fitted, covariance):
     names, parts = rig_parameter_names(fitted.rig), rig_std(fitted.rig, covariance)
     assert len(names) == 24
@@ -160,6 +180,16 @@ def test_error_map_is_what_triangulation_does(fitted, covariance):
     assert np.ptp(found.depth_mm[i, j]) > 0.3 * found.depth_mm[6, 8]  # it is no constant that all agree with
     assert np.isnan(found.depth_mm[:, 0]).all()  # the left rim is out of the right camera's sight
     assert found.depth_mm.shape == (12, 16)
+
+
+def test_maps_refuse_metres_and_grids_without_a_pixel(fitted, covariance):
+    with pytest.raises(ValueError, match="given as 1, but millimetres are expected: for 1 m that is 1000"):
+        error_map(fitted.rig, covariance, at_mm=1.0)
+    for step_px in (0, 5000):
+        with pytest.raises(ValueError, match=f"steps of {step_px} px has no point in pictures of 640x480"):
+            error_map(fitted.rig, covariance, step_px=step_px)
+        with pytest.raises(ValueError, match="has no point"):
+            compare_calibrations(fitted, fitted, step_px=step_px)
 
 
 def test_halves_differ_by_what_was_predicted(views, rig):

@@ -44,6 +44,9 @@ def test_a_laser_s_entry_without_a_scale_leaves_it_open(tmp_path):
 
 def test_something_else_that_shifts_all_disparities_widens_the_offset_alone():
     known = SystematicUncertainty(4.0, 0.5, 0.3, (0.5, -0.4, 0.2))
+    for none in ((5, 0, 0), (0.9, 0.9, -0.9)):
+        with pytest.raises(ValueError, match="no three quantities are correlated so"):
+            SystematicUncertainty(1, 1, 1, none)
     more = np.diag([0.0, 0.0, 0.4**2])
     np.testing.assert_allclose(known.with_offset(0.4).covariance, known.covariance + more, atol=1e-12)
     np.testing.assert_array_equal(SystematicUncertainty().with_offset(0.4).covariance, more)

@@ -353,6 +353,6 @@ class RectifiedRig:
         uv, disparity = as_rows(pixels, 2, "pixels"), np.asarray(disparity_px, float).ravel()
         if len(uv) != len(disparity):
             raise ValueError(f"each pixel needs its disparity, got {len(uv)} pixels and {disparity.size} disparities")
-        per_px = self.baseline_mm / np.where(disparity > 0, disparity, np.nan)
+        per_px = self.baseline_mm / np.where((disparity > 0) & np.isfinite(disparity), disparity, np.nan)
         xy = (uv - self.P1[:2, 2]) * per_px[:, None]
         return np.column_stack([xy, self.f_px * per_px])

@@ -66,9 +66,9 @@ def test_a_claim_holds_by_its_conditions_alone(held, monkeypatch):
     """All three hold, two, one, none: the verdict counts them, and the text says which."""
     because = ("so", "as above", "so")
     conditions = {f"c{k}": {"says": f"{k}: {{}} px", "because": because[k], "least": 1.0} for k in range(3)}
-    item = replace(published()["fig.4"], conditions=conditions)
+    item = replace(published()["lrf.resolution"], conditions=conditions)
     monkeypatch.setattr(ledger, "printed_item", lambda id: item)
-    (row,) = compare_with_paper({"fig.4": {f"c{k}": float(k < held) for k in range(3)}}).to_dict("records")
+    (row,) = compare_with_paper({"lrf.resolution": {f"c{k}": float(k < held) for k in range(3)}}).to_dict("records")
     assert row["verdict"] == ("does not hold", "holds in part", "holds in part", "agrees")[held]
     assert row["ours"] == "; ".join(f"{k}: {int(k < held)} px: {'yes' if k < held else 'no'}" for k in range(3))
     assert row["difference"] == f"{held} of 3 hold"

@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 
 from stereolib.base import Bools, Float64, Floats
-from stereolib.calibration.boards import BoardViews, can_be_posed
+from stereolib.calibration.boards import BoardViews
 from stereolib.rig import Camera, StereoRig
 
 _DAMPING = 1e-3  # of the first Levenberg-Marquardt step, over the diagonal
@@ -460,12 +460,14 @@ def _check_posable(points: Float64, corners: Float64) -> None:
         raise ValueError(f"a pose needs (N, 3) points and (N, 2) corners, got {points.shape} and {corners.shape}")
     if not (np.isfinite(points).all() and np.isfinite(corners).all()):
         raise ValueError("a pose needs points and corners that are known: leave out those that are NaN")
-    along, across, off = (
-        np.linalg.svd(points - points.mean(axis=0), compute_uv=False) if len(points) > 2 else np.zeros(3)
-    )
-    needed = _LEAST_POSED if off <= _FLAT * along else _LEAST_SOLID
-    if len(points) < needed or across <= _FLAT * along or not can_be_posed(corners[None])[0]:
-        raise ValueError(f"{len(points)} corners tell no pose: it takes {needed} at least, not all on one line")
+    count, needed, enough = len(points), _LEAST_POSED, False
+    if count >= needed:
+        spread = (np.linalg.svd(some - some.mean(axis=0), compute_uv=False) for some in (points, corners))
+        (width, height, depth), (along, across) = spread
+        needed = _LEAST_POSED if depth <= _FLAT * width else _LEAST_SOLID
+        enough = count >= needed and height > _FLAT * width and across > _FLAT * along
+    if not enough:
+        raise ValueError(f"{count} corners tell no pose: it takes {needed} at least, not all on one line")
 
 
 def _scaled_eigen(normal: Float64) -> tuple[Float64, Float64, Float64]:

@@ -33,6 +33,7 @@ _FLAT = 1e-6  # of their extent: points that leave a plane, or a line, by less l
 _POSE_WORSE = 1e-6  # of the sum of squares: far above rounding, so that every processor decides alike
 _POSE_SAME_PX2 = 1e-12  # sums of squares below are a perfect fit
 _UNHELD = 1e-13  # of the largest eigenvalue: directions below are held by nothing
+_ROUNDED = 1e-40  # of the largest diagonal element: far below what a coefficient of 1e6 leaves, whose squares count
 _LEAST_EIGENVALUE = 1e-14  # of the largest: bounds the covariance of directions that nothing holds
 
 
@@ -471,9 +472,15 @@ def _check_posable(points: Float64, corners: Float64) -> None:
 
 
 def _scaled_eigen(normal: Float64) -> tuple[Float64, Float64, Float64]:
-    """Scale that makes the columns of a normal matrix one, and the eigenvalues and vectors of what it makes of it."""
-    scale = 1 / np.sqrt(np.maximum(np.diag(normal), 1e-300))
-    values, vectors = np.linalg.eigh(normal * scale * scale[:, None])
+    """Scale that makes the columns of a normal matrix one, and the eigenvalues and vectors of what it makes of it.
+
+    Of a parameter whose part rounding left at nothing, or below, nothing is known.
+    """
+    diagonal = np.diag(normal)
+    least = max(_ROUNDED * float(diagonal.max()), 1e-300)
+    known = diagonal > least
+    scale = 1 / np.sqrt(np.maximum(diagonal, least))
+    values, vectors = np.linalg.eigh(np.where(np.outer(known, known), normal, 0.0) * scale * scale[:, None])
     return scale, values, vectors
 
 

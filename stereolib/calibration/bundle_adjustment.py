@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 
 from stereolib.base import Bools, Float64, Floats
-from stereolib.calibration.boards import BoardViews, can_be_posed
+from stereolib.calibration.boards import BoardViews
 from stereolib.rig import Camera, StereoRig
 
 _DAMPING = 1e-3  # of the first Levenberg-Marquardt step, over the diagonal
@@ -33,6 +33,7 @@ _FLAT = 1e-6  # of their extent: points that leave a plane, or a line, by less l
 _POSE_WORSE = 1e-6  # of the sum of squares: far above rounding, so that every processor decides alike
 _POSE_SAME_PX2 = 1e-12  # sums of squares below are a perfect fit
 _UNHELD = 1e-13  # of the largest eigenvalue: directions below are held by nothing
+_ROUNDED = 1e-40  # of the largest diagonal element: far below what a coefficient of 1e6 leaves, whose squares count
 _LEAST_EIGENVALUE = 1e-14  # of the largest: bounds the covariance of directions that nothing holds
 
 
@@ -460,18 +461,26 @@ def _check_posable(points: Float64, corners: Float64) -> None:
         raise ValueError(f"a pose needs (N, 3) points and (N, 2) corners, got {points.shape} and {corners.shape}")
     if not (np.isfinite(points).all() and np.isfinite(corners).all()):
         raise ValueError("a pose needs points and corners that are known: leave out those that are NaN")
-    along, across, off = (
-        np.linalg.svd(points - points.mean(axis=0), compute_uv=False) if len(points) > 2 else np.zeros(3)
-    )
-    needed = _LEAST_POSED if off <= _FLAT * along else _LEAST_SOLID
-    if len(points) < needed or across <= _FLAT * along or not can_be_posed(corners[None])[0]:
-        raise ValueError(f"{len(points)} corners tell no pose: it takes {needed} at least, not all on one line")
+    count, needed, enough = len(points), _LEAST_POSED, False
+    if count >= needed:
+        spread = (np.linalg.svd(some - some.mean(axis=0), compute_uv=False) for some in (points, corners))
+        (width, height, depth), (along, across) = spread
+        needed = _LEAST_POSED if depth <= _FLAT * width else _LEAST_SOLID
+        enough = count >= needed and height > _FLAT * width and across > _FLAT * along
+    if not enough:
+        raise ValueError(f"{count} corners tell no pose: it takes {needed} at least, not all on one line")
 
 
 def _scaled_eigen(normal: Float64) -> tuple[Float64, Float64, Float64]:
-    """Scale that makes the columns of a normal matrix one, and the eigenvalues and vectors of what it makes of it."""
-    scale = 1 / np.sqrt(np.maximum(np.diag(normal), 1e-300))
-    values, vectors = np.linalg.eigh(normal * scale * scale[:, None])
+    """Scale that makes the columns of a normal matrix one, and the eigenvalues and vectors of what it makes of it.
+
+    Of a parameter whose part rounding left at nothing, or below, nothing is known.
+    """
+    diagonal = np.diag(normal)
+    least = max(_ROUNDED * float(diagonal.max()), 1e-300)
+    known = diagonal > least
+    scale = 1 / np.sqrt(np.maximum(diagonal, least))
+    values, vectors = np.linalg.eigh(np.where(np.outer(known, known), normal, 0.0) * scale * scale[:, None])
     return scale, values, vectors
 
 

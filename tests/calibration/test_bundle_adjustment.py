@@ -109,6 +109,13 @@ def test_a_step_takes_off_what_it_promised(views, rig):
     assert start.squares_px2 - moved.squares_px2 == pytest.approx(start.promised_px2(step), rel=0.01)
 
 
+def test_what_rounding_left_below_zero_is_not_known():
+    """Near a pole of a rational lens the poses' part is subtracted to less than nothing."""
+    normal = np.array([[4.0, 1e-8, 0], [1e-8, -1e-9, 0], [0, 0, 1e-12]])
+    assert bundle_adjustment._solve(normal, np.array([8.0, 1.0, 1e-12])) == pytest.approx([2, 0, 1])
+    assert bundle_adjustment.inverse_normal(normal)[1, 1] > 1e30
+
+
 def test_steps_lead_there_and_back(rig):
     step = np.random.default_rng(4).normal(0, 1e-2, 24)
     np.testing.assert_allclose(

@@ -26,6 +26,8 @@ _NO_MEMORY = (
 _IN_PYTHON, _ARGUMENT = re.compile(r"(?:;|, or,) in Python, [^;)]*"), re.compile(r"\b(\w+) \((--\1)\)")
 _IS_FOR = "the calibration is for"
 _MAKE_ROOM = "; make room, or write to another place (of temporary files: the variable TMPDIR)"
+_REMEDIES = dict.fromkeys((errno.ENOSPC, errno.EDQUOT), _MAKE_ROOM)
+_REMEDIES[errno.EACCES] = "; see whether you may read and write there, or name another place"
 DONE, REFUSED, WRONG_INPUT, INTERRUPTED = 0, 1, 2, 130
 _ENDING = ("SIGTERM", "SIGHUP", "SIGBREAK")  # those of them that a system has
 
@@ -155,7 +157,7 @@ def _told(error: BaseException) -> str:
     """The system's own words with the file first, anybody else's as they are."""
     if isinstance(error, OSError) and error.strerror:
         place = "" if error.filename is None else f"{os.fsdecode(error.filename)}: "
-        remedy = _MAKE_ROOM if error.errno in (errno.ENOSPC, errno.EDQUOT) else ""
+        remedy = _REMEDIES.get(error.errno or 0, "")
         return f"{place}{error.strerror}{remedy}"
     return without_python(str(error)).strip() or type(error).__name__
 

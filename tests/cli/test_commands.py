@@ -103,6 +103,12 @@ def test_an_unknown_option_leads_to_the_help_that_lists_them(capsys: pytest.Capt
         (FileNotFoundError(2, "No such file", "left.png"), 2, "stereolib: error: left.png: No such file\n"),
         (OSError(28, "No space left", "m.png"), 2, f"stereolib: error: m.png: No space left{_MAKE_ROOM}"),
         (OSError(28, "No space left"), 2, f"stereolib: error: No space left{_MAKE_ROOM}"),
+        (
+            OSError(13, "Permission denied", "c.json"),
+            2,
+            "stereolib: error: c.json: Permission denied; see whether you may read and write there, or name another "
+            "place\n",
+        ),
         (FileExistsError("d.npy would be overwritten"), 2, "stereolib: error: d.npy would be overwritten\n"),
         (
             ModuleNotFoundError("no", name="trimesh.x"),

@@ -165,7 +165,7 @@ def principal_points_beside(rig: StereoRig) -> dict[str, float]:
     Examples
     --------
     >>> {side: round(off, 1) for side, off in principal_points_beside(paper.paper_rig()).items()}
-    {'left_px': 13.7, 'right_px': 22.3}
+    {'left_px': 13.7, 'right_px': 22.2}
     """
     return {
         name: float(np.linalg.norm(camera.K[:2, 2] - (np.array(camera.size) - 1) / 2))

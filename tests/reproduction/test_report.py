@@ -213,7 +213,7 @@ def test_what_could_have_failed_and_did_comes_before_all_rows(figures):
     assert "<b>2 of them did</b>, of 2 causes;\n1 hold in part; " in first
     listed, rest = first.split("<p>The other ")
     held = [link for link in re.findall(r'href="#([^"]+)"', listed) if not link.startswith("fig")]
-    assert held == ["claim.glare_on_object", "height.plane", "eq.depth"]
+    assert held == ["claim.glare_on_object", "height.plane", "claim.rows_aligned"]
     assert re.findall(r'href="#([^"]+)"', rest) == ["scale.width_cm", "table1.left.fx"]
     assert rest.startswith(f"{len(published()) - tests} rows")
 

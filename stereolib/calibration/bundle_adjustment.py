@@ -88,9 +88,11 @@ class RigFit:
 
     @property
     def converged(self) -> bool:
-        """Whether the minimum is reached: by the problem as linearised here it is nearer, along any combination of
-        parameters, than a thousandth of the standard deviation that the corners' noise leaves. For a rig that was
-        fitted; one that was kept is at no minimum."""
+        """Whether the minimum is reached, of a rig that was fitted: one that was kept is at no minimum.
+
+        By the problem as linearised here it is nearer, along any combination of parameters, than a thousandth of the
+        standard deviation that the corners' noise leaves.
+        """
         left = self.promised_px2(_solve(self.normal.sum(axis=0), self.gradient.sum(axis=0)))
         return left <= (_SETTLED * max(self.sigma_px, _EXACT_PX)) ** 2
 

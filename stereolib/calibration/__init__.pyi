@@ -1,12 +1,15 @@
+from .board_files import find_in_files
+from .board_poses import board_pose
 from .board_size import board_size_error_pct, triangulate
+from .board_views import BoardViews
 from .board_watch import BoardLook, BoardWatch
-from .boards import Board, BoardViews, Charuco, Checkerboard, find_board, find_charuco, find_checkerboard, find_in_pairs
-from .bundle_adjustment import RigFit, board_pose, fit_rig, moved_rig, rig_difference
+from .boards import Board, Charuco, Checkerboard
+from .bundle_adjustment import RigFit, fit_rig, moved_rig, rig_difference
 from .capture_session import CAPTURE_NOTES, CaptureSession, CaptureState
 from .check_wording import CHECK_MEANINGS
 from .coverage import Coverage, boards_per_cell
-from .detection import find_in_files
 from .diagnosis import Diagnosis, diagnose
+from .find_boards import find_board, find_charuco, find_checkerboard, find_in_pairs
 from .findings import Check
 from .first_boards import check_first_boards, check_sides
 from .fresh_check import CalibrationCheck, Estimate, check_calibration

@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stereolib.base import Float64, Floats
-from stereolib.calibration.boards import Board, BoardViews, Checkerboard
+from stereolib.calibration.board_views import BoardViews
+from stereolib.calibration.boards import Board, Checkerboard
 from stereolib.calibration.bundle_adjustment import RigFit, fit_rig, moved_rig
 from stereolib.rig import StereoRig
 

@@ -10,9 +10,11 @@ import cv2
 import numpy as np
 
 from stereolib.base import Float32, Float64, UInt8
-from stereolib.calibration.boards import Board, BoardViews, Charuco, find_board, find_charuco, match_order
-from stereolib.calibration.bundle_adjustment import board_poses
+from stereolib.calibration.board_poses import board_poses
+from stereolib.calibration.board_views import BoardViews, match_order
+from stereolib.calibration.boards import Board, Charuco
 from stereolib.calibration.coverage import Coverage, judge_coverage
+from stereolib.calibration.find_boards import find_board, find_charuco
 from stereolib.calibration.first_boards import guessed_camera
 from stereolib.rig import to_grey
 

@@ -17,9 +17,9 @@ from typing import Any
 import cv2
 
 from stereolib.base import UInt8, check_target, counted, listed, read_json, write_atomic
+from stereolib.calibration.board_files import find_in_files
 from stereolib.calibration.board_watch import NOT_SEEN, PLACE_TAKEN, BoardLook, BoardWatch
 from stereolib.calibration.boards import Board, Charuco
-from stereolib.calibration.detection import find_in_files
 from stereolib.calibration.first_boards import exchanged_mm
 from stereolib.rig import CameraError, LivePair, LiveRig
 

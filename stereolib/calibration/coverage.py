@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from stereolib.base import Bools, Float64, Floats, Ints
-from stereolib.calibration.boards import BoardViews
+from stereolib.calibration.board_views import BoardViews
 
 _CELL_PX = 20  # side of a cell: well below a board's square in most pictures
 _REGION_SHARE = 0.08  # a ninth of the image with less of it covered counts as not seen

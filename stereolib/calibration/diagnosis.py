@@ -10,7 +10,7 @@ import numpy as np
 
 from stereolib.base import Float64
 from stereolib.calibration.board_size import left_out_size_errors
-from stereolib.calibration.boards import BoardViews
+from stereolib.calibration.board_views import BoardViews
 from stereolib.calibration.bundle_adjustment import RigFit
 from stereolib.calibration.coverage import Coverage, judge_coverage
 from stereolib.calibration.findings import FEW_PAIRS, Check, folds_of, judged

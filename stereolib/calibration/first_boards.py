@@ -10,9 +10,10 @@ import cv2
 import numpy as np
 
 from stereolib.base import Float64, counted
-from stereolib.calibration.boards import Board, BoardViews, Charuco, Checkerboard
-from stereolib.calibration.bundle_adjustment import board_poses
-from stereolib.calibration.detection import find_in_files
+from stereolib.calibration.board_files import find_in_files
+from stereolib.calibration.board_poses import board_poses
+from stereolib.calibration.board_views import BoardViews
+from stereolib.calibration.boards import Board, Charuco, Checkerboard
 from stereolib.rig import Camera, PairFile, read_image
 
 _LEAST_PAIRS = 3  # that tell it

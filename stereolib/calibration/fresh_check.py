@@ -10,7 +10,8 @@ import numpy as np
 
 from stereolib.base import Float64, plus_minus
 from stereolib.calibration.board_size import SizeErrors, board_size_error_pct, triangulate
-from stereolib.calibration.boards import Board, BoardViews
+from stereolib.calibration.board_views import BoardViews
+from stereolib.calibration.boards import Board
 from stereolib.calibration.bundle_adjustment import moved_rig
 from stereolib.calibration.check_wording import check_findings, check_notes
 from stereolib.calibration.findings import ERROR_PCT, Check, picture_scale

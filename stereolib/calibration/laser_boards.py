@@ -10,8 +10,9 @@ import cv2
 import numpy as np
 
 from stereolib.base import Float64, finite_array, set_frozen
-from stereolib.calibration.boards import Board, find_board
-from stereolib.calibration.bundle_adjustment import board_pose
+from stereolib.calibration.board_poses import board_pose
+from stereolib.calibration.boards import Board
+from stereolib.calibration.find_boards import find_board
 from stereolib.laser import XV11_SIGMA, LaserScan, find_segments, fit_line
 from stereolib.rig import Camera, read_image, rigid
 

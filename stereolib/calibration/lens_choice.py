@@ -9,7 +9,7 @@ import numpy as np
 
 from stereolib.base import Float64, Ints
 from stereolib.calibration.board_size import triangulate
-from stereolib.calibration.boards import BoardViews
+from stereolib.calibration.board_views import BoardViews
 from stereolib.calibration.bundle_adjustment import RigFit, fit_rig, with_coefficients
 from stereolib.calibration.lens_models import LENS_MODELS
 from stereolib.calibration.solve import calibrate_stereo

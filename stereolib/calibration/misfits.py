@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from stereolib.base import Float64, Floats, Ints
-from stereolib.calibration.boards import BoardViews, match_order
+from stereolib.calibration.board_views import BoardViews, match_order
 from stereolib.calibration.bundle_adjustment import RigFit, fit_rig, inverse_normal, moved_rig
 from stereolib.rig import StereoRig
 

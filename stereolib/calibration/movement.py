@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from stereolib.base import Float64
-from stereolib.calibration.boards import BoardViews
+from stereolib.calibration.board_views import BoardViews
 from stereolib.calibration.bundle_adjustment import RigFit, fit_rig, inverse_normal, moved_rig
 from stereolib.calibration.record import CalibrationRecord
 from stereolib.rig import StereoRig

@@ -8,16 +8,11 @@ import cv2
 import numpy as np
 
 from stereolib.base import Float64, Floats, Ints
+from stereolib.calibration.board_poses import board_poses, boards_before
 from stereolib.calibration.board_size import board_stretch
-from stereolib.calibration.boards import BoardViews, Checkerboard
-from stereolib.calibration.bundle_adjustment import (
-    RigFit,
-    board_poses,
-    boards_before,
-    fit_rig,
-    project_with_derivatives,
-    with_coefficients,
-)
+from stereolib.calibration.board_views import BoardViews
+from stereolib.calibration.boards import Checkerboard
+from stereolib.calibration.bundle_adjustment import RigFit, fit_rig, project_with_derivatives, with_coefficients
 from stereolib.calibration.lens_models import LENS_MODELS
 from stereolib.calibration.misfits import (
     by_reason,

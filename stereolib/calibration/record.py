@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from stereolib.base import Bools, Float64, finite_array
-from stereolib.calibration.boards import BoardViews
+from stereolib.calibration.board_views import BoardViews
 from stereolib.calibration.bundle_adjustment import RigFit, inverse_normal
 from stereolib.calibration.uncertainty import rig_covariance
 from stereolib.rig import StereoRig, calibration_notes

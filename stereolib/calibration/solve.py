@@ -9,10 +9,11 @@ import cv2
 import numpy as np
 
 from stereolib.base import Bools, Float32, Float64, Floats
-from stereolib.calibration.boards import Board, BoardViews, check_corners, one_opencv_thread
+from stereolib.calibration.board_views import BoardViews, check_corners
+from stereolib.calibration.boards import Board
 from stereolib.calibration.bundle_adjustment import RigFit, fit_rig
 from stereolib.calibration.lens_models import LENS_MODELS
-from stereolib.rig import Camera, RectifiedRig, StereoRig
+from stereolib.rig import Camera, RectifiedRig, StereoRig, one_opencv_thread
 
 _MIN_VIEWS = 3  # of a board: two leave the centre of the image open
 _SAME_PX = 2.0  # boards whose corners differ by less were held still: a hand moves them farther

@@ -8,8 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from stereolib.base import Bools, Float32, Float64
-from stereolib.calibration.boards import BoardViews
-from stereolib.calibration.bundle_adjustment import boards_before, project_with_derivatives
+from stereolib.calibration.board_poses import boards_before
+from stereolib.calibration.board_views import BoardViews
+from stereolib.calibration.bundle_adjustment import project_with_derivatives
 from stereolib.calibration.solve import calibrate_camera
 
 _MANY = 8.0  # times the median distance, which is 1.18 sigma: of a million honest corners none

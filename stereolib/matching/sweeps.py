@@ -9,7 +9,6 @@ import itertools
 import os
 import threading
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -20,6 +19,7 @@ from stereolib.base import read_text, write_atomic
 from stereolib.matching.ground_truth import FIELDS, METRICS, KnownView, ReadyView
 from stereolib.matching.pair_checks import check_rectified
 from stereolib.matching.sgbm import SGBMParams, check_window, match_in_steps
+from stereolib.rig import one_opencv_thread
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -185,7 +185,7 @@ def _run(todo: Mapping[str, _Job], whole: bool, workers: Workers, bar: Any) -> I
             raise ValueError("the backend 'dask' needs dask: pip install 'stereolib[cluster]'") from None
         options["scatter"] = list(ready.values())
     calls = [delayed(_measure)(key, ready[view.name], params, whole) for key, (view, params) in todo.items()]
-    with bar, _one_thread_each(), parallel_config(workers.backend, n_jobs=workers.n_jobs, **options):
+    with bar, one_opencv_thread(), parallel_config(workers.backend, n_jobs=workers.n_jobs, **options):
         before = threading.enumerate()
         try:
             for one in Parallel(return_as="generator_unordered", batch_size=1)(calls):
@@ -269,13 +269,3 @@ class _Results:
         own = "".join(self.lines(key, job, done[key]) for key, job in jobs.items())
         others = "".join(line for line in self.kept if line.split(",", 1)[0] not in jobs)
         write_atomic(self.path, self.head + own + others)
-
-
-@contextmanager
-def _one_thread_each() -> Iterator[None]:
-    before = cv2.getNumThreads()
-    cv2.setNumThreads(1)
-    try:
-        yield
-    finally:
-        cv2.setNumThreads(before)

@@ -4,6 +4,7 @@ from .images import check_image, check_pair, image_size, read_image, read_pair, 
 from .live_camera import CameraError, CameraWish, LiveCamera
 from .live_pair import LivePair, LiveRig
 from .matlab_format import from_matlab_struct, to_matlab_struct
+from .opencv_threads import one_opencv_thread, over_cores
 from .pair_files import PICTURES, PairFile, find_pair, find_pairs, left_pictures, one_size, pair_name, pair_sides
 from .stereo_rig import RectifiedRig, StereoRig, calibration_notes
 from .transforms import pose_left_world, rigid, skew
@@ -32,7 +33,9 @@ __all__ = [
     "load_opencv",
     "load_rig",
     "load_ros",
+    "one_opencv_thread",
     "one_size",
+    "over_cores",
     "pair_name",
     "pair_sides",
     "pose_left_world",

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from support.corners import corner_set
 
-from stereolib.calibration import Charuco, Checkerboard, boards, find_charuco, find_checkerboard, find_in_pairs
-from stereolib.calibration.boards import match_order
+from stereolib.calibration import Charuco, Checkerboard, find_boards, find_charuco, find_checkerboard, find_in_pairs
+from stereolib.calibration.board_views import match_order
 from stereolib.rig import Camera, pose_left_world, rigid
 from stereolib.virtual import Scene, board_box, render
 
@@ -50,7 +50,7 @@ def test_rendered_corners_come_back_within_a_tenth_of_a_pixel(clean):
 
 def test_classic_detector_where_the_other_finds_nothing(clean, monkeypatch):
     image, truth = clean
-    monkeypatch.setattr(boards.cv2, "findChessboardCornersSB", lambda *_, **__: (False, None))
+    monkeypatch.setattr(find_boards.cv2, "findChessboardCornersSB", lambda *_, **__: (False, None))
     assert off_px(find_checkerboard(image, BOARD), truth) < 0.1
 
 
@@ -81,7 +81,7 @@ def test_pair_with_a_turned_view_is_matched(clean, monkeypatch):
     image, _ = clean
     straight = find_in_pairs([(image, image)], BOARD, progress=False)
     np.testing.assert_array_equal(straight.left_px, straight.right_px)
-    real, calls = boards.find_checkerboard, []
+    real, calls = find_boards.find_checkerboard, []
 
     def turning(view, target):
         calls.append(None)
@@ -89,7 +89,7 @@ def test_pair_with_a_turned_view_is_matched(clean, monkeypatch):
         return found[::-1].copy() if view is right else found
 
     right = image.copy()
-    monkeypatch.setattr(boards, "find_checkerboard", turning)
+    monkeypatch.setattr(find_boards, "find_checkerboard", turning)
     views = find_in_pairs([(image, right)], BOARD, progress=False)
     assert len(calls) == 2
     np.testing.assert_array_equal(views.right_px, straight.right_px)

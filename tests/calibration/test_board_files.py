@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from stereolib.base import data_path
-from stereolib.calibration import Checkerboard, detection, find_in_files, find_in_pairs
-from stereolib.calibration.detection import CACHE
+from stereolib.calibration import Checkerboard, board_files, find_in_files, find_in_pairs
+from stereolib.calibration.board_files import CACHE
 from stereolib.virtual import recordings
 
 BOARD = recordings.BOARD
@@ -32,13 +32,13 @@ def files(tmp_path):
 @pytest.fixture
 def counted(monkeypatch):
     """How often an image is really searched."""
-    calls, real = [], detection.find_board
+    calls, real = [], board_files.find_board
 
     def find(image, board):
         calls.append(board)
         return real(image, board)
 
-    monkeypatch.setattr(detection, "find_board", find)
+    monkeypatch.setattr(board_files, "find_board", find)
     return calls
 
 
@@ -106,7 +106,7 @@ def test_a_kept_view_that_is_none_is_searched_again_and_replaced(files, counted,
 
 
 def test_an_interruption_loses_nothing(files, monkeypatch):
-    calls, real = [], detection.find_board
+    calls, real = [], board_files.find_board
 
     def find(image, board):
         if len(calls) == 4:
@@ -114,11 +114,11 @@ def test_an_interruption_loses_nothing(files, monkeypatch):
         calls.append(None)
         return real(image, board)
 
-    monkeypatch.setattr(detection, "find_board", find)
-    monkeypatch.setattr(detection, "over_cores", lambda task, items, *_, **__: map(task, items))
+    monkeypatch.setattr(board_files, "find_board", find)
+    monkeypatch.setattr(board_files, "over_cores", lambda task, items, *_, **__: map(task, items))
     with pytest.raises(KeyboardInterrupt):
         find_in_files(*files, BOARD, progress=False)
-    monkeypatch.setattr(detection, "find_board", lambda image, board: calls.append(None) or real(image, board))
+    monkeypatch.setattr(board_files, "find_board", lambda image, board: calls.append(None) or real(image, board))
     assert len(find_in_files(*files, BOARD, progress=False)) == 3
     assert len(calls) == 6  # four before, and the two that were left
 
@@ -127,7 +127,7 @@ def test_a_folder_for_reading_only_is_searched_all_the_same(files, counted, monk
     def refuse(path, data):
         raise PermissionError(13, "Permission denied", str(path))
 
-    monkeypatch.setattr(detection, "write_atomic", refuse)
+    monkeypatch.setattr(board_files, "write_atomic", refuse)
     assert len(find_in_files(*files, BOARD, progress=False)) == 3
 
 

@@ -13,8 +13,10 @@ from pathlib import Path
 import numpy as np
 
 from stereolib.base import Float32, read_bytes, write_atomic
-from stereolib.calibration.boards import Board, BoardViews, Charuco, find_board, over_cores, pair_views
-from stereolib.rig import one_size, read_image
+from stereolib.calibration.board_views import BoardViews, pair_views
+from stereolib.calibration.boards import Board, Charuco
+from stereolib.calibration.find_boards import find_board
+from stereolib.rig import one_size, over_cores, read_image
 
 #: Folder beside the images; one small file for each view, named by what was in the image and which board was sought.
 CACHE = ".stereolib_corners"

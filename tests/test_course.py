@@ -5,7 +5,9 @@ from __future__ import annotations
 import doctest
 import re
 import statistics
+import symtable
 import tomllib
+from collections.abc import Iterator
 
 import nbformat
 import numpy as np
@@ -147,3 +149,38 @@ def test_every_term_is_used() -> None:
     text = "".join(cell.source for chapter in CHAPTERS for cell in cells(chapter))
     unused = [term for term in TERMS if f"(glossary.md#{term})" not in text]
     assert len(CHAPTERS) < 9 or not unused
+
+
+def bound_and_read(source: str) -> tuple[set[str], set[str]]:
+    """Names that a cell binds, and those of other cells that it reads, also within functions."""
+
+    def scopes(table: symtable.SymbolTable) -> Iterator[symtable.SymbolTable]:
+        yield table
+        for inner in table.get_children():
+            yield from scopes(inner)
+
+    cell = symtable.symtable(source, "cell", "exec")
+    bound = {symbol.get_name() for symbol in cell.get_symbols() if symbol.is_assigned() or symbol.is_imported()}
+    read = {s.get_name() for t in scopes(cell) for s in t.get_symbols() if s.is_referenced() and s.is_global()}
+    return bound, read - bound
+
+
+def test_a_name_of_another_cell_is_told_from_the_own() -> None:
+    assert bound_and_read("a = [b for b in c]\ndef f(d):\n    return d + e + a") == ({"a", "f"}, {"c", "e"})
+
+
+@each_chapter
+def test_any_cell_can_be_run_again(chapter: str) -> None:
+    """A reader turns a knob and runs a cell again: what it reads means the same as before, whatever ran since.
+
+    A drawing that takes several cells is run as all of them.
+    """
+    code = [c for part in (False, True) for c in cells(chapter, appendix=part) if c.cell_type == "code"]
+    names = [bound_and_read(cell.source) for cell in code]
+    again = [
+        f"{name}, which the cell that begins with {cell.source.splitlines()[0]!r} reads"
+        for k, (cell, (_, read)) in enumerate(zip(code, names, strict=True))
+        for name in sorted(read - {"fig", "ax", "axis"})
+        if any(name in bound for bound, _ in names[:k]) and any(name in bound for bound, _ in names[k + 1 :])
+    ]
+    assert not again

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -211,19 +212,19 @@ def threshold_elsewhere(
     threshold_px : float, px
         As a disparity (`tuned_threshold_px`).
     same_cube : iterable of (H, W) float, px
-        Maps of other recordings of the printed cube, at the same place, by the same camera.
+        Maps of recordings of the printed cube, at the same place, by the same camera.
     others : mapping of cm to (H, W) float, px
         Maps of cubes of other heights there.
 
     Returns
     -------
     dict
-        ``share_pct``: of `same_cube`, what is read right to half a centimetre; ``other_cm``: how far the recipe is off
+        ``apart_cm``: by how much its readings of `same_cube` differ at most; ``other_cm``: how far the recipe is off
         at most for the others.
     """
-    off = [abs(reading_at_threshold_cm(d, threshold_px) - _side_cm()) for d in same_cube]
+    reads = [reading_at_threshold_cm(d, threshold_px) for d in same_cube]
     others_off = [abs(reading_at_threshold_cm(d, threshold_px) - height) for height, d in others.items()]
-    return {"share_pct": 100 * float(np.mean(np.array(off) <= _HALF_CM)), "other_cm": float(np.max(others_off))}
+    return {"apart_cm": float(np.ptp(reads)), "other_cm": float(np.max(others_off))}
 
 
 def reading_at_threshold_cm(disparity_px: Floats, threshold_px: float) -> float:
@@ -286,8 +287,8 @@ def fitting_setups(views: Iterable[CubeView], within_px: float) -> list[CubeView
     return [view for view in views if abs(view.box_px - printed_value("scale.width_px")) <= within_px]
 
 
-def maximum_marks_edge(maps: Mapping[str, tuple[Floats, CubeView]]) -> dict[str, float]:
-    """How much of the near edge the strict maximum of a map marks.
+def largest_on_edge(maps: Mapping[str, tuple[Floats, CubeView]]) -> dict[str, float]:
+    """How many of the largest disparities lie on the near edge.
 
     Parameters
     ----------
@@ -296,14 +297,37 @@ def maximum_marks_edge(maps: Mapping[str, tuple[Floats, CubeView]]) -> dict[str,
     Returns
     -------
     dict
-        By name with ``_pct`` behind it: of the edge's rows those in which a pixel of the maximum lies on the edge.
+        By name with ``_pct`` behind it: of as many of the largest disparities above the constant as the edge has
+        pixels, and of those that equal the least of them, the share that lies on the edge.
     """
-    marked = {}
+    share = {}
     for name, (disparity_px, view) in maps.items():
-        edge = edge_mask(view, disparity_px.shape)
-        rows = (edge & _strict(disparity_px).mask).any(axis=1)
-        marked[f"{name}_pct"] = 100 * float(rows.sum() / edge.any(axis=1).sum())
-    return marked
+        edge, largest = edge_mask(view, disparity_px.shape), _strict(disparity_px)
+        above = np.sort(np.nan_to_num(disparity_px[: largest.foot_row], nan=0.0), axis=None)
+        marked = np.zeros_like(edge)
+        marked[: largest.foot_row] = disparity_px[: largest.foot_row] >= above[-edge.sum()]
+        share[f"{name}_pct"] = 100 * float(edge[marked].mean())
+    return share
+
+
+def indices_named(printed: str) -> dict[str, int]:
+    """Count which indices of a pixel a sentence names.
+
+    Parameters
+    ----------
+    printed : str
+
+    Returns
+    -------
+    dict
+        ``indices``: how many different ones.
+
+    Examples
+    --------
+    >>> indices_named("the column index of a pixel; elsewhere its row index")
+    {'indices': 2}
+    """
+    return {"indices": len(set(re.findall(r"(\w+) index", printed)))}
 
 
 def mask_on_edge(disparity_px: Floats, view: CubeView) -> dict[str, float]:

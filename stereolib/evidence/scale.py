@@ -157,30 +157,30 @@ def box_off_px(box: PixelBox, width_px: float) -> float:
     return box.width - 1 - width_px
 
 
-def one_scale(scale_cm_per_px: float, near_mm: ArrayLike, side_mm: float, f_px: float) -> dict[str, float]:
-    """How many times too large one scale is at two depths.
+def one_scale(scale_cm_per_px: float, near_mm: ArrayLike, side_mm: ArrayLike, f_px: float) -> dict[str, float]:
+    """How many times too large one scale is along two upright edges.
 
     Parameters
     ----------
     scale_cm_per_px : float, cm/px
     near_mm : array_like, mm
-        Depths along the near edge.
-    side_mm : float, mm
-        Depth of the side corners.
+        Depths of the near edge's ends.
+    side_mm : array_like, mm
+        Depths of a side edge's ends, first of the corner at which the width is counted.
     f_px : float, px
 
     Returns
     -------
     dict
-        ``near_times`` (mean along the edge) and ``side_times``.
+        ``corner_times`` (at that corner), ``side_times`` and ``near_times`` (mean along the edges).
 
     Examples
     --------
-    >>> {name: round(times, 3) for name, times in one_scale(0.12, [700.0], 900.0, 750.0).items()}
-    {'near_times': 1.286, 'side_times': 1.0}
+    >>> {name: round(times, 3) for name, times in one_scale(0.12, [700.0], [900.0, 960.0], 750.0).items()}
+    {'corner_times': 1.0, 'side_times': 0.969, 'near_times': 1.286}
     """
-    near, side = (scale_cm_per_px / cm_per_px_at(depth, f_px) for depth in (near_mm, side_mm))
-    return {"near_times": float(np.mean(near)), "side_times": float(side)}
+    near, side = (np.atleast_1d(scale_cm_per_px / cm_per_px_at(depth, f_px)) for depth in (near_mm, side_mm))
+    return {"corner_times": float(side[0]), "side_times": float(side.mean()), "near_times": float(near.mean())}
 
 
 def relation_error(depth_mm: ArrayLike, width_px: ArrayLike, true_cm: ArrayLike, fitted: Bools) -> dict[str, float]:

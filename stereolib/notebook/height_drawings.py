@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import lru_cache
+from itertools import product
 from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
 
 from stereolib import paper
-from stereolib.base import UInt8
+from stereolib.base import Float64, UInt8
 from stereolib.matching import SGBMParams, compute_disparity
 from stereolib.paper import CubeView, HeightResult, height_by_maximum, height_of_top
 from stereolib.rig import rigid
@@ -89,7 +89,9 @@ def draw_recipe(pitch_deg: float, tolerance_px: float, rows: int, dilate_px: int
     )
     picture = _marked(left, result)
     ray_mm = height_of_top(recordings.rectified(), view.T_left_world, result)
-    text = f"camera {view.camera_height_mm / 10:.1f} cm up, its edge falls by {_fall_px(view):.1f} px; "
+    fall = _fall_px(view)
+    text = f"camera {view.camera_height_mm / 10:.1f} cm up; up the edge its disparity "
+    text += f"{'falls' if fall > 0 else 'rises'} by {abs(fall):.1f} px; "
     text += f"{result.mask.sum()} pixels count, rows {result.top_row} to {result.foot_row}: "
     text += f"the recipe reads {result.height_mm / 10:.1f} cm, the top pixel's own depth {ray_mm / 10:.1f} cm, "
     return picture, text + f"true are {paper.paper_setup().side_mm / 10:.1f} cm"
@@ -161,17 +163,33 @@ def draw_width(distance_mm: float, yaw_deg: float, pitch_deg: float) -> tuple[UI
 
     left = _cube(distance_mm, yaw_deg, pitch_deg, "left")
     box = paper.canny_bounding_box(left, channel="saturation", blur_px=13)
-    setup, f_px = replace(paper.paper_setup(), distance_mm=distance_mm), recordings.rectified().f_px
-    view = paper.cube_view(recordings.rectified(), setup, pitch_rad=np.radians(pitch_deg))
     picture = left.copy()
     corner = (box.left + box.width - 1, box.top + box.height - 1)
     cv2.rectangle(picture, (box.left, box.top), corner, (0, 94, 213), 2)
-    near_mm = f_px * recordings.rectified().baseline_mm / view.disparity_foot_px
-    scales = [float(paper.cm_per_px_at(depth, f_px)) for depth in (view.depth_side_mm, near_mm)]
-    text = f"{box.width} px wide; edge-on (yaw 45) {view.box_px:.0f} px are expected. One pixel stands for "
-    text += f"{scales[0]:.3f} cm at the side corners and {scales[1]:.3f} cm at the near edge's foot; "
+    rectified = recordings.rectified()
+    points = _corners_mm(distance_mm, yaw_deg, pitch_deg)
+    u = points[:, 0] / points[:, 2] * rectified.f_px
+    ends = points[[u.argmin(), u.argmax()]]
+    low, high = sorted(paper.cm_per_px_at(ends[:, 2], rectified.f_px))
+    near = float(paper.cm_per_px_at(points[:, 2].min(), rectified.f_px))
     constant = paper.printed_value("scale.cm_per_px")
-    return picture, text + f"{constant} cm/px would read the width as {constant * box.width:.1f} cm"
+    text = f"{box.width} px wide, by geometry {np.ptp(u) + 1:.0f} px. One pixel stands for "
+    text += f"{low:.3f} cm" + (f" and {high:.3f} cm" if round(high - low, 3) else "")
+    text += f" at the two outermost corners and {near:.3f} cm at the nearest one. Between the two are "
+    text += f"{np.linalg.norm(np.diff(ends, axis=0)) / 10:.1f} cm; "
+    return picture, text + f"{constant} cm/px would read {constant * box.width:.1f} cm"
+
+
+def _corners_mm(distance_mm: float, yaw_deg: float, pitch_deg: float) -> Float64:
+    """Corners of the cube in the rectified left camera."""
+    from stereolib import virtual
+    from stereolib.virtual import recordings
+
+    cube = virtual.cube_scene(distance_mm, yaw_rad=np.radians(yaw_deg)).boxes[-1]
+    height_mm = paper.paper_setup().camera_height_mm
+    T_left_box = paper.rig_pose(recordings.rectified(), np.radians(pitch_deg), height_mm) @ cube.T_world_box
+    corners = np.array(list(product((-0.5, 0.5), repeat=3))) * cube.size_mm
+    return np.asarray((corners @ T_left_box[:3, :3].T + T_left_box[:3, 3]) @ recordings.rectified().R1.T)
 
 
 @lru_cache(maxsize=4)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
 
 from stereolib.base import Float64
@@ -34,7 +35,8 @@ class CubeView:
 
     ``width_px`` is that of the bounding rectangle, corner to corner; ``constant_rows`` the rows
     from the foot of the near edge to the bottom of the image; rows may lie outside the image.
-    ``depth_side_mm`` is the depth of the two corners between which the width is counted.
+    ``depth_side_mm`` is the depth of the two corners between which the width is counted, ``depth_side_end_mm`` that
+    of the other ends of these upright edges.
     """
 
     pitch_rad: float
@@ -45,6 +47,7 @@ class CubeView:
     constant_rows: float
     width_px: float
     depth_side_mm: float
+    depth_side_end_mm: float
     disparity_foot_px: float
     disparity_top_px: float
     T_left_world: Float64
@@ -81,11 +84,32 @@ def paper_setup() -> CubeSetup:
     )
 
 
-def rig_pose(rectified: RectifiedRig, pitch_rad: float, camera_height_mm: float) -> Float64:
+def left_level_roll(rectified: RectifiedRig) -> float:
+    """Tell by how much the rectified pictures roll if not the rig's baseline is held level, but its left camera.
+
+    Parameters
+    ----------
+    rectified : RectifiedRig
+
+    Returns
+    -------
+    float, rad
+        As ``roll_rad`` of `rig_pose`.
+
+    Examples
+    --------
+    >>> from stereolib.paper import paper_rig
+    >>> round(float(np.degrees(left_level_roll(paper_rig().rectify()))), 2)
+    0.79
+    """
+    return float(np.arctan2(rectified.R1[1, 0], rectified.R1[0, 0]))
+
+
+def rig_pose(rectified: RectifiedRig, pitch_rad: float, camera_height_mm: float, *, roll_rad: float = 0.0) -> Float64:
     """Pose ``T_left_world`` of a rig that looks along the world's x axis.
 
-    The rig's baseline (the rectified camera) is held level across and then pitched; the left camera itself is turned
-    against it by about a degree.
+    The rig's baseline (the rectified camera) is held level across, pitched, and rolled; the left camera itself is
+    turned against it by about a degree (`left_level_roll`).
 
     Parameters
     ----------
@@ -94,6 +118,8 @@ def rig_pose(rectified: RectifiedRig, pitch_rad: float, camera_height_mm: float)
         Upwards.
     camera_height_mm : float, mm
         Of the left optical centre.
+    roll_rad : float, rad
+        About the axis of the rectified camera; what is shown turns clockwise.
 
     Returns
     -------
@@ -106,7 +132,8 @@ def rig_pose(rectified: RectifiedRig, pitch_rad: float, camera_height_mm: float)
     >>> (np.linalg.inv(pose)[:3, 3].round(6) + 0.0).tolist()
     [0.0, 0.0, 85.0]
     """
-    pose: Float64 = rigid(rectified.R1.T, np.zeros(3)) @ pose_left_world(pitch_rad, camera_height_mm)
+    roll = cv2.Rodrigues(np.array([0.0, 0.0, roll_rad]))[0]
+    pose: Float64 = rigid(rectified.R1.T @ roll, np.zeros(3)) @ pose_left_world(pitch_rad, camera_height_mm)
     return pose
 
 
@@ -116,6 +143,7 @@ def cube_view(
     *,
     pitch_rad: float = 0.0,
     camera_height_mm: float | None = None,
+    roll_rad: float = 0.0,
 ) -> CubeView:
     """Project the cube of a set-up into the rectified left image.
 
@@ -127,6 +155,8 @@ def cube_view(
         Upwards.
     camera_height_mm : float, mm, optional
         Default: the set-up's.
+    roll_rad : float, rad
+        As of `rig_pose`.
 
     Returns
     -------
@@ -138,7 +168,7 @@ def cube_view(
         If part of the cube lies behind the camera.
     """
     height = setup.camera_height_mm if camera_height_mm is None else camera_height_mm
-    pose = rig_pose(rectified, pitch_rad, height)
+    pose = rig_pose(rectified, pitch_rad, height, roll_rad=roll_rad)
     half = setup.side_mm / np.sqrt(2)  # of the diagonal
     ground = [[0, 0], [half, half], [half, -half], [2 * half, 0]]
     corners = np.array([[setup.distance_mm + x, y, z] for z in (0, setup.side_mm) for x, y in ground])
@@ -156,6 +186,7 @@ def cube_view(
         constant_rows=float(rectified.size[1] - v[0]),
         width_px=float(np.ptp(u)),
         depth_side_mm=float(points[u.argmax(), 2]),
+        depth_side_end_mm=float(np.roll(points, 4, axis=0)[u.argmax(), 2]),  # the four feet, then the four tops
         disparity_foot_px=float(disparity[0]),
         disparity_top_px=float(disparity[4]),
         T_left_world=pose,
@@ -246,7 +277,12 @@ def setups_in_print(*, end_px: float = 1.0) -> list[CubeSetup]:
 
 
 def setup_family(
-    rectified: RectifiedRig, setup: CubeSetup, camera_heights_mm: Iterable[float], *, to_point: bool = False
+    rectified: RectifiedRig,
+    setup: CubeSetup,
+    camera_heights_mm: Iterable[float],
+    *,
+    to_point: bool = False,
+    roll_rad: float = 0.0,
 ) -> list[CubeView]:
     """Every camera that sees the cube's foot where it was printed: to each height belongs one pitch.
 
@@ -258,6 +294,8 @@ def setup_family(
     to_point : bool
         The set-up's distance leads to the nearest *point* of the near edge, which for a camera above the cube is its
         top, so that the cube stands nearer on the floor. By default it is the distance to the edge's line.
+    roll_rad : float, rad
+        As of `rig_pose`.
 
     Returns
     -------
@@ -270,7 +308,7 @@ def setup_family(
 
     Notes
     -----
-    ``pitch = arctan((H - c - cy) / f) - arctan(h / D)``, upwards.
+    ``pitch = arctan((H - c - cy) / (f cos(roll))) - arctan(h / D)``, upwards.
 
     Examples
     --------
@@ -279,7 +317,7 @@ def setup_family(
     >>> round(float(np.degrees(low.pitch_rad)), 2), round(float(np.degrees(high.pitch_rad)), 2)
     (8.27, -8.01)
     """
-    below_axis = (rectified.size[1] - setup.constant_rows - rectified.P1[1, 2]) / rectified.P1[1, 1]
+    below_axis = (rectified.size[1] - setup.constant_rows - rectified.P1[1, 2]) / rectified.P1[1, 1] / np.cos(roll_rad)
     views = []
     for height in camera_heights_mm:
         above = max(0.0, height - setup.side_mm) if to_point else 0.0
@@ -287,7 +325,7 @@ def setup_family(
             raise ValueError(f"a camera {height:g} mm up is farther from the cube than {setup.distance_mm:g} mm")
         near = replace(setup, distance_mm=float(np.sqrt(setup.distance_mm**2 - above**2)))
         pitch_rad = float(np.arctan(below_axis) - np.arctan2(height, near.distance_mm))
-        views.append(cube_view(rectified, near, pitch_rad=pitch_rad, camera_height_mm=height))
+        views.append(cube_view(rectified, near, pitch_rad=pitch_rad, camera_height_mm=height, roll_rad=roll_rad))
     return views
 
 

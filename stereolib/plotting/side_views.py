@@ -13,6 +13,8 @@ from stereolib.paper import CubeSetup, CubeView
 from stereolib.plotting.curves import plot_curves
 from stereolib.plotting.style import LASER, OURS, RIVAL, TRUTH, default_style
 
+_UNIT_CM = 7.5  # so long is a unit vector drawn: the lower camera of notebook 06 stands hardly higher
+
 
 @default_style
 def plot_laser_triangle(ax: Axes) -> Axes:
@@ -179,11 +181,12 @@ def plot_floor_rays(setup: CubeSetup, heights_cm: Mapping[str, float], axes: Any
         ax.plot(near, tall, "s", color=TRUTH, ms=7, label="top of the edge")
         ax.plot(floor, 0, "D", color=RIVAL, ms=8, zorder=5, label="the same ray on the floor's plane")
         ax.plot(0, height, "o", color=OURS, ms=8)
-        beside = -9 if floor > 0 else 24
+        beside = -24 if floor > 0 else 24
         _length(ax, (beside, 0), (beside, height), r"$h_\mathrm{cam}$", (-18 if floor > 0 else 18, 0))
         _length(ax, (near - 5, 0), (near - 5, tall), "$h$", (-8, 0))
-        ax.annotate("", (0, max(height - 16, 1)), (0, height), arrowprops={"arrowstyle": "->", "lw": 1.6})
-        ax.annotate("$n$", (0, max(height - 16, 1)), (6, 0), textcoords="offset points", fontsize=12)
+        ax.annotate("", (0, height - _UNIT_CM), (0, height), arrowprops={"arrowstyle": "->", "lw": 1.6})
+        side = {"xytext": (-6, 0), "ha": "right"} if floor > 0 else {"xytext": (6, 0)}
+        ax.annotate("$n / |n|$", (0, height - _UNIT_CM), **side, textcoords="offset points", fontsize=12)
         ends = {"xlim": (-40, 150), "ylim": (-6, 92)} if floor > 0 else {"xlim": (-35, 79), "ylim": (-4, 54.8)}
         ax.set(**ends, aspect="equal", title=name, xlabel="forward (cm)", ylabel="up (cm)")
         ax.legend(frameon=False, fontsize=8.5, loc="upper left")

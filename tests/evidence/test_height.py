@@ -49,7 +49,7 @@ def with_stray():
 def test_the_maximum_is_the_near_edge():
     names = ("level", "pitched")
     good, bad = (
-        evidence.maximum_marks_edge(dict.fromkeys(names, (d, PITCHED))) for d in (only_edge(PITCHED), faces_that_fall())
+        evidence.largest_on_edge(dict.fromkeys(names, (d, PITCHED))) for d in (only_edge(PITCHED), faces_that_fall())
     )
     assert good["level_pct"] == 100
     assert_turns("claim.maximum_is_near_edge", good, bad)
@@ -92,7 +92,7 @@ def test_a_tuned_threshold():
     assert evidence.reading_at_threshold_cm(faces_that_fall(), tuned) == pytest.approx(30, abs=0.5)
     other = [1.01 * faces_that_fall(), 0.99 * faces_that_fall()]  # one pixel of disparity moves where the mask stops
     bad = evidence.threshold_elsewhere(tuned, other, {35: np.roll(faces_that_fall(), -20, axis=0)})
-    assert good == {"share_pct": 100.0, "other_cm": pytest.approx(0.0, abs=0.1)}
+    assert good == {"apart_cm": 0.0, "other_cm": pytest.approx(0.0, abs=0.1)}
     assert_turns("height.recipe_threshold", good, bad)
 
 

@@ -67,11 +67,11 @@ def test_width_from_the_faces():
     assert_turns("scale.width_faces", *widths)
 
 
-def views(heights_mm=HEIGHTS_MM, **other):
+def views(heights_mm=HEIGHTS_MM, roll_rad=0.0, **other):
     return [
         view
         for one in paper.setups_in_print()
-        for view in paper.setup_family(RECTIFIED, replace(one, **other), heights_mm)
+        for view in paper.setup_family(RECTIFIED, replace(one, **other), heights_mm, roll_rad=roll_rad)
     ]
 
 
@@ -96,15 +96,27 @@ def test_the_printed_height_must_be_one_that_fits(height_mm, verdict):
     assert left == {"lowest_cm": 7.0, "highest_cm": 39.0, "gap_from_cm": 18.0, "gap_to_cm": 22.0}
 
 
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_a_roll_closes_the_gap(sign):
+    """Only pictures that are level to a fraction of a degree leave it; a smaller roll leaves a part of it."""
+    heights, full = np.arange(10.0, 400.0, 10.0), sign * paper.left_level_roll(RECTIFIED)
+    level, some = views(heights), views(heights, 0.55 * full)
+    left = evidence.camera_heights_left([*level, *some, *views(heights, full)])
+    assert left["lowest_cm"] == 7.0 and np.isnan(left["gap_from_cm"])
+    assert evidence.camera_heights_left([*level, *some]) == left | {"gap_from_cm": 20.0, "gap_to_cm": 22.0}
+    assert evidence.height_off_cm(views([215.9], full), 215.9) == {"off_cm": 0.0}
+
+
 def test_no_camera_fits():
     assert np.isnan(list(evidence.camera_heights_left([]).values())).all()
     assert verdict_of("setup.camera_height", evidence.height_off_cm([], 85.0)) == "paper contradicts itself"
 
 
 def test_one_scale_serves_where_the_depths_agree():
-    flat = evidence.one_scale(0.116, [886.0], 886.0, 763.7)
-    deep = evidence.one_scale(0.116, [681.0, 724.0], 890.0, 763.7)
+    flat = evidence.one_scale(0.116, [886.0], [886.0], 763.7)
+    deep = evidence.one_scale(0.116, [681.0, 724.0], [890.0, 934.0], 763.7)
     assert [verdict_of("claim.one_scale_serves", x) for x in (flat, deep)] == ["agrees", "holds in part"]
+    assert deep["corner_times"] == pytest.approx(1, abs=0.01) and deep["side_times"] < 0.98
 
 
 @pytest.mark.parametrize(("side_cm", "verdict"), [(30, "consistent"), (31, "paper contradicts itself")])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 
 from stereolib import notebook
@@ -19,3 +21,15 @@ def test_sliders_say_both_readings():
     assert reads == pytest.approx([37.8, 30.0], abs=0.3)
     strict = notebook.draw_recipe(8.25, 0.0, 53, 1)[1]
     assert float(strict.partition("the recipe reads ")[2].split()[0]) < 1
+
+
+def test_a_scale_is_that_of_the_corners_between_which_the_width_is_counted():
+    """Edge-on they stand half a diagonal behind the near edge; a face stands at the near distance as a whole."""
+    edge_on, face = (notebook.draw_width(700, yaw_deg, 8.25)[1] for yaw_deg in (45, 0))
+    assert (
+        "0.117 cm at the two outermost corners and 0.089 cm at the nearest one. Between the two are 42.4 cm" in edge_on
+    )
+    assert "0.089 cm at the two outermost corners and 0.089 cm at the nearest one. Between the two are 30.0 cm" in face
+    for text in (edge_on, face):
+        found, expected = (int(n) for n in re.match(r"(\d+) px wide, by geometry (\d+) px", text).groups())
+        assert abs(found - expected) <= 2

@@ -34,7 +34,7 @@ def figures(tmp_path: Path) -> Path:
         ("recipe_thresholds", {"map": "SGBM", "camera": "8.5 cm up"}, "cm", "1.1 cm from matched"),
         ("height_recordings", {"distance mm": 700}, "recipe off cm", "is 1.1 cm or more"),
         ("height_recordings", {}, "plane off mm", "measures 8 of these 8 and 23 of all 23, to within 1.10 mm"),
-        ("recipe_family", {"set-ups": "0.70 m to the edge's line"}, "gap from cm", "not from 1 to 22, give"),
+        ("recipe_family", {"set-ups": "0.70 m to the edge's line"}, "highest cm", "to 1 cm above the floor"),
     ],
 )
 def test_every_number_comes_from_its_table(figures: Path, table: str, row: dict, column: str, says: str) -> None:

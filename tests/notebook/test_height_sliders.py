@@ -16,7 +16,8 @@ def test_sliders_say_both_readings():
     assert text.startswith("true height 30.0 cm; the paper's recipe reads 3")
     assert float(text.partition("the ground plane ")[2].split()[0]) == pytest.approx(30, abs=0.1)
     picture, text = notebook.draw_recipe(8.25, 7.25, 53, 1)
-    assert picture.shape == (480, 640, 3) and text.startswith("camera 8.5 cm up; up the edge its disparity falls by 6.2 px; ")
+    assert picture.shape == (480, 640, 3)
+    assert text.startswith("camera 8.5 cm up; up the edge its disparity falls by 6.2 px; ")
     reads = [float(text.partition(f"{who} ")[2].split()[0]) for who in ("the recipe reads", "own depth")]
     assert reads == pytest.approx([37.8, 30.0], abs=0.3)
     assert "its disparity rises by " in notebook.draw_recipe(-20.0, 7.25, 53, 1)[1]  # its top is nearer

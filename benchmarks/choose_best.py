@@ -171,8 +171,9 @@ RIVAL: dict[str, tuple[Any, ...]] = {
     "p2_times": (32, 24, 20),
     "speckle_px": (1, 5, 11, 21),
     "median_px": (3, 5),
+    "pre_filter_cap": (63, 31, 15),
 }
-RIVAL_KNOBS = [("block_size",), ("p1_times", "p2_times"), ("speckle_px",), ("median_px",)]
+RIVAL_KNOBS = [("block_size",), ("p1_times", "p2_times"), ("speckle_px",), ("median_px",), ("pre_filter_cap",)]
 PLATEAU = 1.01  # times the least
 MIDDLE = (120, 360)  # the rows that were matched for the first file: half the time
 FILE, COARSE_FILE = RESULTS / "choose_best.csv", RESULTS / "choose_coarse.csv"

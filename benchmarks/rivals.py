@@ -18,7 +18,7 @@ from stereolib.rig import to_grey
 Array = np.ndarray
 _BM_BLOCK = 15
 #: Chosen by ``choose_best.py``; the penalties are so many times the block's pixels.
-CHOSEN = {"block_size": 1, "p1_times": 8, "p2_times": 32, "speckle_px": 5, "median_px": 5}
+CHOSEN = {"block_size": 1, "p1_times": 8, "p2_times": 32, "speckle_px": 5, "median_px": 5, "pre_filter_cap": 63}
 
 
 def both_sides(left: Array, right: Array, num_disparities: int, setting: dict[str, int] = CHOSEN) -> Array:
@@ -44,7 +44,9 @@ def matched_twice(left: Array, right: Array, num_disparities: int, setting: dict
     block, area = setting["block_size"], setting["block_size"] ** 2
     every = {"disp12_max_diff": -1, "uniqueness_ratio": 0, "speckle_window_size": 0}
     penalties = {"p1": setting["p1_times"] * area, "p2": setting["p2_times"] * area}
-    params = SGBMParams(num_disparities, block, mode="hh", **every, **penalties)
+    params = SGBMParams(
+        num_disparities, block, mode="hh", pre_filter_cap=setting["pre_filter_cap"], **every, **penalties
+    )
     forth = match_pair(left, right, params, whole=True)
     back = match_pair(right[:, ::-1], left[:, ::-1], params, whole=True)[:, ::-1]
     return smooth(left_right_check(forth, back), "speckle", size_px=setting["speckle_px"]), back

@@ -1,7 +1,7 @@
 """How far the rows of a rectified pair disagree: a rig that was knocked since its calibration.
 
-First roughly, by patches that are looked for in a few rows of the right picture; then, with the disparities known, to a
-few hundredths of a pixel over all that was matched.
+First roughly, in quarter size; then, with the disparities known, to a few hundredths of a pixel over all that was
+matched in half size. Chance matches of one size are not those of the other one: so rows that were not found are known.
 """
 
 from __future__ import annotations
@@ -32,6 +32,8 @@ _HALF = SGBMParams(num_disparities=96, mode="3way")
 _QUARTER = SGBMParams(num_disparities=64, mode="3way", speckle_window_size=25)
 _ROOM_PX = 8  # beyond them, px of the half size
 _NEAR = 0.03  # share of the matched pixels that must be nearer than the window for it to follow them
+_ALIKE, _ALIKE_PX = 2 / 3, 2.0  # share of the matches that are the quarter size's, px of the half size: 0.8 and more
+# of pairs whose rows agree to some pixels, however noisy; below 0.6 of those that were matched by chance
 _LEVEL = 128.0  # of what is matched, grey levels
 _LEAST_SIDE_PX = 96  # smaller pictures have no rows to compare
 
@@ -64,12 +66,15 @@ class RowOffset:
         The picture's.
     is_rough : bool
         A zoom is then corrected in the rows alone: columns are matched as they are, and moved once it is well known.
+    is_known : bool
+        Something told it; else it is zero, to several px.
     """
 
     coefficients: Float64
     covariance: Float64
     centre: tuple[float, float]
     is_rough: bool = False
+    is_known: bool = True
 
     def __post_init__(self) -> None:
         set_frozen(self, coefficients=finite_array(self.coefficients, (3,), "coefficients"))
@@ -153,7 +158,7 @@ class RowOffset:
         """
         to = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-0.5, -0.5, 2.0]])  # v' = 2 v + 1/2 in the larger one
         centre = (2 * self.centre[0] + 0.5, 2 * self.centre[1] + 0.5)
-        return RowOffset(to @ self.coefficients, to @ self.covariance @ to.T, centre, self.is_rough)
+        return RowOffset(to @ self.coefficients, to @ self.covariance @ to.T, centre, self.is_rough, self.is_known)
 
     def after(self, first: RowOffset) -> RowOffset:
         """Add an offset that had been corrected before this one was measured.
@@ -167,9 +172,9 @@ class RowOffset:
         RowOffset
             What takes pixels of the twice corrected picture to the right one as it came.
         """
-        both = np.vstack([first.warp, [0.0, 0.0, 1.0]]) @ np.vstack([self.warp, [0.0, 0.0, 1.0]])
         rounding = np.diag([0.0, 0.0, 2 * _GRID_PX**2 / 12])  # of either correction
-        return RowOffset(both[1] - [0.0, 1.0, 0.0], self.covariance + rounding, self.centre)
+        both = _one_warp(self, first)[1] - [0.0, 1.0, 0.0]
+        return RowOffset(both, self.covariance + rounding, self.centre, is_known=self.is_known)
 
     def correct(self, right: UInt8) -> UInt8:
         """Shift the rows of the right picture to those of the left one.
@@ -200,7 +205,8 @@ def find_rows(left: UInt8, right: UInt8) -> tuple[RowOffset, Float32]:
     Returns
     -------
     rows : RowOffset
-        Of the whole pictures. Zero, to several px, where too little was matched, or a side is shorter than 96 px.
+        Of the whole pictures. Zero, to several px, where too little was matched, all by chance as in pictures whose
+        rows are off by 3 % of their height or that are exchanged, or a side is shorter than 96 px.
     disparity_px : (H / 2, W / 2) float32
         Of the left picture in half size, in pixels of it; NaN where nothing was matched.
 
@@ -212,19 +218,44 @@ def find_rows(left: UInt8, right: UInt8) -> tuple[RowOffset, Float32]:
     Notes
     -----
     The rows are measured in quarter size first, where they are off by less than a pixel; then in half size, where the
-    disparities come from too.
+    disparities come from too. Of rows that are off by more the quarter size tells a part: then both matchings disagree,
+    and what was told is corrected and all measured once more. If they still do, nothing is known.
     """
     check_pair(left, right)
     grey = to_grey(left), to_grey(right)
     if min(left.shape[:2]) < _LEAST_SIDE_PX:
         return _unknown(left.shape), np.full(_halved(grey[0]).shape, np.nan, np.float32)
-    first, second = (_even(_halved(_halved(image))) for image in grey)
+    rows, half_px, is_found = _search(*grey)
+    if not is_found:
+        before = rows
+        more, half_px, is_found = _search(grey[0], before.correct(grey[1]))
+        rows = more.after(before)
+        half_px = _moved(half_px, _one_warp(more, before)[0] - rows.warp[0])
+    return rows if is_found else _unknown(left.shape), half_px
+
+
+def _search(left: UInt8, right: UInt8) -> tuple[RowOffset, Float32, bool]:
+    """Rows and disparities in half size of grey pictures, and whether both sizes were matched alike."""
+    first, second = (_even(_halved(_halved(image))) for image in (left, right))
     roughly = match_pair(first, second, _narrow(_QUARTER, first), whole=True)
     rough = replace(measure_rows(first, second, roughly).doubled().doubled(), is_rough=True)
-    first, second = (_even(_halved(image)) for image in (grey[0], rough.correct(grey[1])))
+    first, second = (_even(_halved(image)) for image in (left, rough.correct(right)))
     small = match_pair(first, second, _narrow(_window(roughly), first), whole=True)
     rows = measure_rows(first, second, small).doubled().after(rough)
-    return rows, _moved(small, rough.warp[0] - rows.warp[0])
+    return rows, _moved(small, rough.warp[0] - rows.warp[0]), _are_alike(roughly, small)
+
+
+def _are_alike(quarter_px: Float32, half_px: Float32) -> bool:
+    """Whether most of what was matched in half size was matched so in quarter size, too; by chance few are."""
+    expected = 2 * cv2.resize(quarter_px, half_px.shape[::-1], interpolation=cv2.INTER_NEAREST)
+    alike, matched = np.abs(half_px - expected) < _ALIKE_PX, np.isfinite(half_px)
+    return bool(np.count_nonzero(alike) > _ALIKE * np.count_nonzero(matched))
+
+
+def _one_warp(rows: RowOffset, first: RowOffset) -> Float64:
+    """Matrix (3, 3) that takes pixels of a picture corrected by `first`, then by `rows`, to those as it came."""
+    warps = (np.vstack([each.warp, [0.0, 0.0, 1.0]]) for each in (first, rows))
+    return np.asarray(np.matmul(*warps))
 
 
 def _moved(half_px: Float32, columns: Float64) -> Float32:
@@ -286,7 +317,7 @@ def _is_told(off_px: float, std_px: float) -> bool:
 def _unknown(shape: tuple[int, ...]) -> RowOffset:
     height, width = shape[:2]
     unknown = np.diag([_UNKNOWN_PX / width, _UNKNOWN_PX / height, _UNKNOWN_PX])
-    return RowOffset(np.zeros(3), unknown**2, ((width - 1) / 2, (height - 1) / 2))
+    return RowOffset(np.zeros(3), unknown**2, ((width - 1) / 2, (height - 1) / 2), is_known=False)
 
 
 def _window(quarter_px: Float32) -> SGBMParams:

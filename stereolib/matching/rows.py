@@ -33,7 +33,8 @@ _QUARTER = SGBMParams(num_disparities=64, mode="3way", speckle_window_size=25)
 _ROOM_PX = 8  # beyond them, px of the half size
 _NEAR = 0.03  # share of the matched pixels that must be nearer than the window for it to follow them
 _ALIKE, _ALIKE_PX = 2 / 3, 2.0  # share of the matches that are the quarter size's, px of the half size: 0.8 and more
-# of pairs whose rows agree to some pixels, however noisy; below 0.6 of those that were matched by chance
+# of pairs whose rows agree to some pixels, however noisy; below 0.6 of what was matched by chance
+_TRIES, _NEAR_PX, _PROBE_PX = 4, 1.0, 3.0  # to come to the rows; what is left then; how far they are moved to see it told
 _LEVEL = 128.0  # of what is matched, grey levels
 _LEAST_SIDE_PX = 96  # smaller pictures have no rows to compare
 
@@ -219,19 +220,41 @@ def find_rows(left: UInt8, right: UInt8) -> tuple[RowOffset, Float32]:
     -----
     The rows are measured in quarter size first, where they are off by less than a pixel; then in half size, where the
     disparities come from too. Of rows that are off by more the quarter size tells a part: then both matchings disagree,
-    and what was told is corrected and all measured once more. If they still do, nothing is known.
+    and what was told is corrected and all measured again. Where they always do, as before walls that show nothing, the
+    rows are known if they are found again when they are moved by 3 px.
     """
     check_pair(left, right)
     grey = to_grey(left), to_grey(right)
     if min(left.shape[:2]) < _LEAST_SIDE_PX:
         return _unknown(left.shape), np.full(_halved(grey[0]).shape, np.nan, np.float32)
-    rows, half_px, is_found = _search(*grey)
-    if not is_found:
+    rows, half_px, is_alike = _search(*grey)
+    if is_alike:
+        return rows, half_px
+    if settled := _settle(*grey, rows):
+        return settled
+    return rows if _is_followed(*grey, rows) else _unknown(left.shape), half_px
+
+
+def _settle(left: UInt8, right: UInt8, rows: RowOffset) -> tuple[RowOffset, Float32] | None:
+    """Rows and disparities from rows that are a part of the way; None where nothing leads on."""
+    for _ in range(_TRIES):
         before = rows
-        more, half_px, is_found = _search(grey[0], before.correct(grey[1]))
-        rows = more.after(before)
-        half_px = _moved(half_px, _one_warp(more, before)[0] - rows.warp[0])
-    return rows if is_found else _unknown(left.shape), half_px
+        more, half_px, is_alike = _search(left, before.correct(right))
+        rows, is_near = more.after(before), abs(more.offset_px) < _NEAR_PX
+        if is_alike and is_near:
+            return rows, _moved(half_px, _one_warp(more, before)[0] - rows.warp[0])
+        if is_near:
+            break
+    return None
+
+
+def _is_followed(left: UInt8, right: UInt8, rows: RowOffset) -> bool:
+    """Whether rows that were moved on purpose, to either side, are found where they are; chance stays where it was."""
+    for probe_px in (-_PROBE_PX, _PROBE_PX):
+        beside = replace(rows, coefficients=rows.coefficients - np.array([0.0, 0.0, probe_px]))
+        if not abs(_search(left, beside.correct(right))[0].offset_px - probe_px) < _NEAR_PX:
+            return False
+    return True
 
 
 def _search(left: UInt8, right: UInt8) -> tuple[RowOffset, Float32, bool]:

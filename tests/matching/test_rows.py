@@ -50,16 +50,16 @@ def test_a_recorded_pair_s_rows_are_found_as_they_were_moved(offset_px, roll_deg
     assert "larger" not in said and "smaller" not in said
 
 
-@pytest.mark.parametrize("offset_px", [8, -8, 10])
+@pytest.mark.parametrize("offset_px", [8, -8, 10, -10, 12])
 def test_rows_of_which_the_quarter_size_tells_a_part_are_found(offset_px):
     left, right = rectified_cube()
     found, _ = find_rows(left, moved(right, offset_px, 0.0))
     assert abs(found.offset_px - offset_px) < 5 * found.std_px < 0.15
 
 
-@pytest.mark.parametrize("offset_px", [-16, 12, 25, 40])
+@pytest.mark.parametrize("offset_px", [-16, 16, 25, 40])
 def test_rows_beyond_what_is_found_are_not_known(offset_px):
-    """Chance matches told +1.6 ± 0.2 px of rows that were off by 12 px."""
+    """Chance matches alone had told +1.2 ± 0.4 px of rows that were off by 25 px."""
     left, right = rectified_cube()
     found, _ = find_rows(left, moved(right, offset_px, 0.0))
     assert not found.is_known and found.offset_px == 0 and found.std_px > 3

@@ -1,7 +1,7 @@
 """How far the rows of a rectified pair disagree: a rig that was knocked since its calibration.
 
 First roughly, in quarter size; then, with the disparities known, to a few hundredths of a pixel over all that was
-matched in half size. Chance matches of one size are not those of the other one: so rows that were not found are known.
+matched in half size. What chance matched differs between the two sizes, which tells that rows were not found.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _ROOM_PX = 8  # beyond them, px of the half size
 _NEAR = 0.03  # share of the matched pixels that must be nearer than the window for it to follow them
 _ALIKE, _ALIKE_PX = 2 / 3, 2.0  # share of the matches that are the quarter size's, px of the half size: 0.8 and more
 # of pairs whose rows agree to some pixels, however noisy; below 0.6 of what was matched by chance
-_TRIES, _NEAR_PX, _PROBE_PX = 4, 1.0, 3.0  # to come to the rows; what is left then; how far they are moved to see it told
+_TRIES, _NEAR_PX, _PROBE_PX = 4, 1.0, 3.0  # to come to the rows; what is left then; how far a probe moves them
 _LEVEL = 128.0  # of what is matched, grey levels
 _LEAST_SIDE_PX = 96  # smaller pictures have no rows to compare
 

@@ -51,7 +51,9 @@ def draw_two_pictures(baseline_mm: int, focal_length_px: int, distance_mm: int, 
     disparity_px, far_px = (focal_length_px * baseline_mm / z for z in (distance_mm, _POST_MM[1]))
     nearer_mm = distance_mm - focal_length_px * baseline_mm / (disparity_px + 1)
     text = f"disparity of the near edge {disparity_px:.1f} px, of the post {far_px:.1f} px; "
-    return figure_to_image(figure), outside + text + f"one pixel more, and the edge would seem {nearer_mm:.1f} mm nearer"
+    return figure_to_image(
+        figure
+    ), outside + text + f"one pixel more, and the edge would seem {nearer_mm:.1f} mm nearer"
 
 
 def _pixels(points_mm: Float64, f_px: float, at_mm: float) -> Float64:

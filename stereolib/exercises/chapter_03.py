@@ -81,17 +81,17 @@ def _read_cost(rng: np.random.Generator) -> Task:
     start="num_disparities = None  # a multiple of 16",
     hints=(
         "First the disparity of the nearest point: Z = f B / d, solved for d.",
-        "Disparities are tried from 0 up to one less than `num_disparities`. Take the next multiple of 16 above d.",
+        "Disparities are tried from 0 up to one less than `num_disparities`. That last one must not lie below d.",
     ),
 )
 def _count(rng: np.random.Generator) -> Task:
     f_px, B_mm, Z_mm = drawn(rng, 600, 900, 10), drawn(rng, 80, 160), drawn(rng, 400, 1200, 10)
     d_px = f_px * B_mm / Z_mm
-    wanted = 16 * (np.floor(d_px / 16) + 1)
+    wanted = float(16 * np.ceil((d_px + 1) / 16))  # the last one tried is one less
     mistakes = {
         "This is the disparity itself. The matcher takes multiples of 16 only.": d_px,
         "This is the disparity, rounded. The matcher takes multiples of 16 only.": round(d_px),
-        "You rounded down: the nearest thing would be lost. Round up.": wanted - 16,
+        "The last disparity tried is one less than this: the nearest thing would be lost.": wanted - 16,
         "This is more than is needed, and costs time and columns at the left.": wanted + 16,
     }
     question = (

@@ -20,6 +20,7 @@ RANGE_MIN_MM, RANGE_MAX_MM = 60.0, 6000.0
 TRUSTED_MM = 3000.0  # the paper's limit: what is farther is not used
 #: Where the light leaves an XV-11: so far from its axis, in this direction, counter-clockwise from the beam.
 EMITTER_OFFSET_MM, EMITTER_ANGLE_RAD = 25.0, float(np.deg2rad(-82.0))
+_MOVED_MM = 25.0  # off the median of its beam a reading met what moves: above its noise within the trusted range
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,6 +103,8 @@ class AveragedScan(LaserScan):
     ----------
     spread_mm : (360,) float64
         Sample standard deviation over the turns, mm; NaN below two readings.
+    still_spread_mm : (360,) float64
+        The same without what moved: of the readings within 25 mm of their beam's median.
     count : (360,) int
         Turns that have a reading there.
     dropout : (360,) float64
@@ -111,6 +114,7 @@ class AveragedScan(LaserScan):
     """
 
     spread_mm: Float64
+    still_spread_mm: Float64
     count: Ints
     dropout: Float64
     n_turns: int
@@ -232,14 +236,16 @@ def average(
     if method not in cuts:
         raise ValueError(f"method must be one of {', '.join(cuts)}; got {method!r}")
     rank = np.arange(len(ranges))[:, None]
-    kept = (rank >= cuts[method]) & (rank < count - cuts[method])
+    middles = {name: _mean(ranges, (rank >= cut) & (rank < count - cut)) for name, cut in cuts.items()}
+    still = np.where(np.abs(ranges - middles["median"]) <= _MOVED_MM, ranges, np.nan)
     strength = np.stack([scan.intensities for scan in used])
     fields: dict[str, Any] = vars(used[0]) | {
-        "ranges_mm": _mean(ranges, kept),
+        "ranges_mm": middles[method],
         "intensities": _mean(strength, np.isfinite(strength)),
         "speed_rpm": float(np.median([scan.speed_rpm for scan in used])),
         "complete": all(scan.complete for scan in used),
         "spread_mm": _spread(ranges),
+        "still_spread_mm": _spread(still),
         "count": count,
         "dropout": 1 - count / len(used),
         "n_turns": len(used),
@@ -305,7 +311,7 @@ def gate(scan: _Scan, max_mm: float = TRUSTED_MM) -> _Scan:
     return replace(scan, ranges_mm=ranges, range_max_mm=max_mm)
 
 
-def moving_readings(scans: Sequence[LaserScan], threshold_mm: float = 25.0) -> Bools:
+def moving_readings(scans: Sequence[LaserScan], threshold_mm: float = _MOVED_MM) -> Bools:
     """Find the readings that are nearer than the still background.
 
     The background is the median of the turns: right as long as what moves hides no beam for half of

@@ -35,6 +35,7 @@ from stereolib.mapping.station_folder import (
     known_poses,
     list_stations,
     name_scans,
+    no_scans,
     pair_stations,
 )
 from stereolib.measurement import Instrument, SystematicUncertainty, save_laser_pose
@@ -267,8 +268,8 @@ def load_rig_folder(folder: str | PathLike[str], *, with_boards: bool = True) ->
             f"different tilts are needed, and 15 to 30 give a trustworthy rig"
         )
     pairs, scans_at = _pairs(folder, places["pairs"]), folder / places["scans"]
-    scans = scans_at.iterdir() if scans_at.is_dir() else _matching(folder, places["scans"])
-    stations, alone = pair_stations(pairs, name_scans(sorted(scans)))
+    scans = sorted(scans_at.iterdir() if scans_at.is_dir() else _matching(folder, places["scans"]))
+    stations, alone = pair_stations(pairs, name_scans(scans))
     stations = known_poses(stations, folder / POSES)
     lengths, names = said.lengths(), [station.name for station in stations if station.left]
     for length in lengths:
@@ -277,7 +278,8 @@ def load_rig_folder(folder: str | PathLike[str], *, with_boards: bool = True) ->
     at_mm, ruler = said.length("cameras", "at_mm", _USUALLY_AT_MM), said.length("cameras", "ruler_mm")
     board = said.board() if boards else None
     lonely = [station.scan.name for station in alone if station.scan] if pairs else []
-    absent = [*_absent(places, bool(boards) or not with_boards, (folder / CALIBRATION).is_file(), stations, lonely)]
+    has_boards, is_calibrated = bool(boards) or not with_boards, (folder / CALIBRATION).is_file()
+    absent = [*_absent(places, has_boards, is_calibrated, stations, lonely, no_scans(scans))]
     if not pairs and (pattern := lying_there(folder).get("pairs")):
         lie = "left/ and right/" if pattern == "." else pattern
         absent.append(f'pairs lie in {folder}, {lie}: write pairs = "{pattern}" into its {RIG_FILE}, or move them')
@@ -286,7 +288,12 @@ def load_rig_folder(folder: str | PathLike[str], *, with_boards: bool = True) ->
 
 
 def _absent(
-    places: Mapping[str, str], boards: bool, calibrated: bool, stations: Sequence[RecordedStation], alone: Sequence[str]
+    places: Mapping[str, str],
+    boards: bool,
+    calibrated: bool,
+    stations: Sequence[RecordedStation],
+    alone: Sequence[str],
+    others: Sequence[str],
 ) -> Iterator[str]:
     """What is not there, and what is left out for it."""
     if not boards:
@@ -295,7 +302,10 @@ def _absent(
     if not any(station.left for station in stations):
         yield f"nothing in {places['pairs']}: no sizes, and no depth but that of a board"
     if not any(station.scan for station in stations):
-        yield f"nothing in {places['scans']}: no word about the laser"
+        yield f"{'no scan' if others else 'nothing'} in {places['scans']}: no word about the laser"
+    if others:
+        ask = "name a recording of the laser .bin, a table of angles and ranges .csv"
+        yield f"{listed(others)} in {places['scans']} is no .bin or .csv: not read; {ask}"
     if alone:
         yield f"no pair is named like {listed(alone)}: used by themselves"
 

@@ -195,7 +195,9 @@ def list_stations(folder: str | PathLike[str], poses: str | PathLike[str] | None
     pairs, others = pair_sides(pictures, str(folder))
     if not pairs and {path.name for path in folder.iterdir() if path.is_dir()} >= _SIDES:
         pairs = find_pairs(folder)
-    stations, _ = pair_stations(pairs, name_scans([*scans, *_files(folder / SCANS)]))
+    further = _files(folder / SCANS)
+    unused += [f"{SCANS}/{name}" for name in no_scans(further)]
+    stations, _ = pair_stations(pairs, name_scans([*scans, *further]))
     if not stations:
         raise NoStation(
             f"{folder} holds no station: expected 1_left.png and 1_right.png (a pair), 1_scan.bin or 1_scan.csv (a "
@@ -240,6 +242,27 @@ def name_scans(files: Iterable[str | PathLike[str]]) -> dict[str, Path]:
             raise ValueError(f"{station} has two files for its scan, {twice}: keep one")
         found[name] = path
     return found
+
+
+def no_scans(files: Iterable[Path]) -> list[str]:
+    """Tell which files `name_scans` leaves out, but for hidden ones and the notes beside a recording.
+
+    Parameters
+    ----------
+    files : iterable of Path
+
+    Returns
+    -------
+    list of str
+        Their names, sorted.
+
+    Examples
+    --------
+    >>> no_scans([Path("1.bin"), Path("1.bin.json"), Path("2.txt")])
+    ['2.txt']
+    """
+    others = [path for path in files if path.suffix.lower() not in _SCANS and not path.name.startswith(".")]
+    return sorted(path.name for path in others if path.with_suffix("").suffix.lower() not in _SCANS)
 
 
 def pair_stations(

@@ -109,8 +109,9 @@ def compute_disparity_guided(
         Its window is not used: the laser sets it. By default three paths and no search for specks, the quickest: in
         so narrow a window few false matches are left to be found, but where one camera alone sees.
     margin_px : int
-        Searched to either side of the expectation, a multiple of 8. It has to cover the laser's error (at 0.7 m one
-        pixel is 7 mm), a tilted camera (half a degree moves the floor by 6 px at most) and surfaces that lean.
+        Searched around the expectation, a multiple of 8: from so many px below it to one less above it. It has to
+        cover the laser's error (at 0.7 m one pixel is 7 mm), a tilted camera (half a degree moves the floor by 6 px at
+        most) and surfaces that lean.
 
     Returns
     -------

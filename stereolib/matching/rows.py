@@ -1,7 +1,7 @@
 """How far the rows of a rectified pair disagree: a rig that was knocked since its calibration.
 
-First roughly, by patches that are looked for in a few rows of the right picture; then, with the disparities known, to a
-few hundredths of a pixel over all that was matched.
+First roughly, in quarter size; then, with the disparities known, to a few hundredths of a pixel over all that was
+matched in half size. What chance matched differs between the two sizes, which tells that rows were not found.
 """
 
 from __future__ import annotations
@@ -32,6 +32,9 @@ _HALF = SGBMParams(num_disparities=96, mode="3way")
 _QUARTER = SGBMParams(num_disparities=64, mode="3way", speckle_window_size=25)
 _ROOM_PX = 8  # beyond them, px of the half size
 _NEAR = 0.03  # share of the matched pixels that must be nearer than the window for it to follow them
+_ALIKE, _ALIKE_PX = 2 / 3, 2.0  # share of the matches that are the quarter size's, px of the half size: 0.8 and more
+# of pairs whose rows agree to some pixels, however noisy; below 0.6 of what was matched by chance
+_TRIES, _NEAR_PX, _PROBE_PX = 4, 1.0, 3.0  # to come to the rows; what is left then; how far a probe moves them
 _LEVEL = 128.0  # of what is matched, grey levels
 _LEAST_SIDE_PX = 96  # smaller pictures have no rows to compare
 
@@ -64,12 +67,15 @@ class RowOffset:
         The picture's.
     is_rough : bool
         A zoom is then corrected in the rows alone: columns are matched as they are, and moved once it is well known.
+    is_known : bool
+        Something told it; else it is zero, to several px.
     """
 
     coefficients: Float64
     covariance: Float64
     centre: tuple[float, float]
     is_rough: bool = False
+    is_known: bool = True
 
     def __post_init__(self) -> None:
         set_frozen(self, coefficients=finite_array(self.coefficients, (3,), "coefficients"))
@@ -153,7 +159,7 @@ class RowOffset:
         """
         to = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-0.5, -0.5, 2.0]])  # v' = 2 v + 1/2 in the larger one
         centre = (2 * self.centre[0] + 0.5, 2 * self.centre[1] + 0.5)
-        return RowOffset(to @ self.coefficients, to @ self.covariance @ to.T, centre, self.is_rough)
+        return RowOffset(to @ self.coefficients, to @ self.covariance @ to.T, centre, self.is_rough, self.is_known)
 
     def after(self, first: RowOffset) -> RowOffset:
         """Add an offset that had been corrected before this one was measured.
@@ -167,9 +173,9 @@ class RowOffset:
         RowOffset
             What takes pixels of the twice corrected picture to the right one as it came.
         """
-        both = np.vstack([first.warp, [0.0, 0.0, 1.0]]) @ np.vstack([self.warp, [0.0, 0.0, 1.0]])
         rounding = np.diag([0.0, 0.0, 2 * _GRID_PX**2 / 12])  # of either correction
-        return RowOffset(both[1] - [0.0, 1.0, 0.0], self.covariance + rounding, self.centre)
+        both = _one_warp(self, first)[1] - [0.0, 1.0, 0.0]
+        return RowOffset(both, self.covariance + rounding, self.centre, is_known=self.is_known)
 
     def correct(self, right: UInt8) -> UInt8:
         """Shift the rows of the right picture to those of the left one.
@@ -200,7 +206,8 @@ def find_rows(left: UInt8, right: UInt8) -> tuple[RowOffset, Float32]:
     Returns
     -------
     rows : RowOffset
-        Of the whole pictures. Zero, to several px, where too little was matched, or a side is shorter than 96 px.
+        Of the whole pictures. Zero, to several px, where too little was matched, all by chance as in pictures whose
+        rows are off by 3 % of their height or that are exchanged, or a side is shorter than 96 px.
     disparity_px : (H / 2, W / 2) float32
         Of the left picture in half size, in pixels of it; NaN where nothing was matched.
 
@@ -212,19 +219,66 @@ def find_rows(left: UInt8, right: UInt8) -> tuple[RowOffset, Float32]:
     Notes
     -----
     The rows are measured in quarter size first, where they are off by less than a pixel; then in half size, where the
-    disparities come from too.
+    disparities come from too. Of rows that are off by more the quarter size tells a part: then both matchings disagree,
+    and what was told is corrected and all measured again. Where they always do, as before walls that show nothing, the
+    rows are known if they are found again when they are moved by 3 px.
     """
     check_pair(left, right)
     grey = to_grey(left), to_grey(right)
     if min(left.shape[:2]) < _LEAST_SIDE_PX:
         return _unknown(left.shape), np.full(_halved(grey[0]).shape, np.nan, np.float32)
-    first, second = (_even(_halved(_halved(image))) for image in grey)
+    rows, half_px, is_alike = _search(*grey)
+    if is_alike:
+        return rows, half_px
+    if settled := _settle(*grey, rows):
+        return settled
+    return rows if _is_followed(*grey, rows) else _unknown(left.shape), half_px
+
+
+def _settle(left: UInt8, right: UInt8, rows: RowOffset) -> tuple[RowOffset, Float32] | None:
+    """Rows and disparities from rows that are a part of the way; None where nothing leads on."""
+    for _ in range(_TRIES):
+        before = rows
+        more, half_px, is_alike = _search(left, before.correct(right))
+        rows, is_near = more.after(before), abs(more.offset_px) < _NEAR_PX
+        if is_alike and is_near:
+            return rows, _moved(half_px, _one_warp(more, before)[0] - rows.warp[0])
+        if is_near:
+            break
+    return None
+
+
+def _is_followed(left: UInt8, right: UInt8, rows: RowOffset) -> bool:
+    """Whether rows that were moved on purpose, to either side, are found where they are; chance stays where it was."""
+    for probe_px in (-_PROBE_PX, _PROBE_PX):
+        beside = replace(rows, coefficients=rows.coefficients - np.array([0.0, 0.0, probe_px]))
+        if not abs(_search(left, beside.correct(right))[0].offset_px - probe_px) < _NEAR_PX:
+            return False
+    return True
+
+
+def _search(left: UInt8, right: UInt8) -> tuple[RowOffset, Float32, bool]:
+    """Rows and disparities in half size of grey pictures, and whether both sizes were matched alike."""
+    first, second = (_even(_halved(_halved(image))) for image in (left, right))
     roughly = match_pair(first, second, _narrow(_QUARTER, first), whole=True)
     rough = replace(measure_rows(first, second, roughly).doubled().doubled(), is_rough=True)
-    first, second = (_even(_halved(image)) for image in (grey[0], rough.correct(grey[1])))
+    first, second = (_even(_halved(image)) for image in (left, rough.correct(right)))
     small = match_pair(first, second, _narrow(_window(roughly), first), whole=True)
     rows = measure_rows(first, second, small).doubled().after(rough)
-    return rows, _moved(small, rough.warp[0] - rows.warp[0])
+    return rows, _moved(small, rough.warp[0] - rows.warp[0]), _are_alike(roughly, small)
+
+
+def _are_alike(quarter_px: Float32, half_px: Float32) -> bool:
+    """Whether most of what was matched in half size was matched so in quarter size, too; by chance few are."""
+    expected = 2 * cv2.resize(quarter_px, half_px.shape[::-1], interpolation=cv2.INTER_NEAREST)
+    alike, matched = np.abs(half_px - expected) < _ALIKE_PX, np.isfinite(half_px)
+    return bool(np.count_nonzero(alike) > _ALIKE * np.count_nonzero(matched))
+
+
+def _one_warp(rows: RowOffset, first: RowOffset) -> Float64:
+    """Matrix (3, 3) that takes pixels of a picture corrected by `first`, then by `rows`, to those as it came."""
+    warps = (np.vstack([each.warp, [0.0, 0.0, 1.0]]) for each in (first, rows))
+    return np.asarray(np.matmul(*warps))
 
 
 def _moved(half_px: Float32, columns: Float64) -> Float32:
@@ -286,7 +340,7 @@ def _is_told(off_px: float, std_px: float) -> bool:
 def _unknown(shape: tuple[int, ...]) -> RowOffset:
     height, width = shape[:2]
     unknown = np.diag([_UNKNOWN_PX / width, _UNKNOWN_PX / height, _UNKNOWN_PX])
-    return RowOffset(np.zeros(3), unknown**2, ((width - 1) / 2, (height - 1) / 2))
+    return RowOffset(np.zeros(3), unknown**2, ((width - 1) / 2, (height - 1) / 2), is_known=False)
 
 
 def _window(quarter_px: Float32) -> SGBMParams:

@@ -125,14 +125,14 @@ def _warnings(state: State) -> list[str]:
 def _search_warning(state: State) -> str:
     """That much is nearer than what the matcher searches; empty where it is not."""
     _, rough_px = chain.rows(state)
-    found, end = 2 * rough_px[np.isfinite(rough_px)], state.min_disparity + state.num_disparities
-    beyond_pct = 100 * float(np.mean(found >= end)) if found.size else 0.0
+    found, last = 2 * rough_px[np.isfinite(rough_px)], state.min_disparity + state.num_disparities - 1
+    beyond_pct = 100 * float(np.mean(found > last)) if found.size else 0.0
     if beyond_pct < _BEYOND_PCT:
         return ""
     needed, choices = float(np.quantile(found, _NEAREST)) - state.min_disparity, knobs()["num_disparities"].choices
-    enough = next((one for one in choices if isinstance(one, int) and one > needed), choices[-1])
+    enough = next((one for one in choices if isinstance(one, int) and one > needed + 1), choices[-1])
     return (
-        f"{beyond_pct:.0f} % of what a rough matching finds is nearer than the {end} px at which the search ends, and "
+        f"{beyond_pct:.0f} % of what a rough matching finds is nearer than the {last} px at which the search ends, and "
         f"is matched wrongly or not at all: search {enough} disparities"
     )
 

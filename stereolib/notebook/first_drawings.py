@@ -38,18 +38,22 @@ def draw_two_pictures(baseline_mm: int, focal_length_px: int, distance_mm: int, 
     figure, axes = panels(columns, -(-3 // columns), width_in=columns * _PANEL_IN, aspect=0.9)
     for empty in axes[3:]:
         empty.remove()
-    middle_mm = baseline_mm / 2
+    middle_mm, outside = baseline_mm / 2, ""
     for name, ax, at_mm in (("left", axes[0], 0.0), ("right", axes[1], float(baseline_mm))):
         _draw_picture(ax, focal_length_px, distance_mm, at_mm, middle_mm)
         edge = _pixels(np.array([[middle_mm, 0.0, distance_mm]]), focal_length_px, at_mm)[0, 0]
         ax.axvline(edge, color="black", ls=":")
-        ax.set(title=f"{name}: near edge in column {edge:.1f}", xlabel="column (px)")
+        is_seen = 0 <= edge <= _SIZE[0] - 1
+        outside = outside if is_seen else f"the near edge is outside the {name} picture: no partner. "
+        ax.set(title=f"{name}: near edge {f'in column {edge:.1f}' if is_seen else 'outside'}", xlabel="column (px)")
     axes[0].set_ylabel("row (px)")
     _draw_from_above(axes[2], baseline_mm, focal_length_px, distance_mm)
     disparity_px, far_px = (focal_length_px * baseline_mm / z for z in (distance_mm, _POST_MM[1]))
     nearer_mm = distance_mm - focal_length_px * baseline_mm / (disparity_px + 1)
     text = f"disparity of the near edge {disparity_px:.1f} px, of the post {far_px:.1f} px; "
-    return figure_to_image(figure), text + f"one pixel more, and the edge would seem {nearer_mm:.1f} mm nearer"
+    return figure_to_image(
+        figure
+    ), outside + text + f"one pixel more, and the edge would seem {nearer_mm:.1f} mm nearer"
 
 
 def _pixels(points_mm: Float64, f_px: float, at_mm: float) -> Float64:

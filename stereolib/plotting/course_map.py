@@ -19,12 +19,12 @@ _BOXES = {
     "laser": (0, 0.35, "laser\nscan", LASER),
     "05": (1, 0.35, "05\nlaser error", LASER),
     "08": (5.3, 0.35, "08\nmap", "#000000"),
-    "10": (3, 3.3, "10\nbeyond", REFUSED),
-    "11": (4, 3.3, "11\nyour rig", REFUSED),
-    "09": (2, 3.3, "09\nreal data", REFUSED),
+    "09": (2.05, 1.17, "09\nreal data", REFUSED),
+    "10": (3.35, 1.0, "10\nbeyond", REFUSED),
+    "11": (4.35, 1.0, "11\nyour rig", REFUSED),
 }
-_ARROWS = ("pictures 01", "01 02", "02 03", "03 04", "04 06", "04 07", "laser 05", "05 08", "06 08", "03 10", "10 11",
-           "09 02")  # fmt: skip
+_ARROWS = ("pictures 01", "01 02", "02 03", "03 04", "04 06", "04 07", "laser 05", "05 08", "06 08", "01 09", "05 09",
+           "03 10", "05 10", "08 11")  # fmt: skip
 _WIDTH, _HEIGHT = 0.8, 0.62
 
 
@@ -51,6 +51,6 @@ def plot_course(ax: Axes) -> Axes:
         side, up = (_WIDTH / 2 + 0.03) * (x1 > x0 or -1), (_HEIGHT / 2 + 0.04) * (y1 > y0 or -1)
         begin, end = ((x0 + side, y0), (x1 - side, y1)) if across else ((x0, y0 + up), (x1, y1 - up))
         ax.annotate("", end, begin, arrowprops={"arrowstyle": "-|>", "color": "0.35", "lw": 1.4})
-    ax.set(xlim=(-0.5, 5.8), ylim=(-0.05, 3.7))
+    ax.set(xlim=(-0.5, 5.8), ylim=(-0.05, 3.0))
     ax.set_axis_off()
     return ax

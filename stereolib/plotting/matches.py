@@ -17,7 +17,7 @@ from stereolib.plotting.pictures import plot_image
 from stereolib.plotting.quantities import key_ends, plot_disparity
 from stereolib.plotting.style import GREY_NONE, OURS, TRUTH, default_style, panels
 
-_BGR_MARKED = (200, 0, 230)
+_BGR_MARKED, _BGR_MENDED = (200, 0, 230), (60, 200, 0)
 _SIDES = {"left": "#56B4E9", "right": "#CC79A7"}  # colours that mean nothing else
 _WIDTH_IN, _FONT_PT = 6.0, 8  # more than 7 pt where it is printed 16 cm wide
 _PALE = ListedColormap(colormaps["Greys"](np.linspace(0, 0.6, 256)))  # white is cheap; lines stand out on the rest
@@ -185,13 +185,15 @@ def plot_strips(strips: Mapping[str, Floats], *, first: int, high: float) -> Fig
     return figure
 
 
-def mark_pixels(image: UInt8, where: Bools) -> UInt8:
+def mark_pixels(image: UInt8, where: Bools, mended: Bools | None = None) -> UInt8:
     """Colour some pixels of a picture, in a colour that photographs seldom have.
 
     Parameters
     ----------
     image : (H, W, 3) uint8, blue-green-red
     where : (H, W) bool
+    mended : (H, W) bool, optional
+        Pixels that get green instead.
 
     Returns
     -------
@@ -204,6 +206,8 @@ def mark_pixels(image: UInt8, where: Bools) -> UInt8:
     """
     marked = image.copy()
     marked[where] = _BGR_MARKED
+    if mended is not None:
+        marked[mended] = _BGR_MENDED
     return marked
 
 

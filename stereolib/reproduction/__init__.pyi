@@ -4,7 +4,7 @@ from .kernels import ONE_THREAD
 from .own_rig import report_rig
 from .readme_tables import update_readme_tables
 from .regenerate import reproduce
-from .report import build_report, count_kinds, count_verdicts, sort_out
+from .report import build_report, by_cause, count_kinds, count_verdicts, sort_out
 from .same_numbers import REPEAT_RTOL, compare_tables
 
 __all__ = [
@@ -12,6 +12,7 @@ __all__ = [
     "REPEAT_RTOL",
     "NotebookError",
     "build_report",
+    "by_cause",
     "code_sha256",
     "compare_tables",
     "count_kinds",

@@ -106,6 +106,12 @@ def test_slips_of_students_are_wrong_for_a_whole_class(number: str) -> None:
         assert text.startswith("Not yet. ") and "none of the usual" not in text, (student, text)
 
 
+def test_the_nearest_thing_is_no_nearer_than_the_last_disparity_tried() -> None:
+    for k in range(400):
+        g, count = exercise("03.2", f"s{k}").given, answer_of("03.2", f"s{k}").right_answer()
+        assert count - 17 < g.f_px * g.B_mm / g.Z_mm <= count - 1
+
+
 @each_exercise
 def test_students_get_other_numbers(number: str) -> None:
     questions = {repr(exercise(number, student)) + str(exercise(number, student).given) for student in STUDENTS}

@@ -98,6 +98,15 @@ def test_the_hand_moves_and_the_walls_do_not(recording):
     assert (per_turn[13:83] > 0).all() and per_turn[13:83].max() <= 30
 
 
+def test_what_stands_still_scatters_as_before_the_hand_came(recording):
+    scans = [s for s in laser.turns(laser.read_recording(recording)) if s.complete]
+    before, whole = laser.average(scans[:13]), laser.average(scans)  # the hand comes at turn 13
+    near = whole.ranges_mm < 500
+    assert np.nanmedian(before.spread_mm[near]) == pytest.approx(0.28, abs=0.01)
+    assert np.nanmedian(whole.spread_mm[near]) > 10
+    assert np.nanmedian(whole.still_spread_mm[near]) < 1.2 * np.nanmedian(before.spread_mm[near])
+
+
 def test_average_against_numpy():
     rng = np.random.default_rng(0)
     stack = np.rint(rng.normal(1000, 20, (7, 360)))
@@ -120,6 +129,17 @@ def test_average_against_numpy():
             else:
                 assert np.isnan(a.spread_mm[beam])
     assert a.n_turns == 7
+
+
+def test_still_spread_leaves_out_what_moved():
+    rng = np.random.default_rng(0)
+    stack = np.rint(rng.normal(1000, 2, (40, 360)))
+    still = laser.average([scan(row) for row in stack])
+    np.testing.assert_array_equal(still.still_spread_mm, still.spread_mm)
+    stack[7:12] -= 300  # a hand before every beam
+    moved = laser.average([scan(row) for row in stack])
+    assert np.median(moved.spread_mm) > 90
+    assert np.median(moved.still_spread_mm) == pytest.approx(np.median(still.spread_mm), rel=0.05)
 
 
 def test_average_refuses_what_it_cannot_do():

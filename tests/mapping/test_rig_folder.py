@@ -63,6 +63,16 @@ def test_scans_belong_to_pairs_by_name(folder):
         "7": (False, "7.bin"),
     }
     assert own.absent[-1] == "no pair is named like 7.bin: used by themselves"
+    assert own.absent[-2].startswith("notes.txt in scans is no .bin or .csv")
+
+
+def test_a_scan_with_another_ending_is_named(folder):
+    (folder / "scans" / "1.txt").write_bytes(walk.scan_bytes("room/1"))
+    own = load_rig_folder(folder)
+    assert own.absent[-2] == "no scan in scans: no word about the laser"
+    assert own.absent[-1].startswith("1.txt in scans is no .bin or .csv: not read; name a recording of the laser .bin")
+    (folder / "scans" / "1.txt").rename(folder / "scans" / "1.bin")
+    assert str(load_rig_folder(folder)).endswith("1 scan") and "laser" not in " ".join(load_rig_folder(folder).absent)
 
 
 def test_patterns_may_lead_out_of_the_folder(folder, tmp_path):

@@ -37,6 +37,13 @@ def test_files_are_told_apart_by_their_names(folder):
     assert list_stations(folder, _poses(folder, "2,1,2,3")).stations[1].pose == pytest.approx((1, 2, np.radians(3)))
 
 
+def test_what_lies_with_the_scans_and_is_none_is_unused(folder):
+    (folder / "scans").mkdir()
+    (folder / "scans" / "10.txt").write_bytes(walk.scan_bytes("room/1"))
+    found = list_stations(folder)
+    assert found.unused == ("scans/10.txt",) and found.stations[-1].scan is None
+
+
 def test_paths_may_be_texts(folder):
     assert list_stations(str(folder)) == list_stations(folder)
     assert read_scan(str(folder / "1_scan.bin")).complete and name_scans(["2_scan.bin"]).keys() == {"2"}

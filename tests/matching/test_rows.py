@@ -50,6 +50,29 @@ def test_a_recorded_pair_s_rows_are_found_as_they_were_moved(offset_px, roll_deg
     assert "larger" not in said and "smaller" not in said
 
 
+@pytest.mark.parametrize("offset_px", [8, -8, 10, -10, 12])
+def test_rows_of_which_the_quarter_size_tells_a_part_are_found(offset_px):
+    left, right = rectified_cube()
+    found, _ = find_rows(left, moved(right, offset_px, 0.0))
+    assert abs(found.offset_px - offset_px) < 5 * found.std_px < 0.15
+
+
+@pytest.mark.parametrize("offset_px", [-16, 16, 25, 40])
+def test_rows_beyond_what_is_found_are_not_known(offset_px):
+    """Chance matches alone had told +1.2 ± 0.4 px of rows that were off by 25 px."""
+    left, right = rectified_cube()
+    found, _ = find_rows(left, moved(right, offset_px, 0.0))
+    assert not found.is_known and found.offset_px == 0 and found.std_px > 3
+
+
+@pytest.mark.parametrize("name", ["conditions/poor_light", "conditions/plain", "room/1", "room/3", "series/fine_500"])
+def test_exchanged_or_far_off_rows_are_known_of_no_recorded_pair(name):
+    left, right = recordings.rectified().rectify(*recordings.load_pair(name))
+    assert find_rows(left, right)[0].is_known
+    for pair in ((right, left), (left, moved(right, 25, 0.0))):
+        assert not find_rows(*pair)[0].is_known
+
+
 @pytest.mark.parametrize("share", [0.005, -0.005, 0.02])
 def test_a_lens_with_another_focus_is_told_and_evened_out(share):
     left, right = rectified_cube()
@@ -212,7 +235,7 @@ def test_cells_below_the_least_number_tell_nothing():
 def test_exchanged_sides_are_no_moved_rows():
     left, right = rectified_cube()
     rows, _ = find_rows(right, left)
-    assert rows.warnings == () and rows.std_px > 0.1
+    assert rows.warnings == () and not rows.is_known
 
 
 @pytest.mark.parametrize("period_px", [8, 12, 16, 24, 40])

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import nbformat
 import numpy as np
 import pytest
+from support.instruments import INSTRUMENT, RECT
 
 from stereolib.base import ROOT
 from stereolib.matching import (
@@ -23,6 +24,7 @@ from stereolib.notebook import (
     cube_foot_mm,
     draw_dilation,
     draw_guided,
+    draw_own_pair,
     draw_paths,
     draw_rectification,
     draw_sgbm,
@@ -60,6 +62,17 @@ def test_first_slider_says_the_formula(baseline_mm: int, f_px: int, distance_mm:
     )
     disparity_px = f_px * baseline_mm / distance_mm
     assert f"{distance_mm / (disparity_px + 1):.1f} mm nearer" in text
+
+
+def test_an_edge_outside_a_picture_has_no_partner() -> None:
+    assert "the near edge is outside the right picture: no partner" in draw_two_pictures(400, 1200, 400)[1]
+    assert "no partner" not in draw_two_pictures(93, 730, 700)[1]
+
+
+def test_nearest_that_is_matched_has_the_last_disparity_tried() -> None:
+    pair = RECT.rectify(*recordings.load_pair("conditions/texture"))
+    text = draw_own_pair(pair, INSTRUMENT, 128, 5, 10)[1]
+    assert f"nothing nearer than {RECT.f_px * RECT.baseline_mm / 127:.0f} mm" in text
 
 
 def test_cameras_turned_inwards_stay_where_they_are() -> None:

@@ -107,6 +107,7 @@ def test_what_no_knob_of_matcher_and_filter_changes_is_said_to_be_measured_other
 def test_a_search_that_ends_too_early_is_said_with_one_that_does_not():
     enough = re.search(r"search (\d+) disparities", said(replace(TEXTURE, num_disparities=64)))
     assert enough and "the search ends" not in said(replace(TEXTURE, num_disparities=int(enough[1])))
+    assert "nearer than the 63 px at which the search ends" in said(replace(TEXTURE, num_disparities=64))
     assert "the search ends" in said(State(baseline_mm=200))
 
 

@@ -69,6 +69,9 @@ def test_cells_of_costs_ring_the_cheapest_and_the_true(ax):
 
 def test_marking_leaves_the_picture_alone():
     picture = np.zeros((4, 5, 3), np.uint8)
+    corner = np.zeros((4, 5), bool)
+    corner[3, 0] = True
+    assert plotting.mark_pixels(picture, ~corner, corner)[3, 0].tolist() == [60, 200, 0]
     marked = plotting.mark_pixels(picture, np.eye(4, 5, dtype=bool))
     assert not picture.any() and (marked.any(axis=2) == np.eye(4, 5, dtype=bool)).all()
 

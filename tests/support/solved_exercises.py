@@ -115,7 +115,7 @@ SOLVED: dict[str, Callable[[Any], Any]] = {
     "02.3": lambda g: math.sqrt(g.off_mm / (g.off_px / (g.f_px * g.B_mm))) / 1000,
     "02.4": lambda g: g.B_mm / 2 * np.tan(np.radians(90 - g.toe_deg / 2)),
     "02.5": lambda g: g.Z_mm * g.calibrated_mm / g.true_mm,
-    "03.2": lambda g: next(n for n in range(16, 9999, 16) if g.f_px * g.B_mm / g.Z_mm < n),
+    "03.2": lambda g: next(n for n in range(16, 9999, 16) if g.f_px * g.B_mm / g.Z_mm <= n - 1),
     "03.3": lambda g: sum((a < g.left[1, 1]) != (b < g.right[1, 1]) for a, b in zip(g.left.flat, g.right.flat)),  # noqa: B905
     "03.4": cheapest_ways,
     "03.5": lambda g: matching.score(g.found, g.truth).bad2_pct,

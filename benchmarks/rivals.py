@@ -18,7 +18,7 @@ from stereolib.rig import to_grey
 Array = np.ndarray
 _BM_BLOCK = 15
 #: Chosen by ``choose_best.py``; the penalties are so many times the block's pixels.
-CHOSEN = {"block_size": 1, "p1_times": 8, "p2_times": 32, "speckle_px": 5, "median_px": 5, "pre_filter_cap": 63}
+CHOSEN = {"block_size": 1, "p1_times": 12, "p2_times": 32, "speckle_px": 5, "median_px": 5, "pre_filter_cap": 31}
 
 
 def both_sides(left: Array, right: Array, num_disparities: int, setting: dict[str, int] = CHOSEN) -> Array:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -21,6 +22,7 @@ _FACING_RAD = np.deg2rad(35.0)  # between two matched bits: the far side of a th
 _ROUNDS = 12  # matchings, each followed by least squares
 _LEAST_SHARE = 0.012  # of the firmness of the best-held direction: less is refused
 _DOUBT = 2.0  # deviations from which on a pair counts less and less
+_MOVED = 0.6  # deviations by which neighbouring readings lie off in the mean: twice what noise makes of seven
 _STEPS = 20  # of least squares; most need four
 _STILL_MM = 0.01  # steps that are smaller end it, turns counted at a metre
 _HALF_WINDOW = 3  # readings to either side that tell whether the scan is straight there
@@ -91,8 +93,9 @@ def refine_poses(
     deviations. The covariance is ``H^-1 C' C H^-1``: H is the loss's second derivative, and each row of C is what one
     standard deviation of an independent error does to its gradient. There is a row for each reading's noise, which
     enters all pairs that the reading or the line through it is in (i to j and j to i alike), one for the bias of each
-    bit of each station, and one for each error of the laser: b's, those of its pose and scale that all stations share,
-    and each station's own.
+    bit of each station, one for each error of the laser: b's, those of its pose and scale that all stations share,
+    and each station's own; and one for each run of readings that lie off together by more than noise: what they met
+    has moved meanwhile, and pulls.
     """
     if len(stations) < 2:
         raise ValueError(f"matching needs two stations or more, got {len(stations)}: a single one has nothing to match")
@@ -296,7 +299,8 @@ def _covariance(scans: Sequence[_Scan], poses: Float64, pairs: tuple[Ints, ...],
     residual, J = _residuals(scans, poses, pairs)
     deviation, J = _deviations(scans, pairs), J[:, 3:]
     off = (residual / deviation / _DOUBT) ** 2
-    pull = ((1 - off) / (1 + off) ** 2 / deviation**2)[:, None] * J  # rho'': of pairs that come 1 mm farther apart
+    # rho'', of pairs that come 1 mm farther apart: those beyond the doubt hold nothing
+    pull = (np.maximum(1 - off, 0.0) / (1 + off) ** 2 / deviation**2)[:, None] * J
     inverse = np.linalg.inv(J.T @ pull)
     first, second = _numbers(scans, pairs)
     each = np.zeros((sum(len(scan.points) for scan in scans), J.shape[1]))  # of a reading, in all its pairs at once
@@ -310,8 +314,33 @@ def _covariance(scans: Sequence[_Scan], poses: Float64, pairs: tuple[Ints, ...],
     np.add.at(alike, bit, bias * each)
     normals = np.concatenate([_placed(scan, pose)[2] for scan, pose in zip(scans, poses, strict=True)])
     shared = ((errors[:, first] - errors[:, second]) * normals[second]).sum(axis=-1) @ pull
-    columns = np.concatenate([across * each, alike, shared])
+    moved = _moved(scans, pairs, residual / deviation, (residual / (1 + off) / deviation**2)[:, None] * J)
+    columns = np.concatenate([across * each, alike, shared, moved])
     return np.asarray(inverse @ (columns.T @ columns) @ inverse)
+
+
+def _moved(scans: Sequence[_Scan], pairs: tuple[Ints, ...], off: Float64, push: Float64) -> Float64:
+    """The gradient of each run of readings that lie off together, as on a thing that moved: (k, 3 (n - 1)).
+
+    Where both ends of a pair lie in such runs either may have moved, the one that lies farther off more likely: they
+    share its variance.
+    """
+    ends, starts = np.stack(_numbers(scans, pairs)), np.cumsum([0, *(len(scan.points) for scan in scans)])
+    total, count = np.zeros((2, starts[-1]))
+    np.add.at(total, ends, np.stack([off, -off]))
+    np.add.at(count, ends, 1.0)
+    lies_off = np.zeros(starts[-1])
+    for start, stop in pairwise(starts):
+        window = np.arange(stop - start)[:, None] + np.arange(-_HALF_WINDOW, _HALF_WINDOW + 1)
+        window = start + window % (stop - start)
+        mean = total[window].sum(axis=1) / np.maximum(count[window].sum(axis=1), 1.0)
+        lies_off[start:stop] = np.where(np.abs(mean) > _MOVED, mean, 0.0)
+    share = lies_off[ends] ** 2
+    share /= np.maximum(np.linalg.norm(share, axis=0), _MOVED**2)  # 0 where neither does
+    run = np.cumsum(np.isin(np.arange(starts[-1]), starts) | (np.diff(np.sign(lies_off), prepend=0.0) != 0)) - 1
+    runs = np.zeros((run[-1] + 1, push.shape[1]))
+    np.add.at(runs, run[ends], share[..., None] * push)
+    return runs
 
 
 def _check_linked(pairs: tuple[Ints, ...], names: Sequence[str]) -> None:

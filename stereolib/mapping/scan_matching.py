@@ -11,7 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from stereolib.base import Float64, Ints, turn_2d
+from stereolib.base import Float64, Ints, counted, turn_2d
 from stereolib.laser import XV11_SIGMA
 from stereolib.mapping.stations import XV11_BIAS, Station, laser_errors_mm, station_names
 
@@ -181,7 +181,9 @@ class _Scan:
     def of(cls, name: str, station: Station, sigma: Callable[[Float64], Float64], bias_mm: float) -> _Scan:
         p, half = station.scan_mm, _HALF_WINDOW
         if len(p) < 2 * half + 1:
-            raise ValueError(f"the scan of station {name} has {len(p)} readings: too few to match; scan again")
+            raise ValueError(
+                f"the scan of station {name} has {counted(len(p), 'reading')}: too few to match; scan again"
+            )
         window = (np.arange(len(p))[:, None] + np.arange(-half, half + 1)) % len(p)
         q = p[window]
         q0 = q - q.mean(axis=1, keepdims=True)

@@ -229,7 +229,7 @@ def test_what_cannot_be_read_leaves_out_its_own_station(made, tmp_path, capsys):
     shutil.copy(made / "walk" / "calibration.json", tmp_path)
     small = cv2.imencode(".jpg", np.zeros((240, 320, 3), np.uint8))[1].tobytes()
     spoilt = {
-        "2_scan.bin": (walk.scan_bytes("room/2")[:900], "none of the 1 turns is complete; record longer (a turn takes"),
+        "2_scan.bin": (walk.scan_bytes("room/2")[:900], "of 1 turn none is complete; record longer (a turn takes"),
         "3_left.jpg": ((tmp_path / "3_left.jpg").read_bytes()[:5000], "the JPEG is cut short (5000 bytes, no end"),
         "4_scan.bin": (b"no laser" * 99, "4_scan.bin (792 bytes) is no XV-11 recording"),
         "5_left.jpg": (small, "5_left.jpg is 320x240"),

@@ -283,7 +283,8 @@ class RectifiedRig:
         """
         if image.shape[1::-1] != self.size:
             sizes = f"{image.shape[1]}x{image.shape[0]}, the calibration is for {self.size[0]}x{self.size[1]}"
-            raise ValueError(f"the {side} image is {sizes}: use images of that size or calibrate again")
+            turned = ": it lies on its side, or its EXIF says so" if image.shape[:2] == self.size else ""
+            raise ValueError(f"the {side} image is {sizes}{turned}: use images of that size or calibrate again")
 
     def rectify(self, left: UInt8, right: UInt8) -> tuple[UInt8, UInt8]:
         """Undistort and rectify a pair of images.

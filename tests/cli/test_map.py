@@ -197,7 +197,9 @@ def test_nothing_mapped_is_exit_code_1(made, tmp_path, capsys):
     for side in ("left", "right"):
         cv2.imwrite(str(tmp_path / f"1_{side}.png"), np.full((480, 640, 3), 90, np.uint8))
     assert run("map", tmp_path, "--output", tmp_path / "out") == 1
-    assert "nothing was mapped: no station could be measured. station 1: no floor" in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert "nothing was mapped: no station could be measured. station 1: no floor" in said
+    assert "--floor" not in said and "in Python" not in said
     assert not (tmp_path / "out").exists()
 
 
@@ -246,7 +248,7 @@ def test_what_cannot_be_read_leaves_out_its_own_station(made, tmp_path, capsys):
         path.unlink()
     assert run("map", tmp_path, "--output", tmp_path / "new") == 2
     said = capsys.readouterr().err
-    assert f"error: station 2: {tmp_path / '2_scan.bin'}: none of" in said and said.count("\n") == 1
+    assert f"error: station 2: {tmp_path / '2_scan.bin'}: of 1 turn none" in said and said.count("\n") == 1
     assert not (tmp_path / "new").exists()
 
 

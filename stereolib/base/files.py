@@ -309,6 +309,8 @@ def _read_pipe(path: Path, limit_bytes: int, silence_s: float) -> bytes:
 
 def _hint(path: Path) -> str:
     """What else the user may have meant by a name that is not there."""
+    if path.is_symlink():
+        return f"; it is a link to {os.readlink(path)}, which is not there"
     if not path.parent.is_dir():
         return f"; there is no folder {path.parent}"
     near = difflib.get_close_matches(path.name, [other.name for other in path.parent.iterdir()], 1, _ALIKE)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from stereolib.base import Float32, Floats, listed
+from stereolib.base import Float32, Floats, counted, listed
 from stereolib.calibration.board_poses import LEAST_POSED, can_be_posed
 from stereolib.calibration.boards import Board, Charuco
 
@@ -128,7 +128,7 @@ def pair_views(
     both = [(name, left, right) for name, left, right in views if left is not None and right is not None]
     missing = tuple(name for name, left, right in views if left is None or right is None)
     pattern = f"{board.columns}x{board.rows} inner corners"
-    listed = f"{len(names)} pairs ({', '.join(names[:5])}{', ...' if len(names) > 5 else ''})"
+    listed = f"{counted(len(names), 'pair')} ({', '.join(names[:5])}{', ...' if len(names) > 5 else ''})"
     if not both and isinstance(board, Charuco):
         markers = f"{board.dictionary}, {board.marker_mm:g} mm on squares of {board.square_mm:g} mm"
         why = f"no ChArUco board of {pattern} with markers of {markers}, was found in both views of any of {listed}"

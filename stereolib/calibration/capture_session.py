@@ -20,8 +20,8 @@ from stereolib.base import UInt8, check_target, counted, listed, read_json, writ
 from stereolib.calibration.board_files import find_in_files
 from stereolib.calibration.board_watch import NOT_SEEN, PLACE_TAKEN, BoardLook, BoardWatch
 from stereolib.calibration.boards import Board, Charuco
-from stereolib.calibration.first_boards import exchanged_mm
-from stereolib.rig import CameraError, LivePair, LiveRig
+from stereolib.calibration.first_boards import exchanged_mm, size_seen
+from stereolib.rig import CameraError, LivePair, LiveRig, to_grey
 
 _SIDES = ("left", "right")
 _LONGER = "hold it a little longer, or nearer"
@@ -30,6 +30,7 @@ _MOST = 2  # times the pairs asked for, as long as something is missing
 _AGAIN_OF = 20  # pictures, of which half must have been sent before
 _FROZEN_OF = 3  # pictures: the same ones nearer than that are a camera that hangs
 _RECORDED_HZ = 10.0  # pictures a second that a recording without moments is taken for
+_LEAST_OTHERS = 2  # pictures with a board of another count of corners, which chance hardly shows alike twice
 _PNG_EFFORT = [cv2.IMWRITE_PNG_COMPRESSION, 1]  # fast: cameras wait meanwhile
 
 
@@ -116,6 +117,7 @@ class CaptureSession:
         self._whys = Counter[str]()  # since then: how often nothing was taken for which reason
         self._sent, self._again = dict[int, int](), deque[bool](maxlen=_AGAIN_OF)  # checksums: when sent last
         self._looks, self.ended = 0, ""
+        self._blind, self._others = 0, Counter[tuple[int, int]]()  # pairs without the board; others seen in them
         self.before: tuple[str, ...] = ()
         self.taken = self._resumed()
 
@@ -123,6 +125,13 @@ class CaptureSession:
     def folders(self) -> tuple[Path, Path]:
         """Where the pictures of the left and of the right camera go."""
         return self.folder / _SIDES[0], self.folder / _SIDES[1]
+
+    @property
+    def other_board(self) -> str:
+        """Which other checkerboard is there while none of the count asked for is seen; "" where none is."""
+        (size, count), *_ = self._others.most_common(1) or [((0, 0), 0)]
+        is_told = self.taken == 0 and count >= _LEAST_OTHERS
+        return f"a board of {size[0]}x{size[1]} is there" if is_told else ""
 
     def take_now(self) -> None:
         """Take the next pair in which both see the board, still or not."""
@@ -172,6 +181,8 @@ class CaptureSession:
     def _with_board(self, watch: BoardWatch, pair: LivePair) -> CaptureState:
         look = watch.look(pair.left, pair.right, self._now_s)
         is_seen = all(corners is not None for corners in look.corners_px)
+        if not is_seen and look.corners_px[0] is None:
+            self._look_for_others(watch.board, pair.left)
         if look.advice and not (self._is_asked and is_seen):
             return CaptureState(pair, look, self.taken, "", look.advice, self._stuck(watch, look.advice))
         if (corners := watch.find(pair.left, pair.right)) is None:
@@ -185,6 +196,14 @@ class CaptureSession:
         said = f"so far, {advice[0]}" if advice else "nothing more is needed" if coverage else ""
         return CaptureState(pair, look, self.taken, name, said)
 
+    def _look_for_others(self, board: Board, left: UInt8) -> None:
+        """Look for a checkerboard of any count, which takes long: in the 1st, 2nd, 4th, 8th ... pair without ours."""
+        self._blind += 1
+        if self.taken or isinstance(board, Charuco) or self._blind & (self._blind - 1):
+            return
+        if (size := size_seen(to_grey(left))) and sorted(size) != sorted((board.columns, board.rows)):
+            self._others[size] += 1
+
     def _stuck(self, watch: BoardWatch, advice: str) -> str:
         """Why nothing new has come for too long, and what to do."""
         self._whys[advice.partition(";")[0]] += 1
@@ -195,7 +214,8 @@ class CaptureSession:
             why = f"still empty: {watch.empty}"
         elif why == NOT_SEEN:
             corners = f"{watch.board.columns}x{watch.board.rows} inner corners"
-            why = f"no board of {corners} is seen: count corners, not squares; hold it whole and flat, in good light"
+            remedy = self.other_board or "hold it whole and flat, in good light"
+            why = f"no board of {corners} is seen: count corners, not squares; {remedy}"
         return f"nothing new for {waited_s:.0f} s, {self.taken} of {counted(self.wanted, 'pair')} taken; {why}"
 
     def _plays_again(self, pair: LivePair) -> bool:

@@ -158,7 +158,12 @@ def _scale_findings(diagnosis: Diagnosis, ruler_mm: float | None) -> list[Findin
         remedy = (
             "all sizes are off alike if the square's edge is mistyped; measure it, in millimetres, or if it is right"
         )
-        return [Finding(_BAD, f"{text}: {remedy} give the distance of the lenses by a ruler, as --ruler-mm")]
+        return [
+            Finding(
+                _BAD,
+                f"{text}: {remedy} give the distance of the lenses by a ruler, as --ruler-mm (in rig.toml: ruler_mm)",
+            )
+        ]
     if not likely:
         text = f"squares of {square:g} mm and a baseline of {baseline:.3g} mm"
         return [Finding(_REMARK, f"{text}: was the square's edge given in millimetres?")]
@@ -203,7 +208,8 @@ def _board_findings(diagnosis: Diagnosis) -> list[Finding]:
     off, std, aspect = 100 * found[0] / board.aspect, 100 * found[1], board.aspect + found[0]
     than = "they are wide" if board.aspect == 1 else "given"
     text = f"the board's squares come out {abs(off):.1f} % {'higher' if off > 0 else 'lower'} than {than}"
-    remedy = f"measure both sides of the board over many squares, and give one's as --square-mm WIDTHxHEIGHT ({_RATIO}"
+    remedy = "measure both sides of the board over many squares, and give one's as --square-mm WIDTHxHEIGHT "
+    remedy += f"(in rig.toml: square_mm; {_RATIO}"
     text += f" (± {std:.2f} %; width runs along the {board.columns} corners): {remedy}, {aspect:.3f})"
     return [Finding(_level(abs(off)), text)]
 
@@ -281,7 +287,7 @@ def check_findings(diagnosis: Diagnosis) -> list[Finding]:
     """What exceeds its limits; of depths and lengths, which are unsure for the same reasons, the worse."""
     at_mm, checks = diagnosis.error_map.at_mm, list(diagnosis.checks)
     if not np.isfinite(diagnosis.depth_pct):
-        remedy = "give the distance where you measure as --at-mm, or point the cameras there"
+        remedy = "give the distance where you measure as --at-mm (in rig.toml: at_mm), or point the cameras there"
         findings = [Finding(_BAD, f"at {at_mm:g} mm the two views do not overlap: {remedy}")]
     else:
         worse, checks = max(checks[:2], key=lambda check: check.value), checks[2:]

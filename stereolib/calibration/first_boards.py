@@ -9,7 +9,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from stereolib.base import Float64, counted
+from stereolib.base import Float64, UInt8, counted
 from stereolib.calibration.board_files import find_in_files
 from stereolib.calibration.board_poses import board_poses
 from stereolib.calibration.board_views import BoardViews
@@ -125,7 +125,7 @@ def check_first_boards(pairs: Sequence[PairFile], board: Board, given: str, *, p
 
 def _check_size(pairs: Sequence[PairFile], board: Checkerboard, given: str) -> None:
     """Refuse pictures that show a checkerboard of another size."""
-    seen = Counter(size for files in pairs for file in files if (size := _size_seen(file)))
+    seen = Counter(size for files in pairs for file in files if (size := _size_in(file)))
     (size, count), *_ = seen.most_common(1) or [((0, 0), 0)]
     if count >= _LEAST_SEEN and size != _unordered(board.columns, board.rows):
         raise ValueError(
@@ -136,14 +136,27 @@ def _check_size(pairs: Sequence[PairFile], board: Checkerboard, given: str) -> N
         )
 
 
-def _size_seen(file: Path) -> tuple[int, int] | None:
-    """Inner corners of the checkerboard in a picture, the more first; None where there is none that says."""
+def _size_in(file: Path) -> tuple[int, int] | None:
     try:
-        image = read_image(file, grey=True)
+        return size_seen(read_image(file, grey=True))
     except (ValueError, OSError):
         return None
+
+
+def size_seen(grey: UInt8) -> tuple[int, int] | None:
+    """Count the inner corners of the checkerboard in a picture, whichever it is.
+
+    Parameters
+    ----------
+    grey : (H, W) uint8
+
+    Returns
+    -------
+    (int, int) or None
+        The more first; None where there is none that says.
+    """
     flags = cv2.CALIB_CB_LARGER | cv2.CALIB_CB_NORMALIZE_IMAGE
-    is_found, _, cells = cv2.findChessboardCornersSBWithMeta(image, _SMALLEST, flags)
+    is_found, _, cells = cv2.findChessboardCornersSBWithMeta(grey, _SMALLEST, flags)
     size = _unordered(*cells.shape[:2]) if is_found else _SMALLEST
     return None if size == _SMALLEST else size
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stereolib.base import Float64, plus_minus
+from stereolib.base import Float64, counted, plus_minus
 from stereolib.calibration.board_size import SizeErrors, board_size_error_pct, triangulate
 from stereolib.calibration.board_views import BoardViews
 from stereolib.calibration.boards import Board
@@ -213,7 +213,7 @@ def _refuse(rig: StereoRig, views: BoardViews, record: CalibrationRecord) -> Non
         raise ValueError(f"{sizes}: take pictures of that size, or calibrate again")
     if used := record.made_from(views):
         names = ", ".join(used[:_LISTED]) + ", ..." * (len(used) > _LISTED)
-        which = f"{len(used)} of {len(views)} pairs made the calibration ({names})"
+        which = f"{len(used)} of {counted(len(views), 'pair')} made the calibration ({names})"
         raise ValueError(f"{which}: take new ones, a check needs boards that it has never seen")
     common = (np.isfinite(views.left_px) & np.isfinite(views.right_px)).all(axis=2).sum(axis=1)
     least = max(_LEAST_COMMON, max(views.board.columns, views.board.rows) + 1)

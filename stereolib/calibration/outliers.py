@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from stereolib.base import Float64, Floats, Ints
+from stereolib.base import Float64, Floats, Ints, counted
 from stereolib.calibration.board_poses import board_poses, boards_before
 from stereolib.calibration.board_size import board_stretch
 from stereolib.calibration.board_views import BoardViews
@@ -147,11 +147,12 @@ def _start(views: BoardViews, model: str) -> tuple[list[Ints], dict[int, str]]:
 def _refuse_few(views: BoardViews, different: int) -> None:
     """Too few pairs, or too few different ones, or one camera twice."""
     if len(views) < MIN_PAIRS:
-        why = f"{len(views)} pairs of the board are too few ({', '.join(views.names)})"
+        is_or_are = "is" if len(views) == 1 else "are"
+        why = f"{counted(len(views), 'pair')} of the board {is_or_are} too few ({', '.join(views.names)})"
         raise ValueError(f"{why}: {_ENOUGH}, the board tilted differently in each")
     refuse_one_picture(views)
     if different < MIN_PAIRS:
-        why = f"the {len(views)} pairs show the board in only {different} different place(s): move and tilt it"
+        why = f"the {len(views)} pairs show the board in only {counted(different, 'different place')}: move and tilt it"
         raise ValueError(f"{why} between pictures; {_ENOUGH}")
 
 

@@ -113,7 +113,8 @@ def _finished(arguments: argparse.Namespace, session: CaptureSession, page: Live
     """Calibrate, and say on the page as well what is said here."""
     session.rig.close()
     if session.watch is not None and not session.taken:
-        ask = f"is it one of {arguments.board} inner corners, whole in both pictures, and held still?"
+        seen = f"; {other}" if (other := session.other_board) else ", whole in both pictures, and held still?"
+        ask = f"is it one of {arguments.board} inner corners{seen}"
         raise ValueError(f"no pair was taken, {ended}: no board was found that stood still in both cameras: {ask}")
     _say_pairs(session, ended)
     if session.watch is None:

@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from stereolib.base import check_target, read_bytes
+from stereolib.base import check_target, counted, read_bytes
 from stereolib.cli.command import Command
 from stereolib.cli.errors import DONE, INTERRUPTED, REFUSED
 from stereolib.cli.lrf_live import EXPORT, LIVE, NO_LASER
@@ -78,7 +78,7 @@ def _show(arguments: argparse.Namespace) -> int:
     scans = laser.take_scans(arguments.source, arguments.turns)
     scan = laser.average(scans, complete_only=any(turn.complete for turn in scans))
     figure, ax = plotting.panels(1, width_in=7, aspect=1.0, subplot_kw={"projection": "polar"})
-    title = f"{plotting.as_written(name)}: median of {scan.n_turns} turns, mm"
+    title = f"{plotting.as_written(name)}: median of {counted(scan.n_turns, 'turn')}, mm"
     plotting.plot_scan_polar(scan.angles_rad, scan.ranges_mm, ax[0], title)
     write_atomic(output, plotting.show_figure(None, figure).data)
     print(f"{output}: {int((scan.count > 0).sum())} of 360 beams with a reading, {scan.speed_rpm:.0f} turns a minute")

@@ -10,6 +10,7 @@ from collections import deque
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from stereolib.base import counted
 from stereolib.cli.command import Command
 from stereolib.cli.errors import DONE
 from stereolib.cli.live_page import add_page, live_page
@@ -102,7 +103,7 @@ def _export(arguments: argparse.Namespace) -> int:
     scans = laser.take_scans(arguments.source, arguments.turns)
     scan = laser.average(scans, complete_only=any(one.complete for one in scans))
     count = _write_table(output, scan) if ending == ".csv" else _write_points(output, scan, pose, arguments.height_mm)
-    print(f"{output}: {count} of 360 beams with a reading, median of {scan.n_turns} turns")
+    print(f"{output}: {count} of 360 beams with a reading, median of {counted(scan.n_turns, 'turn')}")
     return DONE
 
 

@@ -86,9 +86,9 @@ def _run(arguments: argparse.Namespace) -> int:
     try:
         recorded = map_recordings(found.stations, instrument, progress=sys.stderr.isatty())
     except NothingToMap as error:
-        print(wrapped([f"nothing was mapped: {error}"]), file=sys.stderr)
+        print(wrapped([f"nothing was mapped: {_without_floor(str(error))}"]), file=sys.stderr)
         return REFUSED
-    recorded = replace(recorded, left_out={name: without_python(why) for name, why in recorded.left_out.items()})
+    recorded = replace(recorded, left_out={name: _without_floor(why) for name, why in recorded.left_out.items()})
     unused = [name for name in found.unused if not _is_calibration(arguments.folder / name, arguments.calibration)]
     facts = map_facts(recorded) | {"unused_files": unused}
     say_on_a_terminal("drawing the map, in some seconds ...")
@@ -102,6 +102,13 @@ def _run(arguments: argparse.Namespace) -> int:
         print(wrapped([f"not used, as they belong to no station: {', '.join(unused)}"]))
     print(f"written to {out}: {', '.join(path.name for path in written)}")
     return DONE
+
+
+def _without_floor(text: str) -> str:
+    """What the library says, without the option --floor, which this command has not."""
+    from stereolib.measurement import FLOOR_BY_HAND
+
+    return without_python(text.replace(FLOOR_BY_HAND, ""))
 
 
 def _stations(folder: Path, poses: Path | None) -> tuple[StationFolder, tuple[str, ...]]:

@@ -7,7 +7,7 @@ import itertools
 import json
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -109,10 +109,11 @@ def _run(arguments: argparse.Namespace) -> int:
         with named(*files):
             drawn, facts, told = between(pair, arguments.between, instrument, is_rectified=arguments.rectified)
         caption = _RECTIFIED if arguments.rectified else _AS_GIVEN
-        facts |= {"warnings": said_of(arguments.calibration) + facts["warnings"], "picture": str(picture)}
+        first, then = said_of(arguments.calibration), facts["warnings"]
+        facts |= {"warnings": first + then, "picture": str(picture)}
         lines = [(told.splitlines()[0], _BLACK), *_warning_lines(facts["warnings"]), (caption, _BLACK)]
         write_atomic(picture, picture_with_pixels(drawn, lines))
-        said = [told, *(f"warning: {text}" for text in facts["warnings"]), f"picture: {picture}"]
+        said = [*_warned(first), told, *_warned(then), f"picture: {picture}"]
         print(json.dumps(facts, indent=1, allow_nan=False) if arguments.json else "\n".join(said))
         return DONE
     scan = None if arguments.scan is None else read_scan(arguments.scan)
@@ -133,7 +134,7 @@ def _run(arguments: argparse.Namespace) -> int:
     lines = [*about, *((text, _BLACK) for text in (SIZES, "; ".join(key), _RECTIFIED))]
     write_atomic(picture, picture_with_pixels(draw_objects(measured), lines))
     facts = measured_facts(measured) | {"picture": str(picture)}
-    print(json.dumps(facts, indent=1, allow_nan=False) if arguments.json else measured_text(measured))
+    print(json.dumps(facts, indent=1, allow_nan=False) if arguments.json else measured_text(measured, first))
     if not arguments.json:
         print(f"picture: {picture}")
     return DONE if any(entry["height_mm"] or entry["width_mm"] for entry in facts["objects"]) else REFUSED
@@ -254,11 +255,14 @@ def measured_facts(measured: Measurement) -> dict[str, Any]:
     }
 
 
-def measured_text(measured: Measurement) -> str:
-    """A block for each object: sizes with one standard deviation, place, and what is not known, and why."""
+def measured_text(measured: Measurement, first: Sequence[str] = ()) -> str:
+    """A block for each object: sizes with one standard deviation, place, and what is not known, and why.
+
+    Those of the warnings that make all sizes doubtful, `first`, stand before them.
+    """
     from stereolib.measurement import is_pictured
 
-    lines, nameless = [], [item for item in measured.objects if _is_nameless(item)]
+    lines, nameless = _warned(first), [item for item in measured.objects if _is_nameless(item)]
     for k, item in enumerate((item for item in measured.objects if item not in nameless), start=1):
         beside = "" if measured.floor is None or is_pictured(measured, item) else _BESIDE
         details = object_details(item, f"at {_place(*item.position_mm)}{beside}")
@@ -266,7 +270,11 @@ def measured_text(measured: Measurement) -> str:
     if nameless:
         lines.append("also seen, but not measurable:")
         lines += [f"   {_place(*item.position_mm)}: {_why_none(item)}" for item in nameless]
-    return wrapped([*lines, *(f"warning: {text}" for text in measured.warnings)])
+    return wrapped([*lines, *_warned(text for text in measured.warnings if text not in first)])
+
+
+def _warned(texts: Iterable[str]) -> list[str]:
+    return [f"warning: {text}" for text in texts]
 
 
 def _size_lines(measured: Measurement) -> list[tuple[str, str]]:

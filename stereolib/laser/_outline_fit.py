@@ -49,6 +49,34 @@ class Lines:
         return direction(self.parameters[0] + face * np.pi / 2)
 
 
+@dataclass(frozen=True, eq=False)
+class Circle:
+    """A circle that is seen from outside.
+
+    Attributes
+    ----------
+    parameters : (3,) float64
+        Centre and radius, mm.
+    covariance : (3, 3) float64
+        By the noise of the readings.
+    chi2 : float
+        Sum of the squared residuals in standard deviations; infinite if the points are seen from inside.
+    by_range : (3, N) float64
+        By how much the parameters change for 1 mm of each reading.
+    cosines : (N,) float64
+        Between each beam and the circle's normal where it meets it.
+    """
+
+    parameters: Float64
+    covariance: Float64
+    chi2: float
+    by_range: Float64
+    cosines: Float64
+
+
+NO_CIRCLE = Circle(np.full(3, np.nan), np.full((3, 3), np.nan), np.inf, np.zeros((3, 0)), np.zeros(0))
+
+
 def fit_lines(p: Float64, beams: Rays, sigma: Float64, split: int, start: float | None = None) -> Lines:
     """Fit one line, or two at right angles, by Gauss-Newton on the angle and the offsets.
 
@@ -135,7 +163,7 @@ def fit_corner(p: Float64, beams: Rays, sigma: Float64) -> Lines | None:
     return best
 
 
-def fit_circle(p: Float64, beams: Rays, sigma: Float64) -> tuple[Float64, float, Float64]:
+def fit_circle(p: Float64, beams: Rays, sigma: Float64) -> Circle:
     """Fit a circle that is seen from outside.
 
     Parameters
@@ -147,11 +175,7 @@ def fit_circle(p: Float64, beams: Rays, sigma: Float64) -> tuple[Float64, float,
 
     Returns
     -------
-    circle : (3,) float64
-        Centre and radius, mm.
-    chi2 : float
-        Infinite if the points are seen from inside.
-    covariance : (3, 3) float64
+    Circle
 
     Notes
     -----
@@ -165,7 +189,7 @@ def fit_circle(p: Float64, beams: Rays, sigma: Float64) -> tuple[Float64, float,
     if (
         np.linalg.norm(q[:2] - beams.origins_mm, axis=1).min() < q[2]
     ):  # seen from inside: the outline is hollow or straight
-        return q, np.inf, np.full((3, 3), np.nan)
+        return NO_CIRCLE
     best, damping = np.inf, 1e-3
     for _ in range(_CIRCLE_STEPS):
         m = q[:2] - beams.origins_mm
@@ -176,10 +200,11 @@ def fit_circle(p: Float64, beams: Rays, sigma: Float64) -> tuple[Float64, float,
             done = best - e @ e < 1e-4 * best
             best, kept, damping = float(e @ e), q, damping / 3
             J = np.column_stack([beam - (along[:, None] * beam - m) / root[:, None], -q[2] / root]) / sigma[:, None]
-            A, g = J.T @ J, J.T @ e
+            A, g, cosines = J.T @ J, J.T @ e, root / q[2]
             if done:
                 break
         else:
             damping *= 10
         q = kept - np.linalg.solve(A * (1 + damping * np.eye(3)), g)
-    return kept, best, np.asarray(np.linalg.pinv(A), np.float64)
+    covariance = np.asarray(np.linalg.pinv(A), np.float64)
+    return Circle(kept, covariance, best, covariance @ J.T / sigma, cosines)

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from stereolib.base import Float64, direction, wrap_rad
-from stereolib.laser._outline_fit import Lines, fit_circle, fit_corner, fit_lines
+from stereolib.laser._outline_fit import NO_CIRCLE, Circle, Lines, fit_circle, fit_corner, fit_lines
 from stereolib.laser.points import Rays
 from stereolib.laser.segmentation import Segment
 
@@ -21,6 +21,8 @@ _UNLIKE = 2.5  # residuals this many times the noise, in the root mean square, a
 _FLAT = 1.6  # a shallow bend up to so many times the noise is what the bias makes of a flat face
 _UNDECIDED = 4.0  # scores nearer to each other than this do not tell a corner from a round outline
 _BIAS_TILT = 0.3  # share of the bias by which a face's two ends differ
+_BIAS_BY_DECADE = 2.5  # by so many times the bias readings differ whose light comes back ten times weaker
+_LEAST_COSINE = 0.05  # of a beam that grazes a round outline
 _REACH = 4.0  # standard deviations within which a reading still lies on a line
 
 
@@ -151,8 +153,8 @@ def fit_footprint(segment: Segment, *, bias_mm: float = 1.0) -> Footprint:
         return _irregular(segment, np.nan, f"{n} beams do not tell a shape")
     line, corner = fit_lines(*seen, n), fit_corner(*seen)
     flat = np.sqrt(line.chi2 / max(n - 2, 1)) < _FLAT
-    circle = (np.zeros(3), np.inf, np.eye(3)) if flat else fit_circle(*seen)
-    chi2 = {"face": line.chi2, "rectangle": corner.chi2 if corner else np.inf, "circle": circle[1]}
+    circle = NO_CIRCLE if flat else fit_circle(*seen)
+    chi2 = {"face": line.chi2, "rectangle": corner.chi2 if corner else np.inf, "circle": circle.chi2}
     scores = {name: chi2[name] + k * np.log(n) for name, k in (("face", 2), ("rectangle", 4), ("circle", 3))}
     shape = min(scores, key=scores.__getitem__)
     misfit = float(np.sqrt(chi2[shape] / max(n - 3, 1)))
@@ -162,7 +164,7 @@ def fit_footprint(segment: Segment, *, bias_mm: float = 1.0) -> Footprint:
     if shape != "face" and abs(scores["circle"] - scores["rectangle"]) < _UNDECIDED:
         return _irregular(segment, misfit, f"{n} beams do not tell a corner from a round outline")
     if shape == "circle":
-        return _circle(segment, circle[0], circle[2], misfit, bias_mm)
+        return _circle(segment, circle, misfit, bias_mm)
     scale = max(misfit, 1.0)
     if shape == "rectangle" and corner is not None:
         tip = corner.parameters[1] * corner.normal(0) + corner.parameters[2] * corner.normal(1)
@@ -278,12 +280,15 @@ def _hidden(segment: Segment) -> str:
     return f"its {' and '.join(sides)} end is hidden by something nearer" if sides else ""
 
 
-def _circle(segment: Segment, circle: Float64, covariance: Float64, misfit: float, bias_mm: float) -> Footprint:
-    std = max(misfit, 1.0) * np.sqrt(np.diag(covariance))
-    sizes: dict[str, Any] = dict.fromkeys(("length_mm", "width_mm"), 2 * float(circle[2]))
-    sizes |= dict.fromkeys(("length_std_mm", "width_std_mm"), 2 * float(np.hypot(std[2], bias_mm)))
-    centre_std_mm = np.hypot(std[:2], bias_mm)
-    return Footprint("circle", segment, misfit, centre_mm=circle[:2], centre_std_mm=centre_std_mm, **sizes)
+def _circle(segment: Segment, circle: Circle, misfit: float, bias_mm: float) -> Footprint:
+    """A round outline: a bias that all beams share moves it, one that grows towards its edges makes it look smaller."""
+    grazing = -np.log10(np.maximum(circle.cosines, _LEAST_COSINE))
+    shifts = bias_mm * circle.by_range @ np.column_stack([np.ones(len(grazing)), _BIAS_BY_DECADE * grazing])
+    std = np.sqrt(max(misfit, 1.0) ** 2 * np.diag(circle.covariance) + (shifts**2).sum(axis=1))
+    (*centre, radius), (*centre_std, radius_std) = circle.parameters, std
+    sizes: dict[str, Any] = dict.fromkeys(("length_mm", "width_mm"), 2 * float(radius))
+    sizes |= dict.fromkeys(("length_std_mm", "width_std_mm"), 2 * float(radius_std))
+    return Footprint("circle", segment, misfit, centre_mm=np.array(centre), centre_std_mm=np.array(centre_std), **sizes)
 
 
 def _irregular(segment: Segment, misfit: float, reason: str) -> Footprint:

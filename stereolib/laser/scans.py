@@ -13,7 +13,7 @@ from typing import Any, Literal, TypeVar
 
 import numpy as np
 
-from stereolib.base import Bools, Float64, Ints, set_frozen
+from stereolib.base import Bools, Float64, Ints, counted, set_frozen
 from stereolib.laser.xv11 import BEAMS, NOMINAL_RPM, PACKETS_PER_TURN, READINGS_PER_PACKET, Readings
 
 RANGE_MIN_MM, RANGE_MAX_MM = 60.0, 6000.0
@@ -229,7 +229,7 @@ def average(
     used = [scan for scan in scans if scan.complete or not complete_only]
     if scans and not used:
         advice = "record longer (a turn takes 0.2 s), or, in Python, use the partial ones: complete_only=False"
-        raise ValueError(f"none of the {len(scans)} turns is complete; {advice}")
+        raise ValueError(f"of {counted(len(scans), 'turn')} none is complete; {advice}")
     ranges = np.sort(_stack_mm(used), axis=0)  # NaN last
     count = np.isfinite(ranges).sum(axis=0)
     cuts = {"median": np.maximum(count - 1, 0) // 2, "mean": 0 * count}

@@ -198,6 +198,8 @@ def _why_not_open(port: str, error: Exception) -> str:
     if number == errno.ENOENT:
         missing = "no such file or port: check its name and folder" if Path(port).suffix else "no such port: plug it in"
         return f"{port}: {missing}. Ports found: {_ports_found()}"
+    if Path(port).is_file():
+        return f"{port} is a file, not a port: lrf show, info, replay and export read recordings"
     return f"{port} cannot be opened ({text}). Ports found: {_ports_found()}"
 
 

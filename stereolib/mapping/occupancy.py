@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from stereolib.base import Float64, Floats, Ints, UInt8, set_frozen
+from stereolib.base import Float64, Floats, Ints, UInt8, counted, set_frozen
 from stereolib.mapping.stations import Station
 from stereolib.measurement import MeasuredObject
 
@@ -103,7 +103,7 @@ def occupancy_grid(
     """
     laser = [np.broadcast_to(s.to_map(s.laser_mm), s.scan_mm.shape) for s in stations]
     if not sum(map(len, laser)):
-        raise ValueError(f"{len(stations)} stations without a single reading make no grid: give their scans")
+        raise ValueError(f"{counted(len(stations), 'station')} without a single reading: no grid: give their scans")
     if not resolution_mm > 0:
         raise ValueError(f"a cell needs a positive side in mm, got {resolution_mm}")
     if not margin_mm >= 0:

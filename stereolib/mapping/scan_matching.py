@@ -7,12 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
-from stereolib.base import Float64, Ints, turn_2d
+from stereolib.base import Float64, Ints, counted, turn_2d
 from stereolib.laser import XV11_SIGMA
-from stereolib.mapping.stations import Station, station_names
+from stereolib.mapping.stations import XV11_BIAS, Station, laser_errors_mm, station_names
 
 _LEAST_PAIRS = 30  # of readings that two scans must have in common to be linked
 _BESIDE_MM = 200.0  # a reading may lie so far past the last one of the line it is matched with
@@ -21,6 +22,7 @@ _FACING_RAD = np.deg2rad(35.0)  # between two matched bits: the far side of a th
 _ROUNDS = 12  # matchings, each followed by least squares
 _LEAST_SHARE = 0.012  # of the firmness of the best-held direction: less is refused
 _DOUBT = 2.0  # deviations from which on a pair counts less and less
+_MOVED = 0.6  # deviations by which neighbouring readings lie off in the mean: twice what noise makes of seven
 _STEPS = 20  # of least squares; most need four
 _STILL_MM = 0.01  # steps that are smaller end it, turns counted at a metre
 _HALF_WINDOW = 3  # readings to either side that tell whether the scan is straight there
@@ -57,7 +59,7 @@ class ScanMatch:
 def refine_poses(
     stations: Sequence[Station],
     *,
-    bias_mm: tuple[float, float] = (1.0, 0.8e-6),
+    bias_mm: tuple[float, float] = XV11_BIAS,
     sigma: Callable[[Float64], Float64] = XV11_SIGMA,
 ) -> ScanMatch:
     """Refine the poses of stations by their scans; the first one stays.
@@ -91,13 +93,14 @@ def refine_poses(
     deviations. The covariance is ``H^-1 C' C H^-1``: H is the loss's second derivative, and each row of C is what one
     standard deviation of an independent error does to its gradient. There is a row for each reading's noise, which
     enters all pairs that the reading or the line through it is in (i to j and j to i alike), one for the bias of each
-    bit of each station, and one for each error of the laser: b's, those of its pose and scale that all stations share,
-    and each station's own.
+    bit of each station, one for each error of the laser: b's, those of its pose and scale that all stations share,
+    and each station's own; and one for each run of readings that lie off together by more than noise: what they met
+    has moved meanwhile, and pulls.
     """
     if len(stations) < 2:
         raise ValueError(f"matching needs two stations or more, got {len(stations)}: a single one has nothing to match")
     names = station_names(stations)
-    scans = [_Scan.of(name, station, sigma, bias_mm) for name, station in zip(names, stations, strict=True)]
+    scans = [_Scan.of(name, station, sigma, bias_mm[0]) for name, station in zip(names, stations, strict=True)]
     poses = np.array([station.pose for station in stations])
     start = poses.copy()
     for reach in np.geomspace(*_REACH_MM, _ROUNDS):  # the last one again at the poses that it led to
@@ -110,7 +113,8 @@ def refine_poses(
     _check_linked(pairs, names)
     _check_held(scans, poses, pairs, names)
     poses = _least_squares(scans, poses, pairs, _DOUBT)
-    covariance = _covariance(scans, poses, pairs)
+    there = [replace(station, pose=pose) for station, pose in zip(stations, poses, strict=True)]
+    covariance = _covariance(scans, poses, pairs, laser_errors_mm(there, bias_mm[1]))
     refined = [stations[0]]
     for k, station in enumerate(stations[1:]):
         refined.append(replace(station, pose=poses[k + 1], covariance=covariance[3 * k : 3 * k + 3, 3 * k : 3 * k + 3]))
@@ -162,8 +166,6 @@ class _Scan:
         By how much each anchor (row) shifts across its bit for 1 mm of each reading.
     noise, across, bias : (N,) float64, mm
         Deviations by noise, as it is and across the bit, and by what a bit's readings share.
-    shared, own : (k, N, 2) float64, mm
-        Shifts that all readings share for one standard deviation of each error: with all scans, and with none.
     """
 
     points: Float64
@@ -174,16 +176,14 @@ class _Scan:
     noise: Float64
     across: Float64
     bias: Float64
-    shared: Float64
-    own: Float64
 
     @classmethod
-    def of(
-        cls, name: str, station: Station, sigma: Callable[[Float64], Float64], bias_mm: tuple[float, float]
-    ) -> _Scan:
+    def of(cls, name: str, station: Station, sigma: Callable[[Float64], Float64], bias_mm: float) -> _Scan:
         p, half = station.scan_mm, _HALF_WINDOW
         if len(p) < 2 * half + 1:
-            raise ValueError(f"the scan of station {name} has {len(p)} readings: too few to match; scan again")
+            raise ValueError(
+                f"the scan of station {name} has {counted(len(p), 'reading')}: too few to match; scan again"
+            )
         window = (np.arange(len(p))[:, None] + np.arange(-half, half + 1)) % len(p)
         q = p[window]
         q0 = q - q.mean(axis=1, keepdims=True)
@@ -201,9 +201,7 @@ class _Scan:
                 f"match with; scan where there are walls"
             )
         turn = np.abs(np.diff(np.unwrap(np.arctan2(normals[:, 1], normals[:, 0])), prepend=0)) > _TURN_RAD
-        by_laser, own = _of_laser(station)
-        by_range = bias_mm[1] * range_mm[:, None] * (p - station.laser_mm)
-        bias, bit = np.full(len(p), bias_mm[0]), np.cumsum(turn | ~straight)
+        bias, bit = np.full(len(p), bias_mm), np.cumsum(turn | ~straight)
         anchors, normals, fit = p.copy(), np.where(straight[:, None], normals, np.nan), np.eye(len(p))
         for members in (np.flatnonzero(straight & (bit == k)) for k in np.unique(bit[straight])):
             if len(members) < 3:
@@ -217,8 +215,7 @@ class _Scan:
                 along = (p[members] - middle) @ (line[::-1] * [1, -1])
                 fit[np.ix_(members, members)] = 1 / len(members) + np.outer(along, along) / (along @ along)
         across = noise * np.abs(((p - station.laser_mm) * np.nan_to_num(normals)).sum(axis=1)) / range_mm
-        shared = np.concatenate([by_range[None], by_laser])
-        return cls(p, anchors, normals, bit, fit, noise, across, bias, shared, own)
+        return cls(p, anchors, normals, bit, fit, noise, across, bias)
 
 
 def _match(scans: Sequence[_Scan], poses: Float64, reach: float) -> tuple[Ints, ...]:
@@ -299,11 +296,13 @@ def _least_squares(scans: Sequence[_Scan], poses: Float64, pairs: tuple[Ints, ..
     return poses
 
 
-def _covariance(scans: Sequence[_Scan], poses: Float64, pairs: tuple[Ints, ...]) -> Float64:
+def _covariance(scans: Sequence[_Scan], poses: Float64, pairs: tuple[Ints, ...], errors: Float64) -> Float64:
+    """Of all poses but the first; `errors` as `laser_errors_mm` tells them."""
     residual, J = _residuals(scans, poses, pairs)
     deviation, J = _deviations(scans, pairs), J[:, 3:]
     off = (residual / deviation / _DOUBT) ** 2
-    pull = ((1 - off) / (1 + off) ** 2 / deviation**2)[:, None] * J  # rho'': of pairs that come 1 mm farther apart
+    # rho'', of pairs that come 1 mm farther apart: those beyond the doubt hold nothing
+    pull = (np.maximum(1 - off, 0.0) / (1 + off) ** 2 / deviation**2)[:, None] * J
     inverse = np.linalg.inv(J.T @ pull)
     first, second = _numbers(scans, pairs)
     each = np.zeros((sum(len(scan.points) for scan in scans), J.shape[1]))  # of a reading, in all its pairs at once
@@ -316,33 +315,34 @@ def _covariance(scans: Sequence[_Scan], poses: Float64, pairs: tuple[Ints, ...])
     alike = np.zeros((bit.max() + 1, J.shape[1]))
     np.add.at(alike, bit, bias * each)
     normals = np.concatenate([_placed(scan, pose)[2] for scan, pose in zip(scans, poses, strict=True)])
-    errors = _errors(scans, poses)
     shared = ((errors[:, first] - errors[:, second]) * normals[second]).sum(axis=-1) @ pull
-    columns = np.concatenate([across * each, alike, shared])
+    moved = _moved(scans, pairs, residual / deviation, (residual / (1 + off) / deviation**2)[:, None] * J)
+    columns = np.concatenate([across * each, alike, shared, moved])
     return np.asarray(inverse @ (columns.T @ columns) @ inverse)
 
 
-def _errors(scans: Sequence[_Scan], poses: Float64) -> Float64:
-    """By how much each error of the laser shifts all readings in the map, for one standard deviation: (k, N, 2)."""
-    turned = [turn_2d(-pose[2]) for pose in poses]
-    shared = np.zeros((max(len(scan.shared) for scan in scans), sum(len(scan.points) for scan in scans), 2))
-    errors, end = [shared], 0
-    for scan, R in zip(scans, turned, strict=True):
-        here, own = slice(end, end := end + len(scan.points)), np.zeros((len(scan.own), *shared.shape[1:]))
-        shared[: len(scan.shared), here], own[:, here] = scan.shared @ R, scan.own @ R
-        errors.append(own)
-    return np.concatenate(errors)
+def _moved(scans: Sequence[_Scan], pairs: tuple[Ints, ...], off: Float64, push: Float64) -> Float64:
+    """The gradient of each run of readings that lie off together, as on a thing that moved: (k, 3 (n - 1)).
 
-
-def _of_laser(station: Station) -> tuple[Float64, Float64]:
-    """How readings shift for one standard deviation of each error of the laser, shared and its own: (k, N, 2) each."""
-    beams, common = station.scan_mm - station.laser_mm, station.laser_common
-    J = np.zeros((len(beams), 2, 4))  # of place, turn and scale
-    J[:, 0, 0] = J[:, 1, 1] = 1.0
-    J[:, 0, 2], J[:, 1, 2], J[:, :, 3] = -beams[:, 1], beams[:, 0], -beams
-    values, vectors = np.linalg.eigh(station.laser_covariance - common @ common.T)
-    shared, own = (np.moveaxis(J @ each, 2, 0) for each in (common, vectors * np.sqrt(np.maximum(values, 0.0))))
-    return shared, own
+    Where both ends of a pair lie in such runs either may have moved, the one that lies farther off more likely: they
+    share its variance.
+    """
+    ends, starts = np.stack(_numbers(scans, pairs)), np.cumsum([0, *(len(scan.points) for scan in scans)])
+    total, count = np.zeros((2, starts[-1]))
+    np.add.at(total, ends, np.stack([off, -off]))
+    np.add.at(count, ends, 1.0)
+    lies_off = np.zeros(starts[-1])
+    for start, stop in pairwise(starts):
+        window = np.arange(stop - start)[:, None] + np.arange(-_HALF_WINDOW, _HALF_WINDOW + 1)
+        window = start + window % (stop - start)
+        mean = total[window].sum(axis=1) / np.maximum(count[window].sum(axis=1), 1.0)
+        lies_off[start:stop] = np.where(np.abs(mean) > _MOVED, mean, 0.0)
+    share = lies_off[ends] ** 2
+    share /= np.maximum(np.linalg.norm(share, axis=0), _MOVED**2)  # 0 where neither does
+    run = np.cumsum(np.isin(np.arange(starts[-1]), starts) | (np.diff(np.sign(lies_off), prepend=0.0) != 0)) - 1
+    runs = np.zeros((run[-1] + 1, push.shape[1]))
+    np.add.at(runs, run[ends], share[..., None] * push)
+    return runs
 
 
 def _check_linked(pairs: tuple[Ints, ...], names: Sequence[str]) -> None:

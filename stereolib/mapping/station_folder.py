@@ -18,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
-from stereolib.base import Float64, UInt8, check_name, read_text
+from stereolib.base import Float64, UInt8, check_name, counted, read_text
 from stereolib.calibration import CAPTURE_NOTES
 from stereolib.laser import LaserScan, average, read_recording, turns
 from stereolib.rig import PICTURES, PairFile, find_pairs, pair_name, pair_sides, read_pair
@@ -30,6 +30,7 @@ _SCAN_WORDS = {"scan", "laser", "lidar", "lrf"}
 _POSE_COLUMNS, _SCAN_COLUMNS = ("station", "x_mm", "y_mm", "yaw_deg"), ("angle_deg", "range_mm")
 _MOST = 1e7  # mm, degrees: ten kilometres
 _METRES_POSES = 20.0  # and places that all lie nearer to the origin: stations stand a metre or so apart
+_NEAREST_MM = 150.0  # nearer hardly a reading of such a laser is
 _METRES = 60.0  # ranges in millimetres that are all less were told in metres: no laser of this kind sees so near
 _LEAST_BEAMS = 30  # of a scan
 _LEAST_TURNS = 3  # that may stand for a whole one, if each of them lost a packet
@@ -399,7 +400,7 @@ def _scan_of_table(path: Path) -> LaserScan:
     """A turn as angles, counter-clockwise from ahead, and ranges; 0 or nothing where none was measured."""
     rows = [_numbers(path, line, row, empty=math.nan) for line, row in _table(path, _SCAN_COLUMNS)]
     if len(rows) < _LEAST_BEAMS:
-        raise ValueError(f"{path}: {len(rows)} beams are too few for a scan; a turn of an XV-11 has 360")
+        raise ValueError(f"{path}: {counted(len(rows), 'beam')}: too few for a scan; a turn of an XV-11 has 360")
     angles, ranges = np.array(rows).T
     if (ranges < 0).any():
         why = (
@@ -412,7 +413,18 @@ def _scan_of_table(path: Path) -> LaserScan:
         turn = f"angle_deg runs from {angles.min():.3g} to {angles.max():.3g} only"
         raise ValueError(f"{path}: {turn}, as if in radians: degrees are asked for")
     start, step = _even_angles(path, np.radians(angles))
+    _check_ranges(path, ranges[ranges > 0])
     return LaserScan(ranges, np.full(len(ranges), np.nan), angle_min_rad=start, angle_increment_rad=step)
+
+
+def _check_ranges(path: Path, read: Float64) -> None:
+    """Refuse readings in centimetres, and those of no place at all."""
+    if read.size and (middle := float(np.median(read))) < _NEAREST_MM:
+        why = f"half of range_mm is {middle:.3g} or less, nearer than such a laser reads, as if in centimetres"
+        raise ValueError(f"{path}: {why}: millimetres are asked for")
+    if read.size and np.ptp(read) == 0:
+        why = f"range_mm is {read[0]:g} in all {len(read)} beams with a reading, as no room is round about a laser"
+        raise ValueError(f"{path}: {why}: record again, or see what wrote the file")
 
 
 def _even_angles(path: Path, angles: Float64) -> tuple[float, float]:

@@ -10,6 +10,9 @@ import numpy as np
 from stereolib.base import Float64, Floats, finite_array, set_frozen, turn_2d
 from stereolib.measurement import MeasuredObject, Measurement
 
+#: Standard deviations of an XV-11's bias, which averaging does not remove, mm and 1/mm (see `refine_poses`).
+XV11_BIAS = (1.0, 0.8e-6)
+
 
 @dataclass(frozen=True, eq=False)
 class Station:
@@ -99,6 +102,38 @@ class Station:
             laser_covariance=laser.covariance,
             laser_common=laser.common,
         )
+
+
+def laser_errors_mm(stations: Sequence[Station], by_range: float) -> Float64:
+    """Tell by how much each error of the laser shifts all readings in the map, for one standard deviation of it.
+
+    Parameters
+    ----------
+    stations : sequence of Station
+    by_range : float
+        Standard deviation of the bias that grows with the square of the range, 1/mm.
+
+    Returns
+    -------
+    (k, N, 2) float64, mm
+        Of the N readings of all stations, one after the other: first what all stations share (the bias, then
+        `Station.laser_common`), then what each of them has alone.
+    """
+    ends = np.cumsum([0, *(len(station.scan_mm) for station in stations)])
+    many = max(station.laser_common.shape[1] for station in stations)
+    shared, own = np.zeros((1 + many, ends[-1], 2)), []
+    for station, start, end in zip(stations, ends[:-1], ends[1:], strict=True):
+        R, beams, common = turn_2d(-station.pose[2]), station.scan_mm - station.laser_mm, station.laser_common
+        J = np.zeros((len(beams), 2, 4))  # of place, turn and scale
+        J[:, 0, 0] = J[:, 1, 1] = 1.0
+        J[:, 0, 2], J[:, 1, 2], J[:, :, 3] = -beams[:, 1], beams[:, 0], -beams
+        values, vectors = np.linalg.eigh(station.laser_covariance - common @ common.T)
+        shared[0, start:end] = by_range * np.linalg.norm(beams, axis=1)[:, None] * beams @ R
+        shared[1 : 1 + common.shape[1], start:end] = np.moveaxis(J @ common, 2, 0) @ R
+        alone = np.zeros((len(values), ends[-1], 2))
+        alone[:, start:end] = np.moveaxis(J @ (vectors * np.sqrt(np.maximum(values, 0.0))), 2, 0) @ R
+        own.append(alone)
+    return np.concatenate([shared, *own])
 
 
 def station_names(stations: Sequence[Station]) -> list[str]:

@@ -10,10 +10,9 @@ import numpy as np
 
 from stereolib.base import Bools, Float64, Ints
 from stereolib.laser import fit_walls
-from stereolib.mapping.stations import Station
+from stereolib.mapping.stations import XV11_BIAS, Station, laser_errors_mm
 from stereolib.measurement import MeasuredObject
 
-_BIAS_MM = 2.0  # of one station's readings on one wall: the laser's, which no averaging removes
 _THRESHOLD_MM = 15.0  # farthest reading from its wall: five deviations at 2 m
 _GAP_MM = 300.0  # a wall ends where it has no reading for so long: a door, or another wall
 _MARGIN_MM = 60.0  # readings that near to an object are the object's
@@ -34,7 +33,9 @@ class MapWall:
         ``"corner"`` (where it meets another wall) or ``"open"`` (the last reading).
     normal : (2,) float64
         Into the room, where the laser stood.
-    offset_mm, offset_std_mm, angle_std_rad : float
+    offset_mm : float
+    offset_std_mm, angle_std_rad : float
+        Of where it stands in the middle of its readings, across it, and of its turn about there.
     rms_mm : float
         Of its readings.
     readings : int
@@ -77,6 +78,7 @@ def find_walls(
     *,
     rng: np.random.Generator,
     least_mm: float = 700.0,
+    bias_mm: tuple[float, float] = XV11_BIAS,
 ) -> list[MapWall]:
     """Find the walls in the scans of all stations.
 
@@ -88,6 +90,8 @@ def find_walls(
     rng : numpy.random.Generator
     least_mm : float
         Shortest wall.
+    bias_mm : (a, b)
+        Standard deviations of what averaging does not remove (see `refine_poses`), mm and 1/mm.
 
     Returns
     -------
@@ -96,8 +100,9 @@ def find_walls(
 
     Notes
     -----
-    Lines are found one after the other (`stereolib.laser.fit_walls`). An offset is as uncertain as its scatter
-    over the root of the readings, and as the bias and the poses of the stations that see it.
+    Lines are found one after the other (`stereolib.laser.fit_walls`). A wall is as uncertain as its scatter over the
+    root of the readings, and as what no averaging removes: the bias of each station's readings on it, and the bias,
+    place, turn and scale of the laser that all of them share (as in `refine_poses`); and the stations' poses.
     """
     points = np.concatenate([station.to_map(station.scan_mm) for station in stations])
     owner = np.repeat(np.arange(len(stations)), [len(station.scan_mm) for station in stations])
@@ -115,7 +120,7 @@ def find_walls(
         long = bool(np.ptp(_along(points[stretch], line.normal)) >= least_mm)
         free &= ~(stretch if long else line.inliers)
         if long and stretch.sum() >= _LEAST_READINGS:
-            lines.append(_wall(points, owner, stretch, stations))
+            lines.append(_wall(points, owner, stretch, stations, bias_mm))
         elif line.inliers.sum() < _LEAST_READINGS:
             break
     return [_joined(wall, lines) for wall in sorted(lines, key=lambda wall: -wall.readings)]
@@ -135,25 +140,37 @@ def _longest_stretch(points: Float64, normal: Float64, inliers: Bools) -> Bools:
     return np.isin(np.arange(len(points)), best)
 
 
-def _wall(points: Float64, owner: Ints, members: Bools, stations: Sequence[Station]) -> MapWall:
+def _wall(
+    points: Float64, owner: Ints, members: Bools, stations: Sequence[Station], bias_mm: tuple[float, float]
+) -> MapWall:
     p = points[members]
     centre = p.mean(axis=0)
     normal = np.linalg.svd(p - centre, full_matrices=False)[2][1]
-    sources = sorted(set(owner[members].tolist()))
+    sources = np.unique(owner[members])
     inside = np.mean([stations[k].to_map(stations[k].laser_mm.reshape(-1, 2).mean(axis=0)) for k in sources], axis=0)
     normal = normal if (inside - centre) @ normal > 0 else -normal
     t, rms = _along(p, normal), float(np.sqrt(np.mean(((p - centre) @ normal) ** 2)))
-    weights = []
-    for k in sources:
-        lever = centre - stations[k].pose[:2]
-        J = np.array([normal[0], normal[1], normal @ [-lever[1], lever[0]]])
-        weights.append(1 / (J @ stations[k].covariance @ J + _BIAS_MM**2))
-    shared = 1 / np.sqrt(np.sum(weights))
-    offset = float(normal @ centre)
-    along = np.array([-normal[1], normal[0]])
-    ends = offset * normal + np.array([[t.min()], [t.max()]]) * along
-    spread = float(np.hypot(rms / np.sqrt(len(p)), shared))
-    return MapWall(ends, ("open", "open"), normal, offset, spread, spread / float(np.std(t)), rms, len(p))
+    ends = (normal @ centre) * normal + np.array([[t.min()], [t.max()]]) * np.array([-normal[1], normal[0]])
+    lever = (t - t.mean()) / np.sum((t - t.mean()) ** 2)
+    across = _across_mm(points, owner, normal, stations, bias_mm)[:, members]
+    offset_std, angle_std = (
+        float(np.sqrt(rms**2 * by @ by + np.sum((across @ by) ** 2))) for by in (np.full(len(p), 1 / len(p)), lever)
+    )
+    return MapWall(ends, ("open", "open"), normal, float(normal @ centre), offset_std, angle_std, rms, len(p))
+
+
+def _across_mm(
+    points: Float64, owner: Ints, normal: Float64, stations: Sequence[Station], bias_mm: tuple[float, float]
+) -> Float64:
+    """By how much each error but noise shifts all readings across a wall, for one standard deviation of it: (k, N)."""
+    shifts = [laser_errors_mm(stations, bias_mm[1]) @ normal]
+    for k, station in enumerate(stations):
+        turned = (points - station.pose[:2]) @ [normal[1], -normal[0]]
+        J = np.column_stack([np.tile(normal, (len(points), 1)), turned])
+        values, vectors = np.linalg.eigh(station.covariance)
+        here = np.column_stack([J @ (vectors * np.sqrt(np.maximum(values, 0.0))), np.full(len(points), bias_mm[0])])
+        shifts.append(np.where(owner == k, here.T, 0.0))
+    return np.concatenate(shifts)
 
 
 def _joined(wall: MapWall, others: Sequence[MapWall]) -> MapWall:

@@ -63,7 +63,8 @@ def choose_surface(
     Raises
     ------
     ValueError
-        If the picture or what was kept has another shape than the map.
+        If the picture or what was kept has another shape than the map, or the map is not of floats, or what was kept
+        not of booleans.
 
     Notes
     -----
@@ -90,6 +91,9 @@ def choose_surface(
     if not disparity_px.shape == kept.shape == left.shape[:2]:
         shapes = f"the picture has shape {left.shape[:2]}, what was kept {kept.shape}"
         raise ValueError(f"{shapes}, the disparity map {disparity_px.shape}")
+    if disparity_px.dtype.kind != "f" or kept.dtype != bool:
+        kinds = f"the disparity map is {disparity_px.dtype}, what was kept {kept.dtype}"
+        raise ValueError(f"{kinds}: give float pixels and booleans")
     spread_px = cv2.morphologyEx(disparity_px, cv2.MORPH_GRADIENT, np.ones((3, 3), np.uint8))
     step = (spread_px > STEP_PX).astype(np.uint8)
     beside = cv2.dilate(step, np.ones((2 * _BESIDE_PX + 1,) * 2, np.uint8)) > 0

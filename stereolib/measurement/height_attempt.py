@@ -113,6 +113,8 @@ def attempt_height(
     ValueError
         If pictures and rig do not fit together.
     """
+    for side, image in (("left", left), ("right", right)):
+        rectified.check_size(image, side)
     instrument = Instrument(rectified, uncertainty=uncertainty or SystematicUncertainty())
     return attempt_standing(see_standing(Views.of_rectified(left, right), instrument, floor=floor))
 

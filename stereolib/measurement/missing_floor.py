@@ -43,7 +43,8 @@ class NoFloor(Enum):
     )
     UNSEEN = (
         "nothing below the camera is a plane: step back or tilt the camera down, until both cameras see a free part of "
-        "the floor"
+        "the floor; if the pictures are upside down, as of a rig that hangs on its head, turn both by 180 degrees and "
+        "exchange them, those of the boards, too"
     )
 
 

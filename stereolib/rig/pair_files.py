@@ -10,8 +10,8 @@ from os import PathLike
 from pathlib import Path
 from typing import NamedTuple
 
-from stereolib.base import check_name, listed
-from stereolib.rig.images import image_size
+from stereolib.base import check_name, counted, listed
+from stereolib.rig.images import image_size, read_image
 from stereolib.rig.unpacked import VIDEOS, WIDE, unpack_halves, unpack_videos
 
 _SIDES = {"left": 0, "l": 0, "cam0": 0, "right": 1, "r": 1, "cam1": 1}
@@ -69,6 +69,7 @@ def find_pairs(
         a lonely one with the two likeliest partners of those that have none either, else with the one that is missing.
     """
     if right is None:
+        _check_not_alone(left, least)
         pairs = _both_sides(str(left), every)
     else:
         if Path(left).resolve() == Path(right).resolve():
@@ -80,12 +81,28 @@ def find_pairs(
             a, b = map(_by_key, _pictures(*sources), sources)
             pairs = _matched(a, b)
     if len(pairs) < least:
-        raise ValueError(
-            f"too few pairs, {len(pairs)} ({_names(pair.left for pair in pairs)}): at least {least} with different "
-            f"tilts are needed, and 15 to 30 give a trustworthy rig"
-        )
+        raise ValueError(f"too few pairs, {len(pairs)} ({_names(pair.left for pair in pairs)}): {_needed(least)}")
     _check_sizes(pairs)
     return pairs
+
+
+def _needed(least: int) -> str:
+    return f"at least {least} with different tilts are needed, and 15 to 30 give a trustworthy rig"
+
+
+def _check_not_alone(source: str | PathLike[str], least: int) -> None:
+    """Where several pairs are wanted, refuse a single picture, or a folder of one, by what is wanted."""
+    path = Path(source)
+    there = [path] if path.is_file() else _without_scans(_there(path)) if path.is_dir() else []
+    if least > 1 and len(there) == 1 and there[0].suffix.lower() in PICTURES and not _side_folders(path):
+        raise ValueError(
+            f"{there[0]} is a single picture, pairs of both cameras are wanted: {_needed(least)}. Give a folder of them"
+        )
+
+
+def _there(folder: Path) -> list[Path]:
+    """Files of a folder that are not hidden."""
+    return [path for path in sorted(folder.iterdir()) if path.is_file() and not path.name.startswith(".")]
 
 
 def find_pair(left: str | PathLike[str], right: str | PathLike[str] | None = None) -> PairFile:
@@ -222,9 +239,28 @@ def one_size(sizes: Mapping[Path, tuple[int, int]]) -> tuple[int, int]:
     return usual
 
 
+def _sizes(files: Sequence[Path]) -> dict[Path, tuple[int, int]]:
+    """Sizes of pictures; where one tells none, all that cannot be read are named."""
+    try:
+        return {path: image_size(path) for path in files}
+    except ValueError:
+        wrong = [text for path in files if (text := _unread(path))]
+    shown = "".join(f"\n  {text}" for text in (*wrong[:_LISTED], *["..."] * (len(wrong) > _LISTED)))
+    raise ValueError(f"{len(wrong)} of {len(files)} files are no readable images:{shown}")
+
+
+def _unread(path: Path) -> str:
+    """What is wrong with a picture; empty where it can be read."""
+    try:
+        read_image(path)
+    except ValueError as error:
+        return str(error)
+    return ""
+
+
 def _check_sizes(pairs: Sequence[PairFile]) -> None:
     """Refuse pictures of several sizes; two cameras that have one each are told as such."""
-    sizes = {path: image_size(path) for pair in pairs for path in pair}
+    sizes = _sizes([path for pair in pairs for path in pair])
     left, right = ({sizes[path] for path in side} for side in zip(*pairs, strict=True))
     if len(pairs) > 1 and len(left) == len(right) == 1 and left != right:
         (a, b), (c, d) = *left, *right
@@ -242,12 +278,11 @@ def _both_sides(source: str, every: int | None) -> list[PairFile]:
         return _matched(named_left, named_right)
     (files,) = _pictures(source)
     if all(_side(path) is None for path in files):
-        sizes = [image_size(path) for path in files]
-        if all(width >= WIDE * height for width, height in sizes):
+        if all(width >= WIDE * height for width, height in _sizes(files).values()):
             return [PairFile(*halves) for halves in unpack_halves(files)]
         raise ValueError(
-            f"{source} holds {len(files)} pictures whose names tell no side ({_names(files)}), and they are not both "
-            f"sides beside each other: name them left01.png, right01.png, or give two folders"
+            f"{source} holds {counted(len(files), 'picture')} whose names tell no side ({_names(files)}), and they are "
+            f"not both sides beside each other: name them left01.png, right01.png, or give two folders"
         )
     pairs, unclear = pair_sides(files, source)
     if unclear:
@@ -272,7 +307,8 @@ def _pictures(*sources: str) -> list[list[Path]]:
     for path in (path for files in found for path in files):
         check_name(path)
     wrong = [[path for path in files if not cv2.haveImageReader(str(path))] for files in found]
-    if any(wrong):
+    if any(wrong):  # then those that begin as pictures do are named as well
+        wrong = [[path for path in files if _unread(path)] for files in found]
         others = "; in ".join(f"{source}: {_names(bad)}" for source, bad in zip(sources, wrong, strict=True) if bad)
         raise ValueError(
             f"files that are no readable images, in {others}. Expected only pictures (JPEG, PNG, ...): move the others "
@@ -289,8 +325,7 @@ def _without_scans(files: list[Path]) -> list[Path]:
 def _files(source: str) -> list[Path]:
     folder = Path(source)
     if folder.is_dir():
-        files = [path for path in sorted(folder.iterdir()) if path.is_file() and not path.name.startswith(".")]
-        if not files:
+        if not (files := _there(folder)):
             raise ValueError(f"{source} is empty: expected the pictures of a camera")
         return files
     if folder.is_file():

@@ -267,6 +267,25 @@ class RectifiedRig:
         left, right = (cv2.initUndistortRectifyMap(c.K, c.dist, R, P, self.size, cv2.CV_16SC2) for c, R, P in sides)
         return left, right
 
+    def check_size(self, image: UInt8, side: str) -> None:
+        """Refuse an image of another size than the calibrated one.
+
+        Parameters
+        ----------
+        image : (H, W) or (H, W, 3) uint8
+        side : str
+            ``"left"`` or ``"right"``, for the message.
+
+        Raises
+        ------
+        ValueError
+            If its size is another.
+        """
+        if image.shape[1::-1] != self.size:
+            sizes = f"{image.shape[1]}x{image.shape[0]}, the calibration is for {self.size[0]}x{self.size[1]}"
+            turned = ": it lies on its side, or its EXIF says so" if image.shape[:2] == self.size else ""
+            raise ValueError(f"the {side} image is {sizes}{turned}: use images of that size or calibrate again")
+
     def rectify(self, left: UInt8, right: UInt8) -> tuple[UInt8, UInt8]:
         """Undistort and rectify a pair of images.
 
@@ -286,9 +305,7 @@ class RectifiedRig:
         """
         for side, image in (("left", left), ("right", right)):
             check_image(image, f"the {side} image")
-            if image.shape[1::-1] != self.size:
-                sizes = f"{image.shape[1]}x{image.shape[0]}, the calibration is for {self.size[0]}x{self.size[1]}"
-                raise ValueError(f"the {side} image is {sizes}: use images of that size or calibrate again")
+            self.check_size(image, side)
         if left.ndim != right.ndim:
             raise ValueError(f"one image is grey, the other in colour (shapes {left.shape}, {right.shape})")
         pair = [cv2.remap(i, *m, cv2.INTER_LINEAR) for i, m in zip((left, right), self.maps, strict=True)]

@@ -253,3 +253,9 @@ def test_what_a_killed_writer_left_goes_with_the_next_write(tmp_path):
         assert set(tmp_path.iterdir()) == {target, at_work, *others}
     files.write_atomic(target, b"newer")
     assert set(tmp_path.iterdir()) == {target, *others}
+
+
+def test_a_link_that_leads_nowhere_is_not_proposed_in_its_own_place(tmp_path: Path) -> None:
+    (tmp_path / "scan.bin").symlink_to("gone.bin")
+    with pytest.raises(ValueError, match=r"scan\.bin: no such file; it is a link to gone\.bin, which is not there"):
+        files.read_bytes(tmp_path / "scan.bin")

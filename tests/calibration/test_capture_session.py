@@ -155,7 +155,7 @@ def test_where_nothing_new_comes_it_says_what_is_still_empty(tmp_path: Path, sou
 def test_a_board_that_is_never_seen_is_said_with_what_it_should_be(tmp_path: Path, sources: tuple[str, str]) -> None:
     wrong = CaptureSession(tmp_path, LiveRig(*sources), Checkerboard(11, 8, 25.0), patience_s=0.5)
     *_, last = (state.stuck for state in islice(wrong.run(), 7))
-    assert "no board of 11x8 inner corners is seen: count corners, not squares" in last
+    assert "no board of 11x8 inner corners is seen: count corners, not squares; a board of 9x6 is there" in last
 
 
 @pytest.mark.parametrize("noise", [0, 1])

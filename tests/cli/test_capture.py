@@ -154,4 +154,5 @@ def test_a_board_that_nobody_sees_is_asked_for(tmp_path: Path, capsys: pytest.Ca
     assert run(*sources, *words) == 2
     told = capsys.readouterr()
     assert "no pair was taken, since the recording ended: " in told.err and "is it one of 8x7 inner corners" in told.err
+    assert "a board of 9x6 is there" in told.err
     assert "calibrating" not in told.err and told.out == ""

@@ -197,7 +197,9 @@ def test_nothing_mapped_is_exit_code_1(made, tmp_path, capsys):
     for side in ("left", "right"):
         cv2.imwrite(str(tmp_path / f"1_{side}.png"), np.full((480, 640, 3), 90, np.uint8))
     assert run("map", tmp_path, "--output", tmp_path / "out") == 1
-    assert "nothing was mapped: no station could be measured. station 1: no floor" in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert "nothing was mapped: no station could be measured. station 1: no floor" in said
+    assert "--floor" not in said and "in Python" not in said
     assert not (tmp_path / "out").exists()
 
 
@@ -229,7 +231,7 @@ def test_what_cannot_be_read_leaves_out_its_own_station(made, tmp_path, capsys):
     shutil.copy(made / "walk" / "calibration.json", tmp_path)
     small = cv2.imencode(".jpg", np.zeros((240, 320, 3), np.uint8))[1].tobytes()
     spoilt = {
-        "2_scan.bin": (walk.scan_bytes("room/2")[:900], "none of the 1 turns is complete; record longer (a turn takes"),
+        "2_scan.bin": (walk.scan_bytes("room/2")[:900], "of 1 turn none is complete; record longer (a turn takes"),
         "3_left.jpg": ((tmp_path / "3_left.jpg").read_bytes()[:5000], "the JPEG is cut short (5000 bytes, no end"),
         "4_scan.bin": (b"no laser" * 99, "4_scan.bin (792 bytes) is no XV-11 recording"),
         "5_left.jpg": (small, "5_left.jpg is 320x240"),
@@ -246,7 +248,7 @@ def test_what_cannot_be_read_leaves_out_its_own_station(made, tmp_path, capsys):
         path.unlink()
     assert run("map", tmp_path, "--output", tmp_path / "new") == 2
     said = capsys.readouterr().err
-    assert f"error: station 2: {tmp_path / '2_scan.bin'}: none of" in said and said.count("\n") == 1
+    assert f"error: station 2: {tmp_path / '2_scan.bin'}: of 1 turn none" in said and said.count("\n") == 1
     assert not (tmp_path / "new").exists()
 
 

@@ -427,3 +427,16 @@ def test_pictures_and_scans_are_paired_by_name_or_number_and_never_by_order(tmp_
     (scans / "laser2.bin").rename(scans / "laser4.bin")
     with pytest.raises(ValueError, match=r"3 pictures .* 3 scans .* without a partner: 2\.jpg(,| and) laser4\.bin"):
         _paired(str(tmp_path), scans)
+
+
+def test_a_calibration_judged_bad_is_said_before_any_size(files, capsys):
+    rig = json.loads((files / "rig.json").read_text())
+    rig["calibration"] |= {"verdict": "bad", "reasons": ["squares"]}
+    (files / "bad.json").write_text(json.dumps(rig))
+    for more in ((), ("--between", "300,250", "320,250", "--force")):
+        assert run(files, *more, rig="bad.json", scan=None) == 0
+        said = capsys.readouterr().out.splitlines()
+        assert said[0].startswith("warning: ") and "was judged bad when it was made (squares)" in " ".join(
+            " ".join(said[:2]).split()
+        )
+        assert sum("judged bad" in line for line in said) == 1

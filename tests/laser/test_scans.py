@@ -145,7 +145,7 @@ def test_still_spread_leaves_out_what_moved():
 def test_average_refuses_what_it_cannot_do():
     with pytest.raises(ValueError, match="no turns given"):
         laser.average([])
-    with pytest.raises(ValueError, match="none of the 2 turns is complete"):
+    with pytest.raises(ValueError, match="of 2 turns none is complete"):
         laser.average([scan(np.ones(360), complete=False)] * 2)
     assert laser.average([scan(np.ones(360), complete=False)], complete_only=False).n_turns == 1
     with pytest.raises(ValueError, match="median, mean; got 'mode'"):

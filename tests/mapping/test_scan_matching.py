@@ -75,31 +75,71 @@ def test_exact_scans_give_exact_poses_and_deviations_cover_noisy_ones():
     assert np.mean(scores) > 0.2  # and are not several times too wide
 
 
+def views(poses, x_mm, y_mm):
+    """Of each station: true ranges, the face that each beam meets, and the cosine it meets it at."""
+    boxes = [box_on_floor((300.0, 200.0, 300.0), 900, 500, 0.4), box_on_floor((400.0, 200.0, 300.0), 700, -600, 1.1)]
+    for x, y, yaw in poses:
+        beams = np.column_stack([direction(yaw + np.radians(np.arange(360))), np.zeros(360)])
+        hits = cast_rays(Scene((room(x_mm=x_mm, y_mm=y_mm), *boxes)), np.array([x, y, 100.0]), beams)
+        face = np.unique(hits.normal.round(6), axis=0, return_inverse=True)[1].ravel()
+        yield hits.distance_mm, face, np.abs((beams * hits.normal).sum(axis=1))
+
+
+def scores_of(true, runs, **how):
+    """Root mean square errors of many matchings as shares of what is stated: of each number, and of all jointly."""
+    matches = [refine_poses(stations(true, scans), **how) for scans in runs]
+    covariance = np.mean([match.covariance for match in matches], axis=0)
+    errors = np.array([(poses_of(match) - true)[1:].ravel() for match in matches])
+    jointly = np.mean([e @ np.linalg.solve(m.covariance, e) for e, m in zip(errors, matches, strict=True)])
+    return np.sqrt((errors**2).mean(axis=0) / np.diag(covariance)), np.sqrt(jointly / len(covariance))
+
+
+def scan_of(ranges_mm):
+    return laser.points_mm(laser.LaserScan(ranges_mm, np.ones(360), emitter_offset_mm=0.0))
+
+
 @pytest.mark.parametrize("bias_mm", [(0.0, 0.0), (1.0, 0.8e-6)])
 def test_the_deviations_are_those_of_many_scans(bias_mm):
     """Noise alone, and with the bias that is assumed: each pose scatters as much as is stated, jointly too."""
-    boxes = [box_on_floor((300.0, 200.0, 300.0), 900, 500, 0.4), box_on_floor((400.0, 200.0, 300.0), 700, -600, 1.1)]
-    scene, rng = Scene((room(x_mm=(-1500, 2500), y_mm=(-1500, 1500)), *boxes)), np.random.default_rng(5)
-    true, views = np.array([[0.0, 0, 0], [300, 100, 2.0], [100, -300, -0.7]]), []
-    for x, y, yaw in true:
-        beams = np.column_stack([direction(yaw + np.radians(np.arange(360))), np.zeros(360)])
-        hits = cast_rays(scene, np.array([x, y, 100.0]), beams)
-        face = np.unique(hits.normal.round(6), axis=0, return_inverse=True)[1].ravel()
-        views.append((hits.distance_mm, face, np.abs((beams * hits.normal).sum(axis=1))))
-    errors, stated = [], []
+    rng, true, runs = np.random.default_rng(5), np.array([[0.0, 0, 0], [300, 100, 2.0], [100, -300, -0.7]]), []
+    seen = list(views(true, (-1500, 2500), (-1500, 1500)))
     for _ in range(60):
         by_range, scans = bias_mm[1] * rng.normal(), []
-        for r, face, cosine in views:
+        for r, face, cosine in seen:
             by_face = bias_mm[0] * rng.normal(size=face.max() + 1)[face] / cosine
-            measured = r + laser.XV11_SIGMA(r) * rng.normal(size=360) + by_face + by_range * r**2
-            scans.append(laser.points_mm(laser.LaserScan(measured, np.ones(360), emitter_offset_mm=0.0)))
-        match = refine_poses(stations(true, scans), bias_mm=bias_mm)
-        errors.append((poses_of(match) - true)[1:].ravel())
-        stated.append(match.covariance)
-    covariance, errors = np.mean(stated, axis=0), np.array(errors)
-    ratio = np.sqrt((errors**2).mean(axis=0) / np.diag(covariance))
+            scans.append(scan_of(r + laser.XV11_SIGMA(r) * rng.normal(size=360) + by_face + by_range * r**2))
+        runs.append(scans)
+    ratio, jointly = scores_of(true, runs, bias_mm=bias_mm)
     assert ratio.min() > 0.7 and ratio.max() < 1.3  # 60 runs tell each of them to 9 %, and all together to 4 %
-    assert 0.85 < np.sqrt(np.mean([e @ np.linalg.solve(covariance, e) for e in errors]) / 6) < 1.2
+    assert 0.85 < jointly < 1.2
+
+
+TWO, THREE = (
+    ([[500.0, -200, 1.0]], (-900, 1700), (-1000, 1200)),
+    (
+        [[300.0, 100, 2.0], [100, -300, -0.7]],
+        (-1500, 2500),
+        (-1500, 1500),
+    ),
+)
+
+
+@pytest.mark.parametrize("others, x_mm, y_mm", [TWO, THREE], ids=["two", "three"])
+def test_things_that_moved_between_the_scans_are_in_the_deviations(others, x_mm, y_mm):
+    """Three in ten readings of the second station on things that have moved by 10 to 40 mm, some dozen beams each."""
+    rng, true, runs = np.random.default_rng(6), np.array([[0.0, 0, 0], *others]), []
+    seen = list(views(true, x_mm, y_mm))
+    for _ in range(80):
+        ranges = [r + laser.XV11_SIGMA(r) * rng.normal(size=360) for r, _, _ in seen]
+        moved = 0
+        while moved < 0.3 * 360:
+            beams = (rng.integers(360) + np.arange(rng.integers(10, 30))) % 360
+            ranges[1][beams] += rng.uniform(10, 40) * rng.choice([-1, 1])
+            moved += len(beams)
+        runs.append([scan_of(each) for each in ranges])
+    ratio, jointly = scores_of(true, runs, bias_mm=(0.0, 0.0))
+    assert ratio.min() > 0.65 and ratio.max() < 1.35  # too wide where blame is shared with a station that kept still
+    assert 0.8 < jointly < 1.3
 
 
 @pytest.mark.parametrize("what, far, turned_rad, std", [("scale", 1.008, 0.0, 0.005), ("turn", 1.0, 0.006, 0.004)])

@@ -139,7 +139,7 @@ def test_poses_that_make_no_sense_are_refused(folder, rows, message):
 @pytest.mark.parametrize(
     ("rows", "message"),
     [
-        ([f"{k},500" for k in range(20)], "20 beams are too few"),
+        ([f"{k},500" for k in range(20)], "20 beams: too few"),
         ([f"{-k},500" for k in range(100)], "grow in even steps"),
         ([f"{k**1.01},500" for k in range(100)], "grow in even steps"),
         ([f"{4 * k},500" for k in range(100)], "within one turn"),
@@ -149,6 +149,8 @@ def test_poses_that_make_no_sense_are_refused(folder, rows, message):
             [f"{k},{1.5 + k / 100}" for k in range(360)],
             "range_mm is 5.09 at most, as if in metres",
         ),
+        ([f"{k},{80 + k // 6}" for k in range(360)], "half of range_mm is 110 or less, .* as if in centimetres"),
+        ([f"{k},1500" for k in range(360)], "range_mm is 1500 in all 360 beams with a reading"),
         ([f"{np.radians(k)},500" for k in range(360)], "angle_deg runs from 0 to 6.27 only, as if in radians"),
         ([f"{np.radians(k)},500" for k in range(-180, 180)], "from -3.14 to 3.12 only, as if in radians"),
         (["0,0,500,5"], r"line 2: 2 values are expected \(angle_deg,range_mm; points in numbers\)"),

@@ -125,5 +125,8 @@ def test_parts_of_other_shapes_are_refused():
     level = np.full((5, 7), 4, np.float32)
     with pytest.raises(ValueError, match=r"the picture has shape \(6, 7\), what was kept \(5, 7\), .* map \(5, 7\)"):
         choose_surface(level, level > 0, np.zeros((6, 7), np.uint8))
+    for wrong, kept in ((level.astype(np.int32), level > 0), (level, np.ones((5, 7), np.uint8))):
+        with pytest.raises(ValueError, match=f"the disparity map is {wrong.dtype}, what was kept {kept.dtype}: give"):
+            choose_surface(wrong, kept, np.zeros((5, 7), np.uint8))
     with pytest.raises(ValueError, match=r"needs 11 signs a pixel, got shape \(5, 7, 10\)"):
         std_px(np.zeros((5, 7), np.int8), np.zeros((5, 7, 10), np.float32))

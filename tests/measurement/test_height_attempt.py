@@ -142,3 +142,10 @@ def test_a_corner_that_one_camera_does_not_see_gives_no_width():
     """At 0.5 m the left corner lies outside of the right picture."""
     tried = attempted("series/medium_500")
     assert tried.height_mm == pytest.approx(300, abs=1) and np.isnan(corner_width_mm(tried))
+
+
+@pytest.mark.parametrize("size", [(2, 2), (16, 16), (640, 480)])
+def test_pictures_of_another_size_are_refused_before_anything_is_looked_for(size):
+    tiny = np.zeros(size, np.uint8)
+    with pytest.raises(ValueError, match=f"left image is {size[1]}x{size[0]}, the calibration is for 640x480"):
+        attempt_height(tiny, tiny, RECT)

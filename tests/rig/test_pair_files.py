@@ -242,3 +242,24 @@ def test_one_pair(tmp_path: Path) -> None:
     make_files(folder, "left2.png", "right2.png")
     with pytest.raises(ValueError, match=r"some: 2 pairs, one is wanted: .*left1.png .*right1.png"):
         find_pair(folder)
+
+
+def test_all_pictures_that_are_cut_short_are_named_at_once(tmp_path):
+    whole = cv2.imencode(".jpg", np.random.default_rng(0).integers(0, 255, (48, 64), np.uint8))[1].tobytes()
+    for k in range(4):
+        for side in ("left", "right"):
+            (tmp_path / f"{side}{k}.jpg").write_bytes(whole)
+    (tmp_path / "left0.jpg").write_bytes(whole[:20])
+    (tmp_path / "right2.jpg").write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(ValueError, match=r"2 of 8 files are no readable images:(?s:.*)left0\.jpg(?s:.*)right2\.jpg"):
+        find_pairs(tmp_path)
+    (tmp_path / "right3.jpg").write_bytes(b"none")
+    with pytest.raises(ValueError, match=r"no readable images, in .*: left0\.jpg, right2\.jpg, right3\.jpg"):
+        find_pairs(tmp_path)
+
+
+def test_a_single_picture_where_many_pairs_are_wanted_is_told_what_is_wanted(tmp_path):
+    cv2.imwrite(str(tmp_path / "01_left.png"), np.zeros((48, 64), np.uint8))
+    for source in (tmp_path, tmp_path / "01_left.png"):
+        with pytest.raises(ValueError, match=r"01_left\.png is a single picture, pairs .* wanted: at least 5 with"):
+            find_pairs(source, least=5)

@@ -133,6 +133,7 @@ def test_points_go_through_and_back(rectified):
 @pytest.mark.parametrize(
     ("left", "right", "text"),
     [
+        (np.zeros((640, 480)), np.zeros((640, 480)), "the left image is 480x640, .* for 640x480: it lies on its side"),
         (np.zeros((480, 640)), np.zeros((240, 320)), "the right image is 320x240, the calibration is for 640x480"),
         (np.zeros((640, 480)), np.zeros((480, 640)), "the left image is 480x640"),
         (np.zeros((480, 640)), np.zeros((480, 640, 3)), "one image is grey, the other in colour"),

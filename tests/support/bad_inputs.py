@@ -542,7 +542,7 @@ OTHERS = {
         Bad("lrf live socket://127.0.0.1:1 --port 99999", "--port"),
         Bad("lrf record /dev/ttyNOPE room.bin", "ttyNOPE"),
         Bad("lrf record /dev/null room.bin", "/dev/null"),
-        Bad("lrf record good/scan.bin room.bin", "good/scan.bin"),
+        Bad("lrf record good/scan.bin room.bin", "good/scan.bin is a file, not a port"),
         Bad("lrf record socket://127.0.0.1:1 good/scan.bin", "exists and is not overwritten"),
         Bad("lrf record socket://127.0.0.1:1 good/left.jpg/room.bin", "cannot be written"),
         Bad("lrf record socket://127.0.0.1:1 folder", "folder"),

@@ -68,7 +68,7 @@ def bad_sets(seed: int = 0) -> Iterator[Fault]:
     few = good.only([3, 9, 16, 20])
     yield Fault("too few pairs", few, "4 pairs of the board are too few (pair 04, pair 10", refused=True)
     still = corner_set(rng, poses=[draw_poses(rig, 1, rng)[0]] * 12)
-    yield Fault("one pose, twelve times", still, "in only 1 different place(s)", refused=True)
+    yield Fault("one pose, twelve times", still, "in only 1 different place:", refused=True)
     shifted = replace(good, right_px=np.roll(good.right_px, 1, axis=0))
     yield Fault("files of one side shifted by one", shifted, "do not belong together", refused=True)
     yield _moved(good, rng)

@@ -158,19 +158,21 @@ def turn_text(right: float, down: float, ahead: float) -> str:
 
 def _paired(pictures: str, scans: Path) -> tuple[list[Path], list[Path]]:
     """Each picture and the recording that belongs to it, by name or number as the stations of a map."""
-    from stereolib.mapping import name_scans, pair_stations
+    from stereolib.mapping import name_scans, no_scans, pair_stations
     from stereolib.rig import PairFile, left_pictures
 
     if not scans.is_dir():
         raise ValueError(f"{scans} is no folder: it should hold the scans")
     seen = left_pictures(pictures)
-    files = name_scans(sorted(scans.iterdir()))
+    found = sorted(scans.iterdir())
+    files = name_scans(found)
     stations, _ = pair_stations([PairFile(picture, picture) for picture in seen], files)
     both = [(station.left, station.scan) for station in stations if station.left and station.scan]
     if not len(both) == len(seen) == len(files) > 0:
         used = {path.name for pair in both for path in pair}
         alone = [path.name for path in (*seen, *files.values()) if path.name not in used]
         told = f"; without a partner: {listed(alone)}" if alone else ""
+        told += f"; not read: {listed(unread)}" if (unread := no_scans(found)) else ""
         here = (
             f"{counted(len(seen), 'picture')} in {pictures} and {counted(len(files), 'scan')} (.bin, .csv) in {scans}"
         )

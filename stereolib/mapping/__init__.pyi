@@ -24,6 +24,7 @@ from .station_folder import (
     StationFolder,
     list_stations,
     name_scans,
+    no_scans,
     pair_stations,
     read_scan,
 )
@@ -68,6 +69,7 @@ __all__ = [
     "measure_station",
     "merge_stations",
     "name_scans",
+    "no_scans",
     "occupancy_grid",
     "pair_stations",
     "place_stations",

@@ -40,11 +40,8 @@ from stereolib.virtual import recordings
 Array = np.ndarray
 LAWS_FILE = PACKAGE / "matching" / "std_laws.json"
 ROOMS = ("base", "rig", "laser", "matching", *PAPER_RIG, "virtual")
-#: OpenCV's WLS filter is in `opencv-contrib-python-headless`, which stands in each other's way with
-#: `opencv-python-headless`. Measured once in an environment of its own (version 5.0.0), on the motorcycle with 128
-#: disparities and the border widened as for `compute_disparity(whole=True)`: eight paths, the better of lambda 8000
-#: with sigma 1.0 and lambda 2000 with sigma 1.5, measure by measure.
-WLS = {"bad2_pct": 7.55, "bad1_visible_pct": 8.55}
+#: OpenCV's WLS filter, by ``wls.py`` in an environment of its own (opencv-contrib 5.0.0).
+WLS = {"bad2_pct": 6.08, "bad1_visible_pct": 5.70}
 
 
 def calibrate(pairs: list[Pair]) -> dict[str, Any]:

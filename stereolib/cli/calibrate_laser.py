@@ -95,6 +95,8 @@ def _run(arguments: argparse.Namespace) -> int:
     warnings = [pose.warning] if pose.warning else []
     if pose.T_left_lidar[1, 2] > 0:  # the axis about which its angles grow points down
         warnings.append(_CLOCKWISE)
+    if unread := _unread(arguments.scans):
+        warnings.append(unread)
     for text in warnings:
         print(f"warning: {text}")
     print(f"written into {arguments.calibration}")
@@ -158,26 +160,34 @@ def turn_text(right: float, down: float, ahead: float) -> str:
 
 def _paired(pictures: str, scans: Path) -> tuple[list[Path], list[Path]]:
     """Each picture and the recording that belongs to it, by name or number as the stations of a map."""
-    from stereolib.mapping import name_scans, no_scans, pair_stations
+    from stereolib.mapping import name_scans, pair_stations
     from stereolib.rig import PairFile, left_pictures
 
     if not scans.is_dir():
         raise ValueError(f"{scans} is no folder: it should hold the scans")
     seen = left_pictures(pictures)
-    found = sorted(scans.iterdir())
-    files = name_scans(found)
+    files = name_scans(sorted(scans.iterdir()))
     stations, _ = pair_stations([PairFile(picture, picture) for picture in seen], files)
     both = [(station.left, station.scan) for station in stations if station.left and station.scan]
     if not len(both) == len(seen) == len(files) > 0:
         used = {path.name for pair in both for path in pair}
         alone = [path.name for path in (*seen, *files.values()) if path.name not in used]
         told = f"; without a partner: {listed(alone)}" if alone else ""
-        told += f"; not read: {listed(unread)}" if (unread := no_scans(found)) else ""
+        told += f"; {unread}" if (unread := _unread(scans)) else ""
         here = (
             f"{counted(len(seen), 'picture')} in {pictures} and {counted(len(files), 'scan')} (.bin, .csv) in {scans}"
         )
         raise ValueError(f"{here}: there must be one scan for each picture, of its name or number{told}")
     return [left for left, _ in both], [scan for _, scan in both]
+
+
+def _unread(scans: Path) -> str:
+    """Which files beside the scans, but for pictures, are none; "" if there are none."""
+    from stereolib.mapping import no_scans
+    from stereolib.rig import PICTURES
+
+    others = no_scans(path for path in scans.iterdir() if path.suffix.lower() not in PICTURES)
+    return f"not read, as no .bin or .csv: {listed(others)}" if others else ""
 
 
 CALIBRATE_LASER = Command(

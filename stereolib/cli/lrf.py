@@ -89,6 +89,8 @@ def _called(source: str) -> tuple[str, str]:
     """How a picture of a file or a port is named, and what its title calls it."""
     if (path := Path(source)).is_file():
         return path.stem, path.name
+    if path.is_dir():
+        raise ValueError(f"{path}: is a folder; name a file in it")
     port = source.removeprefix("/dev/").rpartition("://")[2] or source
     return re.sub(r"[^\w.-]+", "_", port), port
 

@@ -119,10 +119,10 @@ def _run(arguments: argparse.Namespace) -> int:
     scan = None if arguments.scan is None else read_scan(arguments.scan)
     floor = None if arguments.floor is None else floor_by_hand(instrument.rectified, arguments.floor)
     first = said_of(arguments.calibration)
-    if floor is not None and (text := otherwise_seen(pair, floor)):
-        first.append(text)
     try:
         with named(*files):
+            if floor is not None and (text := otherwise_seen(pair, floor)):
+                first.append(text)
             measured = measure_objects(*pair, scan, instrument, floor=floor)
     except ValueError as error:
         if not isinstance(error.__cause__ or error, CannotMeasure):
@@ -221,9 +221,13 @@ def otherwise_seen(pair: tuple[UInt8, UInt8], floor: Floor) -> str:
 
     from stereolib.measurement import CannotMeasure, Views, find_floor
 
+    views = Views.of(*pair, floor.rectified)
     try:
-        seen = find_floor(Views.of(*pair, floor.rectified), floor.rectified)
+        seen = find_floor(views, floor.rectified)
     except CannotMeasure:
+        if not views.rows.is_known:
+            text = "rows of the two pictures that belong together are not found: what is measured is left to chance"
+            return f"{text}. See that both are of this rig and moment, left and right; else calibrate again"
         return "the pictures do not show whether --floor is right: heights are as true as it is"
     off = seen.plane - floor.plane
     if off @ np.linalg.solve(seen.covariance + floor.covariance, off) < _OTHER_FLOOR:

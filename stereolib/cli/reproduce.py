@@ -44,6 +44,8 @@ def _run(arguments: argparse.Namespace) -> int:
             file=sys.stderr,
         )
         return REFUSED
+    if arguments.check and not changed:
+        print(f"\n{', '.join(arguments.names) or 'all notebooks'}: every number is that of the committed files")
     page = (figures or figures_dir()) / "report.html"
     if not arguments.check and page.is_file():
         print(f"open {os.path.relpath(page)}: every number of the paper beside ours")

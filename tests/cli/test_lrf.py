@@ -126,3 +126,8 @@ def test_folders_of_a_recording_are_made_and_left_only_with_it(tmp_path: Path) -
         words = ["lrf", "record", served.port, str(tmp_path / "walk" / "scans" / "01.bin"), "--seconds", "0.3"]
         assert commands.main(words) == 0
     assert len(list((tmp_path / "walk" / "scans").iterdir())) == 2
+
+
+def test_a_folder_is_told_as_one(tmp_path, capsys):
+    assert commands.main(["lrf", "show", str(tmp_path)]) == 2
+    assert f"{tmp_path}: is a folder; name a file in it" in capsys.readouterr().err

@@ -220,13 +220,17 @@ def test_command_finds_the_laser_from_files(boards, capsys):
     rows = [f"{angle:.1f},{mm:.2f}" if np.isfinite(mm) else f"{angle:.1f}," for angle, mm in told]
     (boards / "scans" / "03.csv").write_text("\n".join(["angle_deg,range_mm", *rows]) + "\n")
     (boards / "scans" / "03.bin").unlink()
+    (boards / "scans" / "notes.txt").write_text("the door was open")
+    capsys.readouterr()
     assert commands.main([*words, "--margin-mm", "24"]) == 0  # a table is a scan, too
+    assert "warning: not read, as no .bin or .csv: notes.txt" in capsys.readouterr().out
+    (boards / "scans" / "notes.txt").unlink()
     table = Instrument.load(boards / "rig.json").lidar
     np.testing.assert_allclose(table.T_left_lidar[:3, 3], found.T_left_lidar[:3, 3], atol=0.5)
     (boards / "scans" / "03.csv").rename(boards / "scans" / "03.txt")
     assert commands.main(words) == 2
     told = capsys.readouterr().err
-    assert "one scan for each picture" in told and told.rstrip().endswith("not read: 03.txt")
+    assert "one scan for each picture" in told and told.rstrip().endswith("not read, as no .bin or .csv: 03.txt")
 
 
 def test_scans_that_are_mirrored_or_shifted_are_told_so(boards, capsys):

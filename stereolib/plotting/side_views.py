@@ -181,7 +181,7 @@ def plot_floor_rays(setup: CubeSetup, heights_cm: Mapping[str, float], axes: Any
         ax.plot(near, tall, "s", color=TRUTH, ms=7, label="top of the edge")
         ax.plot(floor, 0, "D", color=RIVAL, ms=8, zorder=5, label="the same ray on the floor's plane")
         ax.plot(0, height, "o", color=OURS, ms=8)
-        beside = -24 if floor > 0 else 24
+        beside = -33 if floor > 0 else 24
         _length(ax, (beside, 0), (beside, height), r"$h_\mathrm{cam}$", (18, 0))
         _length(ax, (near - 5, 0), (near - 5, tall), "$h$", (-8, 0))
         ax.annotate("", (0, height - _UNIT_CM), (0, height), arrowprops={"arrowstyle": "->", "lw": 1.6})

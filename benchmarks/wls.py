@@ -16,6 +16,7 @@ import itertools
 
 import cv2
 import numpy as np
+from virtual_pairs import bad_pct
 
 from stereolib.matching import KnownView, SGBMParams, motorcycle_view
 
@@ -39,11 +40,9 @@ def filtered(left: np.ndarray, right: np.ndarray, block: int, cap: int, weight: 
 
 def measures(disparity_px: np.ndarray, view: KnownView) -> dict[str, float]:
     """Bad-2 of all and bad-1 of what both cameras see, %."""
-    off = np.where(np.isfinite(view.truth_px), np.abs(disparity_px - view.truth_px), np.nan)
-    both = view.visible & np.isfinite(off)
     return {
-        "bad2_pct": 100 * float(np.mean(off[np.isfinite(off)] > 2)),
-        "bad1_visible_pct": 100 * float(np.mean(off[both] > 1)),
+        "bad2_pct": bad_pct(disparity_px, view.truth_px, 2),
+        "bad1_visible_pct": bad_pct(disparity_px, view.truth_px, 1, view.visible),
     }
 
 

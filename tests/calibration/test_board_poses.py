@@ -5,19 +5,8 @@ from __future__ import annotations
 import cv2
 import numpy as np
 import pytest
-from support.corners import corner_set, draw_rig
 
 from stereolib.calibration import board_pose, board_poses
-
-
-@pytest.fixture(scope="module")
-def rig():
-    return draw_rig(np.random.default_rng(1))
-
-
-@pytest.fixture(scope="module")
-def views(rig):
-    return corner_set(np.random.default_rng(2), rig=rig, pairs=15)
 
 
 def test_pose_of_a_board_is_the_minimum_to_rounding(views, rig):

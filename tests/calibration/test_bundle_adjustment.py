@@ -5,23 +5,13 @@ from __future__ import annotations
 import cv2
 import numpy as np
 import pytest
-from support.corners import corner_set, draw_rig
+from support.corners import corner_set
 
 from stereolib.calibration import bundle_adjustment, calibrate_stereo
 from stereolib.calibration.board_poses import board_poses
 from stereolib.rig import Camera, StereoRig
 
 TILTED = [0.06, -0.2, 7e-4, -1e-3, 0.05, 0.1, -0.05, 0.02, 1e-3, -5e-4, -1e-3, 4e-4, 0.01, -0.02]
-
-
-@pytest.fixture(scope="module")
-def rig():
-    return draw_rig(np.random.default_rng(1))
-
-
-@pytest.fixture(scope="module")
-def views(rig):
-    return corner_set(np.random.default_rng(2), rig=rig, pairs=15)
 
 
 @pytest.fixture(scope="module")

@@ -27,7 +27,7 @@ from tqdm.auto import tqdm
 from stereolib.base import ROOT, write_atomic
 from stereolib.reproduction import code_sha256
 
-SCENES_A_ROW, QUICK = 160, 20
+SCENES_A_ROW, QUICK = 160, 20  # and of some rows as many times
 ROOMS = ("base", "rig", "laser", "calibration", "matching", "measurement", *PAPER_RIG, "virtual")
 INTERVAL_STDS = 1.96  # of a 95 % interval
 Kept = dict[tuple[str, int], Told]  # by row and scene
@@ -86,8 +86,9 @@ def run(rows: list[str], scenes: int, jobs: int) -> tuple[dict[str, dict[str, An
     file = CACHE / f"rigs_{_code()}.jsonl"
     told, modules = kept(file)
     groups = [tuple(row for row in rows if ROWS[row].scenes == kind) for kind in SCENES]
-    all_of = [(group, number) for group in groups if group for number in range(scenes)]
-    work = [(left, n) for group, n in all_of if (left := tuple(row for row in group if (row, n) not in told))]
+    many = {row: scenes * ROWS[row].times for row in rows}
+    all_of = [(group, number) for group in groups if group for number in range(max(many[row] for row in group))]
+    work = [(left, n) for group, n in all_of if (left := tuple(r for r in group if n < many[r] and (r, n) not in told))]
     running = Parallel(n_jobs=jobs, return_as="generator")(delayed(of_scene)(*one) for one in work)
     file.parent.mkdir(exist_ok=True)
     with file.open("a", encoding="utf-8") as keep:
@@ -99,7 +100,7 @@ def run(rows: list[str], scenes: int, jobs: int) -> tuple[dict[str, dict[str, An
                 keep.write("\n" + json.dumps(line, default=float))  # on a line of its own, however the last run ended
                 modules |= took
             keep.flush()
-    found = {row: [told[row, number] for number in range(scenes)] for row in rows}
+    found = {row: [told[row, number] for number in range(many[row])] for row in rows}
     return {row: {"about": ROWS[row].about, **summary(found[row], ROWS[row].silent_pct)} for row in rows}, modules
 
 

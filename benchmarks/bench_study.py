@@ -30,7 +30,7 @@ from stereolib.virtual import recordings
 
 ROOMS = ("base", "rig", "laser", "matching", *PAPER_RIG, "virtual")
 MARGIN_PX = 8  # beyond the cube's true disparities, as the laser's window has it beyond what it expects
-QUICK = SGBMParams(mode="3way", disp12_max_diff=-1, speckle_window_size=0)  # what the laser's window is matched with
+QUICK = SGBMParams(mode="3way", speckle_window_size=0)  # what the laser's window is matched with
 
 
 def cut(view: KnownView, like: SGBMParams | None = None) -> SGBMParams:

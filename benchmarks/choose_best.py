@@ -172,8 +172,9 @@ RIVAL: dict[str, tuple[Any, ...]] = {
     "speckle_px": (1, 5, 11, 21),
     "median_px": (3, 5),
     "pre_filter_cap": (63, 31, 15),
+    "check_px": (1, -1),
 }
-RIVAL_KNOBS = [("block_size",), ("p1_times", "p2_times"), ("speckle_px",), ("median_px",), ("pre_filter_cap",)]
+RIVAL_KNOBS = [("block_size",), ("p1_times", "p2_times"), *((name,) for name in [*RIVAL][3:])]
 PLATEAU = 1.01  # times the least
 MIDDLE = (120, 360)  # the rows that were matched for the first file: half the time
 FILE, COARSE_FILE = RESULTS / "choose_best.csv", RESULTS / "choose_coarse.csv"

@@ -18,7 +18,15 @@ from stereolib.rig import to_grey
 Array = np.ndarray
 _BM_BLOCK = 15
 #: Chosen by ``choose_best.py``; the penalties are so many times the block's pixels.
-CHOSEN = {"block_size": 1, "p1_times": 12, "p2_times": 32, "speckle_px": 5, "median_px": 5, "pre_filter_cap": 31}
+CHOSEN = {
+    "block_size": 1,
+    "p1_times": 12,
+    "p2_times": 32,
+    "speckle_px": 5,
+    "median_px": 5,
+    "pre_filter_cap": 31,
+    "check_px": 1,
+}
 
 
 def both_sides(left: Array, right: Array, num_disparities: int, setting: dict[str, int] = CHOSEN) -> Array:
@@ -42,7 +50,7 @@ def with_our_steps(left: Array, right: Array, num_disparities: int) -> Array:
 def matched_twice(left: Array, right: Array, num_disparities: int, setting: dict[str, int]) -> tuple[Array, Array]:
     """What the left view sees as the right one does, less specks, and what the right one sees, px."""
     block, area = setting["block_size"], setting["block_size"] ** 2
-    every = {"disp12_max_diff": -1, "uniqueness_ratio": 0, "speckle_window_size": 0}
+    every = {"disp12_max_diff": setting["check_px"], "uniqueness_ratio": 0, "speckle_window_size": 0}
     penalties = {"p1": setting["p1_times"] * area, "p2": setting["p2_times"] * area}
     params = SGBMParams(
         num_disparities, block, mode="hh", pre_filter_cap=setting["pre_filter_cap"], **every, **penalties

@@ -84,7 +84,7 @@ from .matching import (
     recommended_distance,
     relative_depth,
     share_within_cm,
-    surfaces_serve,
+    surfaces_gain,
 )
 from .rectification import (
     Stage,
@@ -190,7 +190,7 @@ __all__ = [
     "sizes_of_nearest",
     "steady_reading_cm",
     "steps_of_a_clock",
-    "surfaces_serve",
+    "surfaces_gain",
     "sweep_error",
     "threshold_curve",
     "threshold_elsewhere",

@@ -141,49 +141,58 @@ def right_pct(disparity_px: Floats, truth_px: Floats, where: Bools) -> float:
     return 100 * float(right.mean()) if right.size else float("nan")
 
 
-def filled_out(found: Sequence[Mapping[str, Bools]], after_px: Sequence[Floats], truth_px: Floats) -> dict[str, float]:
+def filled_out(
+    found: Mapping[str, Mapping[str, Bools]], after_px: Mapping[str, Floats], truth_px: Floats
+) -> dict[str, float]:
     """Whether a filter fills out the pixels that deviate from those around them.
 
     Parameters
     ----------
-    found : sequence of `noise_kinds`
+    found : mapping of condition to `noise_kinds`
         Of the matcher's maps before the filter.
-    after_px : sequence of (H, W) float, px
-        These maps after it.
+    after_px : mapping of condition to (H, W) float, px
+        Some of these maps after it.
     truth_px : (H, W) float, px
 
     Returns
     -------
     dict
-        ``deviating_pct``: share of the matcher's bad pixels that are holes, below or above what is around;
-        ``filled_pct``: share of those that are right afterwards.
+        ``deviating_pct``: share of the bad pixels of all maps that are holes, below or above what is around;
+        ``<condition>_pct``: of those of one map, the share that is right afterwards.
     """
-    deviating = np.stack([kinds["hole"] | kinds["below"] | kinds["above"] for kinds in found])
-    alike = np.stack([kinds["alike"] for kinds in found])
-    right = right_pct(np.stack(after_px), np.broadcast_to(truth_px, deviating.shape), deviating)
-    return {"deviating_pct": 100 * float(deviating.sum() / (deviating.sum() + alike.sum())), "filled_pct": right}
+    deviating = {name: kinds["hole"] | kinds["below"] | kinds["above"] for name, kinds in found.items()}
+    count, alike = (
+        sum(int(mask.sum()) for mask in masks)
+        for masks in (deviating.values(), (kinds["alike"] for kinds in found.values()))
+    )
+    right = {f"{name}_pct": right_pct(after, truth_px, deviating[name]) for name, after in after_px.items()}
+    return {"deviating_pct": 100 * count / (count + alike)} | right
 
 
-def behind_exposures(filtered: Mapping[str, Score], averaged: Mapping[str, Score]) -> dict[str, float]:
+def behind_exposures(
+    matched: Mapping[str, Score], filtered: Mapping[str, Score], averaged: Mapping[str, Score]
+) -> dict[str, float]:
     """What a filter leaves beside the mean of several exposures.
 
     Parameters
     ----------
-    filtered, averaged : mapping of light to Score
-        Of one filtered exposure, and of the mean of several.
+    matched, filtered, averaged : mapping of light to Score
+        Of one exposure as matched, of the same filtered, and of the mean of several.
 
     Returns
     -------
     dict
-        ``<light>_points``: bad pixels that the filter leaves more than the mean does, points.
+        ``<light>_points``: bad pixels that the filter leaves more than the mean does, points; then
+        ``<light>_gain_points``: what it takes off the exposure as matched.
 
     Examples
     --------
     >>> one, mean = score([[5.0, 9.0]], [[5.0, 5.0]]), score([[5.0, 5.0]], [[5.0, 5.0]])
-    >>> behind_exposures({"dim": one}, {"dim": mean})
-    {'dim_points': 50.0}
+    >>> behind_exposures({"dim": one}, {"dim": one}, {"dim": mean})
+    {'dim_points': 50.0, 'dim_gain_points': 0.0}
     """
-    return {f"{light}_points": one.bad2_pct - averaged[light].bad2_pct for light, one in filtered.items()}
+    behind = {f"{light}_points": one.bad2_pct - averaged[light].bad2_pct for light, one in filtered.items()}
+    return behind | {f"{light}_gain_points": matched[light].bad2_pct - one.bad2_pct for light, one in filtered.items()}
 
 
 def pixels_unlike(one: Floats, other: Floats) -> dict[str, float]:

@@ -318,15 +318,25 @@ def turns_gain(far_mm: ArrayLike, n: int = 5) -> dict[str, float]:
     Returns
     -------
     dict
-        ``gained_mm``, from two turns fewer to n; ``beyond_mm``, from n to two more.
+        ``gained_mm``, from two turns fewer to n; ``gained_std_mm``, its standard deviation by the jackknife over the
+        turns, NaN where there are less than n + 2; ``beyond_mm``, from n to two more.
 
     Notes
     -----
     Two turns more than n may not have been recorded: their noise is taken to be ``sqrt(n / (n + 2))`` of n's, as that
     of independent turns is.
     """
-    fewer, some = noise_of_median(far_mm, n - 2), noise_of_median(far_mm, n)
-    return {"gained_mm": fewer - some, "beyond_mm": some * (1 - float(np.sqrt(n / (n + 2))))}
+    turns = np.asarray(far_mm, np.float64)
+    one_less = [_gained(np.delete(turns, k, axis=0), n) for k in range(len(turns))] if len(turns) > n + 1 else [np.nan]
+    return {
+        "gained_mm": _gained(turns, n),
+        "gained_std_mm": float(np.std(one_less) * np.sqrt(len(turns) - 1)),
+        "beyond_mm": noise_of_median(turns, n) * (1 - float(np.sqrt(n / (n + 2)))),
+    }
+
+
+def _gained(turns_mm: Float64, n: int) -> float:
+    return noise_of_median(turns_mm, n - 2) - noise_of_median(turns_mm, n)
 
 
 def error_below(limit_mm: float, **curves: ErrorCurve) -> dict[str, float]:

@@ -158,20 +158,27 @@ def one_colour(by_contrast: Mapping[float, Score], faint: float = 0.05) -> dict[
     return {name: points_lost(textured, worse)["points"] for name, worse in lost.items()}
 
 
-def surfaces_serve(on_object: Score, on_floor: Score) -> dict[str, float]:
-    """How bad the maps of the recommended surfaces are.
+def surfaces_gain(objects: Sequence[Score], floors: Sequence[Score]) -> dict[str, float]:
+    """What the recommended surfaces gain over others.
 
     Parameters
     ----------
-    on_object, on_floor : Score
-        Of the matt, textured object and floor.
+    objects, floors : sequence of Score
+        Of the matt, textured object or floor, then of others in its place.
 
     Returns
     -------
     dict
-        ``object_pct``, ``floor_pct``: their `bad2_pct`.
+        ``object_points``, ``floor_points``: bad pixels more with the best of the others, points.
+
+    Examples
+    --------
+    >>> good, bad = score([[5.0, 5.0]], [[5.0, 5.0]]), score([[5.0, 9.0]], [[5.0, 5.0]])
+    >>> surfaces_gain([good, bad, bad], [bad, good])
+    {'object_points': 50.0, 'floor_points': -50.0}
     """
-    return {"object_pct": on_object.bad2_pct, "floor_pct": on_floor.bad2_pct}
+    gains = (min(o.bad2_pct for o in others) - first.bad2_pct for first, *others in (objects, floors))
+    return dict(zip(("object_points", "floor_points"), gains, strict=True))
 
 
 def factors_of_fig4(on_cube: Mapping[str, Score]) -> dict[str, float]:

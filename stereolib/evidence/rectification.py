@@ -263,11 +263,10 @@ def rectification_gain(recorded: Score, undistorted: Score, rectified: Score) ->
     -------
     dict
         ``recorded_times``, ``undistorted_times``: ratios of `bad2_pct` to that of the rectified pair, which counts as
-        at least 0.1 %; ``recorded_pct``: `bad2_pct` of the recorded pair.
+        at least 0.1 %.
     """
     least = max(rectified.bad2_pct, _LEAST_WRONG_PCT)
     return {
         "recorded_times": recorded.bad2_pct / least,
         "undistorted_times": undistorted.bad2_pct / least,
-        "recorded_pct": recorded.bad2_pct,
     }

@@ -137,7 +137,7 @@ def compute_disparity_guided(
         raise ValueError(f"the expectation is for {expected.near_px.shape}, the images are {left.shape[:2]}")
     if margin_px < 8 or margin_px % 8:
         raise ValueError(f"margin_px must be a positive multiple of 8, got {margin_px}")
-    params = params or SGBMParams(mode="3way", disp12_max_diff=-1, speckle_window_size=0)
+    params = params or SGBMParams(mode="3way", speckle_window_size=0)
     params = replace(params, num_disparities=2 * margin_px, min_disparity=-margin_px)
     left, right = to_grey(left), to_grey(right)
     height, width = left.shape

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import cv2
 import numpy as np
@@ -253,8 +253,7 @@ def _fast(left: UInt8, right: UInt8, num_disparities: int) -> DisparityEstimate:
     height, width = left.shape[:2]
     check_window(SGBMParams(num_disparities, 9), width)  # said in pixels of the whole picture
     half = [cv2.resize(to_grey(i), None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA) for i in (left, right)]
-    unchecked: dict[str, Any] = {"disp12_max_diff": -1, "uniqueness_ratio": 0, "speckle_window_size": 0}
-    params = SGBMParams(num_disparities // 2, 5, mode="3way", **unchecked)
+    params = SGBMParams(num_disparities // 2, 5, mode="3way", uniqueness_ratio=0, speckle_window_size=0)
     matched = compute_disparity(half[0], half[1], params, whole=True)
     mirrored = compute_disparity(half[1][:, ::-1], half[0][:, ::-1], params, whole=True)[:, ::-1]
     kept = remove_speckles(left_right_check(matched, mirrored), 5)

@@ -40,7 +40,8 @@ class SGBMParams:
     p1, p2 : int or None
         Penalties for a disparity step of one and of more pixels; None takes ``8 b^2`` and ``32 b^2``.
     disp12_max_diff : int, px
-        Largest disagreement with the match from right to left; -1 leaves the check out.
+        Largest disagreement with the match from right to left, which OpenCV reads off the costs of that from left to
+        right; -1 leaves the check out. OpenCV itself, whatever its reference says, takes 0 and -1 as 1.
     uniqueness_ratio : int, %
         By how much the best match must beat the second.
     speckle_window_size, speckle_range : int
@@ -187,7 +188,7 @@ class SGBMParams:
             blockSize=self.block_size,
             P1=p1,
             P2=p2,
-            disp12MaxDiff=self.disp12_max_diff,
+            disp12MaxDiff=self.num_disparities if self.disp12_max_diff < 0 else self.disp12_max_diff,
             preFilterCap=self.pre_filter_cap,
             uniquenessRatio=self.uniqueness_ratio,
             speckleWindowSize=self.speckle_window_size,

@@ -12,7 +12,8 @@ from stereolib.matching import dilate, dilate_set, median_filter, score
 TRUTH = np.broadcast_to(80 + np.arange(120) / 20, (90, 120))  # a slanted face
 OBJECT = np.zeros(TRUTH.shape, bool)
 OBJECT[5:85, 5:115] = True
-NAMES = ("poor_light", "glare", "plain", "unchecked")
+LIGHTS = ("darkest", "middle", "brightest")
+NAMES = ("poor_light", "glare", "plain", *LIGHTS, "unchecked")
 
 
 def with_holes(share: float, seed: int = 0) -> np.ndarray:
@@ -40,7 +41,10 @@ def test_dilation_removes_noise():
 
 def mechanism(smooth, found: np.ndarray) -> dict[str, float]:
     """Bad pixels of a map, before and after a filter."""
-    return evidence.filled_out([evidence.noise_kinds(found, TRUTH, OBJECT)], [smooth(found)], TRUTH)
+    kinds, after = evidence.noise_kinds(found, TRUTH, OBJECT), smooth(found)
+    return evidence.filled_out(
+        {"texture": kinds} | dict.fromkeys(NAMES[:3], kinds), dict.fromkeys(NAMES[:3], after), TRUTH
+    )
 
 
 def test_dilation_mechanism():
@@ -71,10 +75,10 @@ def test_bad_pixels_are_sorted_by_what_is_around_them():
 
 
 def test_dilation_is_cheap():
-    levels = ("darkest", "middle", "brightest")
-    good, bad = (dict.fromkeys(levels, score(with_holes(share), TRUTH, OBJECT)) for share in (0.02, 0.4))
-    assert_turns("claim.dilation_is_cheap", evidence.behind_exposures(good, good), evidence.behind_exposures(bad, good))
-    mixed = evidence.behind_exposures(good | {"darkest": bad["darkest"]}, good)
+    good, poor, bad = (dict.fromkeys(LIGHTS, score(with_holes(share), TRUTH, OBJECT)) for share in (0.02, 0.2, 0.4))
+    mended, spoilt = evidence.behind_exposures(poor, good, good), evidence.behind_exposures(poor, bad, good)
+    assert_turns("claim.dilation_is_cheap", mended, spoilt)
+    mixed = evidence.behind_exposures(poor, good | {"darkest": bad["darkest"]}, good)
     assert verdict_of("claim.dilation_is_cheap", mixed) == "holds in part"
 
 

@@ -99,7 +99,7 @@ def test_averaging():
 def test_lesser_variance():
     """Noise that grows with the distance; noise that does not."""
     beyond = turns_of(8.0, 3200.0)
-    steady, lesser = (evidence.noise_within(turns_of(sigma_mm), beyond) for sigma_mm in (8.0, 4.0))
+    steady, lesser = (evidence.noise_within(turns_of(sigma_mm), beyond) for sigma_mm in (9.0, 4.0))
     assert_turns("claim.lrf_lesser_variance", lesser, steady)
     assert lesser["noise_times"] == pytest.approx(0.5, abs=0.02)
 
@@ -108,8 +108,11 @@ def test_five_turns():
     """Noise that five turns beat and seven hardly better; noise that no median of a few turns beats."""
     noisy, quiet = turns_of(10.0), turns_of(0.5)
     torn = 2800 + 30.0 * np.random.default_rng(5).choice([-1, 1], (7, 400))
-    assert_turns("claim.five_turns", evidence.turns_gain(noisy), evidence.turns_gain(2 * torn))
-    assert evidence.turns_gain(quiet)["gained_mm"] < 1
+    gains = {
+        name: evidence.turns_gain(turns) for name, turns in {"noisy": noisy, "quiet": quiet, "torn": 2 * torn}.items()
+    }
+    assert gains["noisy"]["gained_mm"] > 1 > gains["quiet"]["gained_mm"] and gains["torn"]["gained_mm"] < 1
+    assert gains["quiet"]["gained_std_mm"] < gains["noisy"]["gained_std_mm"] < 1
 
 
 def test_two_more_turns_are_reckoned_as_they_come_out():

@@ -125,8 +125,8 @@ def test_one_colour():
 def test_matt_texture():
     assert_turns(
         "claim.matt_texture_recommended",
-        evidence.surfaces_serve(scored(0.05), scored(0.0)),
-        evidence.surfaces_serve(GOOD, BAD),
+        evidence.surfaces_gain([scored(0.05), BAD, scored(0.2)], [GOOD, BAD]),
+        evidence.surfaces_gain([GOOD, GOOD, BAD], [scored(0.2), GOOD]),
     )
 
 
@@ -155,12 +155,17 @@ def cube_at(distance_mm: float, right_of: int, noise_mm: float = 0.0) -> float:
     return evidence.share_within_cm(disparity, depth, on_object, rectified)
 
 
+def behind(shares_pct: dict[int, float]) -> dict[str, float]:
+    """What is judged of it."""
+    return {"behind_points": evidence.recommended_distance(shares_pct)["behind_points"]}
+
+
 def test_recommended_distance():
     best_there = {50: cube_at(500, 40), 75: cube_at(750, 0), 100: cube_at(1000, 0, 30)}
     assert_turns(
         "setup.recommended_distance",
-        evidence.recommended_distance(best_there),
-        evidence.recommended_distance({50: cube_at(500, 0), 75: cube_at(750, 40), 100: cube_at(1000, 0)}),
+        behind(best_there),
+        behind({50: cube_at(500, 0), 75: cube_at(750, 40), 100: cube_at(1000, 0)}),
     )
     assert best_there[50] == 50 and best_there[75] == 100
 

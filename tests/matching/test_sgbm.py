@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -137,3 +139,12 @@ def test_the_farthest_disparities_that_are_taken_are_found():
 
 def test_numbers_of_numpy_do_not_run_over():
     assert SGBMParams(np.uint8(240), np.uint8(9), np.uint8(32)) == SGBMParams(240, 9, 32)
+
+
+@pytest.mark.parametrize("mode", ["sgbm", "hh", "3way", "hh4"])
+def test_a_left_right_check_below_zero_is_none(cube, mode):
+    """OpenCV itself takes -1 and 0 as 1."""
+    unchecked = SGBMParams(disp12_max_diff=-1, uniqueness_ratio=0, speckle_window_size=0, mode=mode)
+    checked = [replace(unchecked, disp12_max_diff=px) for px in (0, 1, 8)]
+    full, *others = (np.isfinite(compute_disparity(*cube, one)[:, 128:]).mean() for one in (unchecked, *checked))
+    assert full > 0.999 and others[0] == others[1] < others[2] < full

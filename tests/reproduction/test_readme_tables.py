@@ -39,10 +39,11 @@ def test_a_readme_without_marks_is_left_alone(tmp_path: Path) -> None:
 
 def test_the_summary_counts_what_could_have_failed() -> None:
     """Six rows, of which three could have failed: one did, one holds in part."""
+    cheap = paper.published()["claim.dilation_is_cheap"].conditions
     rows = paper.compare_with_paper(
         {
             "claim.glare_on_object": {"points": 1.0},
-            "claim.dilation_is_cheap": {"darkest_points": 9.0, "middle_points": 9.0, "brightest_points": 0.0},
+            "claim.dilation_is_cheap": {name: 9.0 * (name == "darkest_points") for name in cheap},
             "height.cube": [30.0, 30.0],
             "setup.distance": 0.7,
             "scale.width_cm": 50.0,

@@ -202,7 +202,7 @@ def test_what_could_have_failed_and_did_comes_before_all_rows(figures):
     bad = {
         "claim__glare_on_object": "does not hold",
         "height__plane": "misses the truth",
-        "claim__rows_aligned": "holds in part",
+        "claim__rectification_needed": "holds in part",
     }
     spoil(figures, **bad, table1__left__fx="not recovered", scale__width_cm="paper contradicts itself")
     page = build(figures)
@@ -213,7 +213,7 @@ def test_what_could_have_failed_and_did_comes_before_all_rows(figures):
     assert "<b>2 of them did</b>, of 2 causes;\n1 hold in part; " in first
     listed, rest = first.split("<p>The other ")
     held = [link for link in re.findall(r'href="#([^"]+)"', listed) if not link.startswith("fig")]
-    assert held == ["claim.glare_on_object", "height.plane", "claim.rows_aligned"]
+    assert held == ["claim.glare_on_object", "height.plane", "claim.rectification_needed"]
     assert re.findall(r'href="#([^"]+)"', rest) == ["scale.width_cm", "table1.left.fx"]
     assert rest.startswith(f"{len(published()) - tests} rows")
 

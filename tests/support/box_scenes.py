@@ -371,7 +371,7 @@ def _recorded_boards() -> StereoCalibration:
 def _instrument(found: StereoCalibration, views: list[LaserBoardView]) -> Instrument:
     rectified = found.rig.rectify()
     how_well = SystematicUncertainty.of(rectified, rig_covariance(found.fit))
-    return Instrument(rectified, calibrate_lidar_to_camera(views), how_well)
+    return Instrument(rectified, calibrate_lidar_to_camera(views) if views else None, how_well)
 
 
 def reading_too_far(sensor: VirtualLidar, pct: float) -> VirtualLidar:
@@ -398,7 +398,10 @@ def high_instrument() -> Instrument:
 
 
 def own_instrument(scene: BoxScene) -> Instrument:
-    """Calibrate a scene's own rig and laser, from boards of their own with 0.1 to 0.2 px of noise at a corner."""
+    """Calibrate a scene's own rig and laser, from boards of their own with 0.1 to 0.2 px of noise at a corner.
+
+    A camera that sees no board whole where the laser sees it stays without its laser's pose.
+    """
     rng = np.random.default_rng([614, scene.seed])
     found = calibrate_stereo(corner_set(rng, rig=scene.rig, noise_px=float(rng.uniform(0.1, 0.2))))
     return _instrument(found, laser_views(scene, found.rig.left, rng))

@@ -30,7 +30,8 @@ View = tuple[Float32 | None, tuple[int, int]]
 def find_in_files(left: Files, right: Files, board: Board, *, cache: bool = True, progress: bool = True) -> BoardViews:
     """Find the board in paired image files; pairs carry the left files' names.
 
-    Each view is kept as soon as it is done (`CACHE`, by the sha256 of the file's bytes), so that an interruption
+    Each view is kept as soon as it is done (in a folder ``.stereolib_corners`` beside the pictures, by the sha256
+    of the file's bytes), so that an interruption
     loses nothing and a second run reads. A folder that cannot be written to is searched anew each time.
 
     Parameters
@@ -52,6 +53,8 @@ def find_in_files(left: Files, right: Files, board: Board, *, cache: bool = True
     ValueError
         Lists of different length, unreadable files, mixed sizes (all of them are listed), or no board in any pair.
     """
+    if isinstance(left, str | PathLike) or isinstance(right, str | PathLike):
+        raise ValueError("left and right are lists of files, one file was given: put it into a list")
     if len(left) != len(right) or not len(left):
         raise ValueError(f"expected as many right images as left ones, got {len(left)} left and {len(right)} right")
     files = [Path(file) for pair in zip(left, right, strict=True) for file in pair]

@@ -15,7 +15,7 @@ import numpy as np
 from stereolib.base import Bools, Float64, rounded, turn_2d, wrap_rad
 from stereolib.mapping.occupancy import FREE, OCCUPIED, OccupancyGrid, occupancy_grid
 from stereolib.mapping.scan_matching import refine_poses
-from stereolib.mapping.stations import Station
+from stereolib.mapping.stations import Station, station_names
 
 _CELL_MM = 50.0  # of the grids that scans are laid over: `refine_poses` mends several times as much
 _TURN_RAD = np.deg2rad(2.0)  # between tried directions: 100 mm at 3 m
@@ -60,7 +60,7 @@ def place_stations(stations: Sequence[Station], known: Collection[str] = ()) -> 
     Parameters
     ----------
     stations : sequence of Station
-        With names, no two alike.
+        No two with one name; those without are called by their number among all, from 1.
     known : collection of str
         Names of those whose pose is known, to some 50 mm and 3 degrees if they have a scan, else exactly. The first of
         them with a scan keeps its pose; where none is known, the first station with a scan is the map's origin.
@@ -83,7 +83,8 @@ def place_stations(stations: Sequence[Station], known: Collection[str] = ()) -> 
     """
     if not stations:
         raise ValueError("a map needs at least one station, none was given")
-    names = [s.name for s in stations]
+    names = station_names(stations)
+    stations = [s if s.name else replace(s, name=name) for s, name in zip(stations, names, strict=True)]
     if twice := [name for name in names if names.count(name) > 1]:
         raise ValueError(f"{len(twice)} stations are named {twice[0]!r}: give each a name of its own")
     scanned = [s for s in stations if len(s.scan_mm)]

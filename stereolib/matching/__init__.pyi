@@ -7,7 +7,7 @@ from .filter_comparison import FilterCase, compare_filters, outline_growth_px
 from .filters import SMOOTHING_METHODS, dilate, dilate_set, median_filter, smooth
 from .ground_truth import KnownView, motorcycle_view, seen_by_both
 from .guided import ExpectedDisparity, compute_disparity_guided, expected_disparity
-from .pair_checks import check_matchable, check_rectified, check_sides, moved_between
+from .pair_checks import check_matchable, check_rectified, check_sides, is_doubtful, moved_between
 from .pipelines import (
     DisparityEstimate,
     FilledMap,
@@ -66,6 +66,7 @@ __all__ = [
     "fill_from_around",
     "fill_matched",
     "find_rows",
+    "is_doubtful",
     "left_right_check",
     "match_best",
     "match_census_sgm",

@@ -8,7 +8,7 @@ import numpy as np
 
 from stereolib.base import Bools, UInt8
 from stereolib.matching.islands import beyond_range, unsupported
-from stereolib.matching.pair_checks import Exchanged, check_rectified, moved_between
+from stereolib.matching.pair_checks import Exchanged, check_matchable, check_rectified, moved_between
 from stereolib.matching.pipelines import DisparityEstimate, stereo_pipeline
 from stereolib.matching.rows import find_rows
 
@@ -48,6 +48,7 @@ def match_checked(
     pipeline: str = "best",
     num_disparities: int | None = None,
     *,
+    limit_px: float = 1.0,
     exchanged: Exchanged | None = None,
 ) -> CheckedMatch:
     """Match a rectified pair once it has been looked at.
@@ -58,7 +59,7 @@ def match_checked(
         Rectified.
     pipeline, num_disparities
         As for `stereo_pipeline`; None takes the range that a rough match of the pair tells.
-    exchanged : callable, optional
+    limit_px, exchanged
         As for `check_rectified`.
 
     Returns
@@ -68,21 +69,23 @@ def match_checked(
     Raises
     ------
     ValueError
-        As `check_rectified` and `stereo_pipeline`; or if hardly a pixel was matched.
+        As `check_matchable`, `check_rectified` and `stereo_pipeline`; or if hardly a pixel was matched.
 
     Notes
     -----
     Patches that a rough matching of the pair does not know are refused (`unsupported`), whatever the pipeline; so is
-    what that finds to be nearer than `num_disparities` (`beyond_range`), if it is more than 0.5 %.
+    what that finds to be nearer than `num_disparities` (`beyond_range`), if it is more than 0.5 %. "best" corrects rows
+    itself.
     """
     run, notes = stereo_pipeline(pipeline, num_disparities), list[str]()
-    if np.isnan(check_rectified(left, right, exchanged=exchanged)):
+    corrects = pipeline == "best"
+    check_matchable(left, right)
+    if np.isnan(check_rectified(left, right, limit_px, exchanged=exchanged)):
         told = "whether the pair is rectified, and of one place and moment"
         notes.append(f"too few points of the two pictures could be matched to tell {told}")
     rows, half_px = find_rows(left, right)
     estimate = run(left, right)
     estimate = _without(unsupported(estimate.disparity_px, estimate.matched, half_px), estimate)
-    corrects = pipeline == "best"
     rough_px, beyond = 2 * half_px[np.isfinite(half_px)], ""
     if num_disparities and rough_px.size and (share := float((rough_px > num_disparities).mean())) > _BEYOND:
         estimate = _without(beyond_range(half_px, num_disparities, left.shape[:2]), estimate)

@@ -6,11 +6,9 @@ import numpy as np
 import numpy.typing as npt
 
 from stereolib.base import Float32, Float64, Floats, UInt8
-from stereolib.matching.pair_checks import check_sides
+from stereolib.matching.pair_checks import check_sides, is_doubtful
 from stereolib.matching.sgbm import SGBMParams, check_window, match_pair
 from stereolib.rig import check_pair, to_grey
-
-_DOUBTFUL = 0.6  # share of unmatched pixels from which on exchanged sides are suspected
 
 
 def compute_disparity(left: UInt8, right: UInt8, params: SGBMParams | None = None, *, whole: bool = False) -> Float32:
@@ -48,7 +46,7 @@ def compute_disparity(left: UInt8, right: UInt8, params: SGBMParams | None = Non
     reach = check_window(params, left.shape[1])
     grey_left, grey_right = to_grey(left), to_grey(right)
     disparity = match_pair(grey_left, grey_right, params, whole=whole)
-    if np.isnan(disparity[:, reach:]).mean() > _DOUBTFUL:
+    if is_doubtful(disparity[:, reach:]):
         check_sides(grey_left, grey_right)
     return disparity
 

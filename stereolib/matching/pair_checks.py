@@ -8,13 +8,14 @@ from typing import TypeAlias
 import cv2
 import numpy as np
 
-from stereolib.base import Float64, UInt8
+from stereolib.base import Float32, Float64, UInt8
 from stereolib.matching.sgbm import SGBMParams, match_pair
 from stereolib.rig import check_pair, to_grey
 
 _KEYPOINTS = 300  # at most, in each picture
 _LEAST_MATCHES = 50  # that tell something of a pair's rows
 _OFF_ROWS = 0.15  # of the image's height: matches whose rows differ by more are mistaken
+_DOUBTFUL = 0.6  # share of unmatched pixels from which on exchanged sides are suspected
 _LENS_COVERED = 6  # grey levels that 98 of 100 pixels lie within: a sensor's noise in the dark, or full white
 _OFF_PLANE_PX = (6.0, 3.0, 2.0)  # from the plane through the rows' offsets, round by round
 _TOGETHER_PX = 2.0  # of row offset, within which points moved together
@@ -130,6 +131,26 @@ def check_matchable(left: UInt8, right: UInt8, names: tuple[str, str] = ("left",
     if blind := [f"{name} has {greys}" for name, greys in only.items() if greys]:
         why = "there is nothing to match; take it again, the lens free"
         raise ValueError(f"{' and '.join(blind)}: {why}")
+
+
+def is_doubtful(disparity_px: Float32) -> bool:
+    """Tell whether so little was matched that `check_sides` should look at the pair.
+
+    Parameters
+    ----------
+    disparity_px : (H, W) float32, px
+        NaN where nothing was matched.
+
+    Returns
+    -------
+    bool
+
+    Examples
+    --------
+    >>> is_doubtful(np.array([[np.nan, np.nan, 4.0]], np.float32))
+    True
+    """
+    return float(np.isnan(disparity_px).mean()) > _DOUBTFUL
 
 
 def check_sides(left: UInt8, right: UInt8, exchanged: tuple[UInt8, UInt8] | None = None) -> None:

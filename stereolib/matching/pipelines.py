@@ -102,7 +102,8 @@ def stereo_pipeline(name: str = "best", num_disparities: int | None = 128) -> Pi
     Raises
     ------
     ValueError
-        If the name or the number is wrong; when called, what `check_pair` says of the pair.
+        If the name or the number is wrong; when called, what `check_pair` says of the pair. Whether it is
+        rectified, exchanged or shows nothing is not looked at: `match_checked` does that.
 
     Examples
     --------
@@ -251,7 +252,7 @@ def _paper(left: UInt8, right: UInt8, num_disparities: int) -> DisparityEstimate
 def _fast(left: UInt8, right: UInt8, num_disparities: int) -> DisparityEstimate:
     check_pair(left, right)
     height, width = left.shape[:2]
-    check_window(SGBMParams(num_disparities, 9), width)  # said in pixels of the whole picture
+    check_window(SGBMParams(num_disparities, 11), width // 2 * 2)  # said in pixels of the whole picture
     half = [cv2.resize(to_grey(i), None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA) for i in (left, right)]
     params = SGBMParams(num_disparities // 2, 5, mode="3way", uniqueness_ratio=0, speckle_window_size=0)
     matched = compute_disparity(half[0], half[1], params, whole=True)

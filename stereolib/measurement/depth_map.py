@@ -10,10 +10,12 @@ import numpy.typing as npt
 
 from stereolib.base import Bools, Float32, Float64, Floats, UInt8
 from stereolib.calibration import DisparityErrors
-from stereolib.matching import CheckedMatch, disparity_to_depth, match_checked
+from stereolib.matching import CheckedMatch, check_matchable, disparity_to_depth, match_checked
 from stereolib.measurement.disparity_map import pixel_rays
 from stereolib.measurement.instrument import Instrument
+from stereolib.measurement.views import MOST_OFF
 
+_ROWS_PX = 1.0  # that rows may be off where nothing corrects them
 _MOST_STD = 0.1  # of a point's depth: what is known worse is no point
 _APART_PX, _DISPARITIES = 16, 5  # places and disparities for which the calibration's errors are told
 _LEAST = 1e-9  # of a depth, so that there is a logarithm
@@ -126,11 +128,16 @@ def measure_depth(
     Raises
     ------
     ValueError
-        If pictures and calibration do not fit together, left and right are exchanged, or nothing was matched.
+        If pictures and calibration do not fit together (with "best", whose rows are corrected, by more than 0.6 % of
+        the width), left and right are exchanged, a picture shows nothing, or nothing was matched.
     """
     rectified = instrument.rectified
+    check_matchable(left, right)
     pair = rectified.rectify(left, right)
-    match = match_checked(*pair, pipeline, num_disparities, exchanged=lambda: rectified.rectify(right, left))
+    limit_px = max(_ROWS_PX, MOST_OFF * left.shape[1]) if pipeline == "best" else _ROWS_PX
+    match = match_checked(
+        *pair, pipeline, num_disparities, limit_px=limit_px, exchanged=lambda: rectified.rectify(right, left)
+    )
     return DepthMap(match, pair[0], instrument, filled)
 
 

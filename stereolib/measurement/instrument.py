@@ -149,6 +149,10 @@ class Instrument:
     lidar: LidarCamera | None = None
     uncertainty: SystematicUncertainty = field(default_factory=SystematicUncertainty)
 
+    def __post_init__(self) -> None:
+        if not isinstance(self.rectified, RectifiedRig):
+            raise TypeError(f"an instrument takes a RectifiedRig (rig.rectify()), got {type(self.rectified).__name__}")
+
     @property
     def warnings(self) -> tuple[str, ...]:
         """What makes everything doubtful that is measured with it."""

@@ -51,8 +51,8 @@ class Measurement:
         Where the scene has it.
     scan_mm : (N, 2) float64
         All readings on the floor.
-    left, right : (H, W, 3) uint8
-        Rectified.
+    left, right : (H, W) or (H, W, 3) uint8
+        Rectified, as they were given.
     disparity_px : (H, W) float32
         NaN where nothing was matched.
     scan_fit : ScanFit
@@ -101,7 +101,12 @@ def measure_objects(
         "no floor", if there is no scan either. What concerns one object or one size is said in its ``reasons``.
     ValueError
         If pictures and calibration do not fit together.
+    TypeError
+        If scan or instrument are something else, as exchanged ones are.
     """
+    if not (scan is None or isinstance(scan, LaserScan)) or not isinstance(instrument, Instrument):
+        got = f"{type(scan).__name__} and {type(instrument).__name__}"
+        raise TypeError(f"after both pictures come a LaserScan or None, and an Instrument; got {got}")
     return measure_standing(see_standing(Views.of(left, right, instrument.rectified), instrument, floor=floor), scan)
 
 
@@ -123,7 +128,7 @@ def measure_standing(standing: Standing, scan: LaserScan | None) -> Measurement:
     CannotMeasure
         As `measure_objects` does.
     """
-    views, instrument, priors, warnings = standing.views, standing.instrument, standing.priors, list[str]()
+    views, instrument, priors, warnings = standing.views, standing.instrument, standing.priors, list(standing.said)
     if standing.no_floor is not None:
         if scan is None:
             raise standing.no_floor

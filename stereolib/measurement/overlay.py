@@ -178,7 +178,7 @@ def add_caption(picture: UInt8, text: str) -> UInt8:
 
     Parameters
     ----------
-    picture : (H, W, 3) uint8
+    picture : (H, W) or (H, W, 3) uint8
     text : str
         Shrunk to the picture's width; nothing is added if there is none.
 
@@ -186,6 +186,7 @@ def add_caption(picture: UInt8, text: str) -> UInt8:
     -------
     (H + h, W, 3) uint8
     """
+    picture = picture if picture.ndim == 3 else np.repeat(picture[..., None], 3, axis=2)
     if not text:
         return picture
     (wide, high), low = cv2.getTextSize(text, _FONT, 1.0, 1)

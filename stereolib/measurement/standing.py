@@ -23,6 +23,7 @@ from stereolib.rig import pose_left_world, rigid
 _BELOW = LaserOnFloor(np.eye(2), np.zeros(2), np.diag([50.0**2, 50.0**2, np.radians(5.0) ** 2, LASER_SCALE_STD**2]))
 _LASER_ABOVE_FLOOR_MM = 100.0  # where no floor is seen; the scan's sizes do not depend on it
 _LEAST_STD = 1e-5  # of what a calibration knows, px or mm
+_OTHER_FLOOR_PX, _OTHER_FLOOR_STDS = 0.5, 4.0  # of disparity: a floor farther from the one seen is another
 _ASKED = 60  # pixels of objects, what the calibration leaves open there
 _CALIBRATED = [2, 3, 0]  # of offset, rows, focal length and baseline: in the order of `SystematicUncertainty`
 
@@ -44,6 +45,8 @@ class Standing:
         Nearest first.
     boxes : tuple of Pictured or CannotMeasure
         Each region as a box, or why it is none.
+    said : tuple of str
+        That the pictures show another floor than the one that was given.
     """
 
     views: Views
@@ -53,6 +56,7 @@ class Standing:
     no_floor: CannotMeasure | None
     regions: tuple[ObjectRegion, ...]
     boxes: tuple[Pictured | CannotMeasure, ...]
+    said: tuple[str, ...] = ()
 
 
 def see_standing(views: Views, instrument: Instrument, *, floor: Floor | None = None) -> Standing:
@@ -70,7 +74,7 @@ def see_standing(views: Views, instrument: Instrument, *, floor: Floor | None = 
     -------
     Standing
     """
-    no_floor, regions = None, list[ObjectRegion]()
+    no_floor, regions, given = None, list[ObjectRegion](), floor
     views = replace(views, pair=replace(views.pair, errors=instrument.uncertainty.errors))
     try:
         floor = floor or find_floor(views, instrument.rectified)
@@ -79,7 +83,27 @@ def see_standing(views: Views, instrument: Instrument, *, floor: Floor | None = 
         no_floor = error
     priors = scene_priors(views, instrument, floor or _floor_below(instrument), regions)
     boxes = tuple(_box(views, priors, region) for region in regions)
-    return Standing(views, instrument, priors, floor, no_floor, tuple(regions), boxes)
+    said = () if given is None else _against_pictures(given, views, instrument)
+    return Standing(views, instrument, priors, floor, no_floor, tuple(regions), boxes, said)
+
+
+def _against_pictures(given: Floor, views: Views, instrument: Instrument) -> tuple[str, ...]:
+    """That the pictures show another floor, at the foot of the left one or half-way down."""
+    try:
+        seen = find_floor(views, instrument.rectified)
+    except CannotMeasure:
+        return ()
+    height, width = views.disparity_px.shape
+    points = np.array([[u, v, 1.0] for v in (height / 2, height) for u in (0, width)])
+    off_px = np.abs(points @ (given.plane - seen.plane))
+    std_px = np.sqrt(np.einsum("ni,ij,nj->n", points, given.covariance + seen.covariance, points))
+    if not (off_px > np.maximum(_OTHER_FLOOR_PX, _OTHER_FLOOR_STDS * std_px)).any():
+        return ()
+    told = [f"{f.camera_height_mm:.0f} mm below the camera, pitch {np.degrees(f.pitch_rad):.1f}" for f in (given, seen)]
+    return (
+        f"the floor that was given ({told[0]} degrees) is not the one that the pictures show ({told[1]} degrees): "
+        "leave it out, or tell how well it is known",
+    )
 
 
 def _box(views: Views, priors: Priors, region: ObjectRegion) -> Pictured | CannotMeasure:

@@ -10,15 +10,14 @@ import cv2
 import numpy as np
 
 from stereolib.base import Float32, UInt8, quantile
-from stereolib.matching import RowOffset, check_sides, find_rows
+from stereolib.matching import RowOffset, check_sides, find_rows, is_doubtful
 from stereolib.measurement.jpeg_blocks import without_blocks
 from stereolib.measurement.light import RawPicture
 from stereolib.measurement.plane_alignment import AlignedPair
 from stereolib.rig import RectifiedRig, check_pair, to_grey
 
-_DOUBTFUL = 0.6  # share of unmatched pixels from which on exchanged sides are suspected
 _CLIPPED = (2, 253)  # grey levels beyond which a pixel tells nothing
-_MOST_OFF, _SURE_STDS = 0.006, 5.0  # of the width: rows that are surely off by more are no knock's, but another rig's
+MOST_OFF, _SURE_STDS = 0.006, 5.0  # of the width: rows that are surely off by more are no knock's, but another rig's
 _NOISE_STEP = 3  # every third pixel of every third row tells the noise
 _STD_PER_MEDIAN = 1 / 0.6745  # of a normal distribution: deviation over the median of what it is off by
 
@@ -117,7 +116,7 @@ class Views:
         check_pair(left, right)
         grey = to_grey(left), to_grey(right)
         rows, small = find_rows(*grey)
-        if np.isnan(small).mean() > _DOUBTFUL:
+        if is_doubtful(small):
             other = exchanged() if exchanged else (right, left)
             check_sides(*grey, (to_grey(other[0]), to_grey(other[1])))
         _check_rows(rows, left.shape[1])
@@ -129,7 +128,7 @@ class Views:
 
 def _check_rows(rows: RowOffset, width: int) -> None:
     off_px = rows.offset_px
-    if abs(off_px) > max(_MOST_OFF * width, _SURE_STDS * rows.std_px):
+    if abs(off_px) > max(MOST_OFF * width, _SURE_STDS * rows.std_px):
         seen = f"the rows of right are {abs(off_px):.1f} px too {'low' if off_px > 0 else 'high'}"
         ask = "Is the calibration of these cameras, as they stand now? Are the pictures mirrored, or upside down?"
         raise ValueError(f"{seen}: what is measured would be wrong by more than anyone could tell. {ask}")

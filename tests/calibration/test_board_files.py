@@ -153,3 +153,8 @@ def test_mixed_sizes_are_listed(files):
 def test_unpaired_lists(files):
     with pytest.raises(ValueError, match="got 3 left and 2 right"):
         find_in_files(files[0], files[1][:2], BOARD, progress=False)
+
+
+def test_one_file_is_no_list_of_files(files):
+    with pytest.raises(ValueError, match="put it into a list"):
+        find_in_files(files[0][0], files[1][0], BOARD)

@@ -156,3 +156,8 @@ def test_stations_without_a_scan():
         place_stations([])
     with pytest.raises(ValueError, match="2 stations are named 'blind': give each"):
         place_stations([*walked(1), blind, blind])
+
+
+def test_stations_without_names_are_called_by_their_numbers():
+    placing = place_stations([replace(s, name="") for s in walked(1, 3)])
+    assert [s.name for s in placing.stations] == ["1", "2"]

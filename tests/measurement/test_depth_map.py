@@ -105,3 +105,18 @@ def test_what_a_calibration_leaves_open_is_told_where_the_pixel_is():
     np.testing.assert_allclose(found.std_mm[rows, columns], exact, rtol=0.1)
     alike = replace(plain, instrument=Instrument(rectified, uncertainty=replace(known, errors=None)))
     assert found.std_mm[470, 600] > 2 * alike.std_mm[470, 600]
+
+
+@pytest.mark.parametrize("pipeline", ["paper", "fast", "best"])
+def test_pictures_that_show_nothing_have_no_depth(pipeline):
+    blank = np.full((480, 640), 90, np.uint8)
+    with pytest.raises(ValueError, match="nothing to match"):
+        measure_depth(blank, blank, Instrument(recordings.rectified()), pipeline)
+
+
+def test_rows_that_the_pipeline_corrects_may_be_off_by_more():
+    left, right = recordings.load_pair("conditions/texture")
+    lower, known = np.roll(right, 2, axis=0), Instrument(recordings.rectified())
+    assert any("px too low, corrected" in note for note in measure_depth(left, lower, known).match.notes)
+    with pytest.raises(ValueError, match="not rectified"):
+        measure_depth(left, lower, known, "fast")

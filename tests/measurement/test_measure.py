@@ -28,6 +28,7 @@ from stereolib.measurement.measure import measure_standing
 from stereolib.measurement.reasons import ScanFit
 from stereolib.measurement.standing import see_standing
 from stereolib.measurement.things import scanned_parts
+from stereolib.paper import rig_pose
 from stereolib.rig import rigid
 from stereolib.virtual import cube_scene, recordings
 
@@ -320,3 +321,20 @@ def test_a_calibration_in_centimetres_is_told():
     found = measure_objects(*pair, None, Instrument(tenth))
     assert any("9.3 mm apart" in text and "again with millimetres" in text for text in found.warnings)
     assert not any("mm apart" in text for text in measure_objects(*pair, None, Instrument(RECT)).warnings)
+
+
+@pytest.mark.parametrize(("higher_mm", "told"), [(0.0, False), (5.0, True)])
+def test_a_given_floor_that_is_not_the_one_seen_is_told(higher_mm, told):
+    pair = recordings.load_pair("conditions/texture")
+    seen = measure_objects(*pair, None, INSTRUMENT).floor
+    pose = rig_pose(RECT, pitch_rad=seen.pitch_rad, camera_height_mm=seen.camera_height_mm + higher_mm)
+    found = measure_objects(*pair, None, INSTRUMENT, floor=floor_from_pose(RECT, pose))
+    assert any("is not the one that the pictures show" in text for text in found.said) == told
+
+
+def test_what_is_no_scan_or_no_instrument_is_refused_at_once():
+    pair = recordings.load_pair("conditions/texture")
+    with pytest.raises(TypeError, match="a LaserScan or None, and an Instrument; got Instrument and AveragedScan"):
+        measure_objects(*pair, INSTRUMENT, scan_of())
+    with pytest.raises(TypeError, match="takes a RectifiedRig"):
+        Instrument(RECT.rig)

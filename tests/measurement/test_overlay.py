@@ -182,3 +182,9 @@ def test_a_line_of_no_pixels_and_an_empty_caption():
     with pytest.raises(ValueError, match="two pixels"):
         draw_length(picture, [(np.nan, 3.0), (20.0, 10.0)], "1 mm")
     assert add_caption(picture, "") is picture
+
+
+def test_a_grey_picture_gets_its_caption_too():
+    grey = np.full((60, 200), 90, np.uint8)
+    drawn = add_caption(grey, "grey")
+    assert drawn.shape[0] > 60 and drawn.shape[1:] == (200, 3) and (drawn[:60] == 90).all()

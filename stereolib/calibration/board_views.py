@@ -58,13 +58,23 @@ class BoardViews:
 
         Parameters
         ----------
-        indices : sequence of int
+        indices : sequence of int, or of bool
+            Their numbers, or for each pair if it is chosen.
 
         Returns
         -------
         BoardViews
+
+        Raises
+        ------
+        ValueError
+            If there is no pair of such an index, or not one bool for each pair.
         """
-        keep = list(indices)
+        try:
+            keep = np.arange(len(self))[list(indices)]
+        except IndexError as error:
+            wanted = f"pairs are chosen of {len(self)} by their indices, from 0, or by one bool for each"
+            raise ValueError(f"{wanted}: {error}") from error
         names = tuple(self.names[i] for i in keep)
         return replace(self, left_px=self.left_px[keep], right_px=self.right_px[keep], names=names)
 

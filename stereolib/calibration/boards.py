@@ -10,8 +10,8 @@ import numpy as np
 
 from stereolib.base import Float32
 
-_LEAST_SQUARE_MM = 1.0  # no camera sees a board of smaller ones at a distance: metres were given
-_MOST_SQUARE_MM = 1e6  # a kilometre: no board has larger ones
+_LEAST_EDGE_MM = 1.0  # no camera sees smaller squares or markers at a distance: metres were given
+_MOST_EDGE_MM = 1e6  # a kilometre: no board has larger squares
 _ASPECTS = (0.8, 1.25)  # printers stretch by a per cent, so that anything beyond is a slip
 
 
@@ -47,7 +47,7 @@ class Checkerboard:
         if self.columns == self.rows:
             why = f"a board of {self.columns}x{self.rows} inner corners looks the same after a quarter turn"
             raise ValueError(f"{why}: use one with different numbers of columns and rows")
-        _check_square(self.square_mm)
+        _check_edge(self.square_mm, "square")
         if not _ASPECTS[0] < self.aspect < _ASPECTS[1]:
             raise ValueError(f"a square's height over its width must be near 1, got {self.aspect}")
 
@@ -87,10 +87,11 @@ class Charuco:
         _check_counted(self.columns, self.rows)
         if self.columns < 2 or self.rows < 2:
             raise ValueError(f"a ChArUco board needs at least 2x2 inner corners, got {self.columns}x{self.rows}")
-        _check_square(self.square_mm)
+        _check_edge(self.square_mm, "square")
         if not 0 < self.marker_mm < self.square_mm < np.inf:
             why = "a marker must be smaller than its square, both in mm"
             raise ValueError(f"{why}, got {self.marker_mm} and {self.square_mm}")
+        _check_edge(self.marker_mm, "marker")
         if not hasattr(cv2.aruco, f"DICT_{self.dictionary}"):
             raise ValueError(f"unknown ArUco dictionary {self.dictionary!r}; one is called 5X5_100")
         needed = (self.columns + 1) * (self.rows + 1) // 2
@@ -125,13 +126,13 @@ def _check_counted(columns: int, rows: int) -> None:
         raise ValueError(f"inner corners are counted in whole numbers, got {columns!r} x {rows!r}")
 
 
-def _check_square(square_mm: float) -> None:
-    if not 0 < square_mm <= _MOST_SQUARE_MM:
-        most = f"{_MOST_SQUARE_MM:g} at most"
-        raise ValueError(f"the square's edge must be a positive number of mm, got {square_mm}; {most}")
-    if square_mm < _LEAST_SQUARE_MM:
-        meant = f"for {square_mm:g} m that is {1000 * square_mm:g}"
-        raise ValueError(f"the square's edge was given as {square_mm:g}, but millimetres are expected: {meant}")
+def _check_edge(edge_mm: float, what: str) -> None:
+    if not 0 < edge_mm <= _MOST_EDGE_MM:
+        most = f"{_MOST_EDGE_MM:g} at most"
+        raise ValueError(f"the {what}'s edge must be a positive number of mm, got {edge_mm}; {most}")
+    if edge_mm < _LEAST_EDGE_MM:
+        meant = f"for {edge_mm:g} m that is {1000 * edge_mm:g}"
+        raise ValueError(f"the {what}'s edge was given as {edge_mm:g}, but millimetres are expected: {meant}")
 
 
 def _grid(columns: int, rows: int, width_mm: float, height_mm: float) -> Float32:

@@ -146,6 +146,8 @@ def calibrate_stereo(views: BoardViews, *, model: str = "brown3", fixed: bool = 
     with more, whose minimum lies far along a flat valley; `RigFit.converged` says whether it was reached. OpenCV runs
     on one thread, so that the same corners always give the same rig.
     """
+    if len(views) and np.array_equal(views.left_px, views.right_px, equal_nan=True):
+        raise ValueError("left and right have the same corners: both are the same pictures. Give each camera's own")
     both = views.left_px, views.right_px
     left, right = (calibrate_camera(views.board, corners, views.size, model=model) for corners in both)
     R, T = _relative(views, left.camera, right.camera, _model(model)[1])

@@ -20,12 +20,15 @@ RANGE_MIN_MM, RANGE_MAX_MM = 60.0, 6000.0
 TRUSTED_MM = 3000.0  # the paper's limit: what is farther is not used
 #: Where the light leaves an XV-11: so far from its axis, in this direction, counter-clockwise from the beam.
 EMITTER_OFFSET_MM, EMITTER_ANGLE_RAD = 25.0, float(np.deg2rad(-82.0))
+_PAST_TURN = 0.5  # of an increment, that the last beam may lie past the first: printed increments are rounded
 _MOVED_MM = 25.0  # off the median of its beam a reading met what moves: above its noise within the trusted range
 
 
 @dataclass(frozen=True, eq=False)
 class LaserScan:
     """One turn of the laser; arrays are read-only.
+
+    A scan whose angles run clockwise, with a negative increment, is turned round: its last beam becomes the first.
 
     Attributes
     ----------
@@ -51,7 +54,8 @@ class LaserScan:
     Raises
     ------
     ValueError
-        If an array is not of one dimension, or they differ in length.
+        If an array is not of one dimension, or they differ in length; or if the increment is 0 or not finite, or takes
+        the beams round more than once.
     """
 
     ranges_mm: Float64
@@ -75,6 +79,10 @@ class LaserScan:
         if ranges.ndim != 1 or any(copy.shape != ranges.shape for copy in copies.values()):
             shapes = ", ".join(f"{name} {copy.shape}" for name, copy in copies.items())
             raise ValueError(f"a scan has one number a beam in each of its arrays, (n,), got {shapes}")
+        _check_increment(self.angle_increment_rad, len(ranges))
+        if self.angle_increment_rad < 0:
+            copies = {name: copy[::-1].copy() for name, copy in copies.items()}
+            set_frozen(self, angle_min_rad=self.angle_max_rad, angle_increment_rad=-self.angle_increment_rad)
         for copy in copies.values():
             copy.setflags(write=False)
         set_frozen(self, **copies)
@@ -121,6 +129,14 @@ class AveragedScan(LaserScan):
 
 
 _Scan = TypeVar("_Scan", bound=LaserScan)
+
+
+def _check_increment(increment_rad: float, beams: int) -> None:
+    if not np.isfinite(increment_rad) or increment_rad == 0:
+        raise ValueError(f"the angle between two beams must be a number of rad other than 0, got {increment_rad:g}")
+    if max(beams - 1 - _PAST_TURN, 1) * abs(increment_rad) > 2 * np.pi:
+        why = f"{counted(beams, 'beam')} at steps of {abs(increment_rad):g} rad are more than a turn"
+        raise ValueError(f"{why}: is angle_increment_rad in degrees, or another sensor's?")
 
 
 def check_firmware(readings: Readings, source: str = "the stream") -> None:

@@ -113,10 +113,12 @@ def take_scans(source: str | PathLike[str], count: int = 5) -> list[LaserScan]:
     Raises
     ------
     ValueError
-        If the recording holds no complete turn, or as `read_recording`.
+        If the count is less than 1, the recording holds no complete turn, or as `read_recording`.
     LidarError
         As `open_lidar`, if not even one turn came, or no three with lost packets.
     """
+    if count < 1:
+        raise ValueError(f"count must be 1 turn or more, got {count}")
     path = Path(source)
     if path.is_file() or path.is_fifo():
         if scans := [scan for scan in turns(read_recording(path)) if scan.complete][:count]:

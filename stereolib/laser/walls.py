@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from stereolib.base import Bools, Float64
 
 _REFITS = 50  # a line settles within a few; this stops one that swings between two sets of points
+_LEAST_EXTENT = 1e-9  # of the points' coordinates: nearer to each other they differ by rounding alone
 _TRIALS = 500  # random pairs per wall: a wall with a fifth of the points is missed once in 1e9 times
 
 
@@ -51,7 +52,11 @@ def _checked(points: ArrayLike, least: int) -> Float64:
 def _wall(p: Float64, inliers: Bools) -> Wall:
     """Total least squares."""
     centre = p[inliers].mean(axis=0)
-    normal = np.linalg.svd(p[inliers] - centre, full_matrices=False)[2][1]
+    _, extents, directions = np.linalg.svd(p[inliers] - centre, full_matrices=False)
+    if not extents[0] > _LEAST_EXTENT * np.abs(p[inliers]).max():
+        at = f"({centre[0]:g}, {centre[1]:g}) mm"
+        raise ValueError(f"all {inliers.sum()} points lie at {at}, through which any line goes: give more of the wall")
+    normal = directions[1]
     offset = float(normal @ centre)
     normal, offset = (normal, offset) if offset >= 0 else (-normal, -offset)
     return Wall(normal, offset, inliers, p @ normal - offset)
@@ -79,7 +84,7 @@ def fit_line(points: ArrayLike, threshold_mm: float = np.inf, start: Wall | None
     Raises
     ------
     ValueError
-        If there are fewer than two finite points, or fewer than two near the line.
+        If there are fewer than two finite points, or fewer than two near the line, or all of them at one place.
 
     Examples
     --------

@@ -95,9 +95,10 @@ class Readings:
     def __len__(self) -> int:
         return len(self.index)
 
-    def __getitem__(self, rows: slice) -> Readings:
-        """Some of the packets; the counters, which belong to the whole stream, become 0."""
-        return Readings(**{name: getattr(self, name)[rows] for name in _ARRAYS})
+    def __getitem__(self, rows: slice | int) -> Readings:
+        """Some of the packets, or one; the counters, which belong to the whole stream, become 0."""
+        kept = np.atleast_1d(np.arange(len(self))[rows])
+        return Readings(**{name: getattr(self, name)[kept] for name in _ARRAYS})
 
     @classmethod
     def build(
@@ -313,6 +314,8 @@ def join_readings(parts: Iterable[Readings]) -> Readings:
 
 def encode(readings: Readings) -> bytes:
     """Write the packets that the sensor would send for these readings; `decode` gives the same readings back.
+
+    But for the speed of older firmware: a packet holds no NaN, so that it comes back as 0.
 
     Parameters
     ----------

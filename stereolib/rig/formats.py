@@ -161,13 +161,17 @@ def load_ros(left: AnyPath, right: AnyPath) -> StereoRig:
     Raises
     ------
     ValueError
-        A file lacks something, its lens is not OpenCV's, or the pair is not of one rig; the file is named.
+        A file lacks something, its lens is not OpenCV's, both files are the same, or the pair is not of one rig; the
+        file is named.
 
     Notes
     -----
     The files hold no R and T but both rectifications: ``R = R2' R1`` and ``T = R2' inv(P2[:, :3]) P2[:, 3]``.
     """
     cameras, turns, shifts = [], [], []
+    if read_text(left) == read_text(right):
+        why = "both say the same, so that there is no baseline between the cameras"
+        raise ValueError(f"{left} and {right}: {why}; give the left camera's file and the right one's")
     for path in (left, right):
         info = read_yaml(path)
         with naming(path):
@@ -255,7 +259,7 @@ def load_kalibr(path: AnyPath) -> StereoRig:
         return StereoRig(cameras[0], cameras[1], T[:3, :3], T[:3, 3] * _MM_PER_M)
 
 
-def load_rig(*paths: AnyPath) -> StereoRig:
+def load_rig(*paths: AnyPath, size: tuple[int, int] | None = None, unit_mm: float = 1.0) -> StereoRig:
     """Read a rig from any of the files above, told apart by what they hold.
 
     Parameters
@@ -263,6 +267,10 @@ def load_rig(*paths: AnyPath) -> StereoRig:
     *paths : path
         One file (JSON of `StereoRig.save`, OpenCV, Kalibr), or two (ROS left and right, OpenCV intrinsics and
         extrinsics).
+    size : (width, height), px, optional
+        Of the images, as for `load_opencv`; all other files say it.
+    unit_mm : float
+        Length of one unit of T, mm, as for `load_opencv`; all other files have their own unit.
 
     Returns
     -------
@@ -271,7 +279,8 @@ def load_rig(*paths: AnyPath) -> StereoRig:
     Raises
     ------
     ValueError
-        If a file is of no kind that we read, or is damaged.
+        If a file is of no kind that we read, or is damaged; if there are two and the first is the whole rig; or if the
+        size or the unit is given for files that are not OpenCV's.
 
     Examples
     --------
@@ -283,16 +292,21 @@ def load_rig(*paths: AnyPath) -> StereoRig:
     if not 1 <= len(paths) <= 2:
         raise ValueError(f"a rig is kept in one file or two, got {len(paths)}")
     text = read_text(paths[0])
-    if "stereolib.rig/" in text:
-        return StereoRig.load(paths[0])
-    if "opencv" in text:
-        return load_opencv(*paths)
-    if "cam0:" in text:
-        return load_kalibr(paths[0])
-    if "camera_matrix" in text and len(paths) == 2:
+    is_ours = "stereolib.rig/" in text
+    if "opencv" in text and not is_ours:
+        return load_opencv(*paths, size=size, unit_mm=unit_mm)
+    is_whole = is_ours or "cam0:" in text
+    if not is_whole and not ("camera_matrix" in text and len(paths) == 2):
+        kinds = "the JSON of stereolib, OpenCV's YAML, a Kalibr camchain, or two camera_info files of ROS"
+        raise ValueError(f"{paths[0]} is no calibration that we read: expected {kinds}, left and right")
+    if size is not None or unit_mm != 1.0:
+        why = f"{paths[0]} says itself how large the images are and has its own unit"
+        raise ValueError(f"{why}: leave out size and unit_mm, which are for OpenCV's files")
+    if not is_whole:
         return load_ros(*paths)
-    why = f"{paths[0]} is no calibration that we read: expected the JSON of stereolib, OpenCV's YAML, a Kalibr camchain"
-    raise ValueError(f"{why}, or two camera_info files of ROS, left and right")
+    if len(paths) == 2:
+        raise ValueError(f"{paths[0]} holds the whole rig: leave out {paths[1]}")
+    return StereoRig.load(paths[0]) if is_ours else load_kalibr(paths[0])
 
 
 @contextmanager

@@ -26,6 +26,7 @@ _ROTATION_ATOL = 1e-6  # of R R' - 1: a float32 rotation passes, one printed wit
 #: Lenses stand farther apart: a shorter T is in metres, or of one camera twice. Even endoscopes have some millimetres.
 _LEAST_BASELINE_MM = 1.0
 _MOST_BASELINE_MM = 1e7  # ten kilometres
+_SAME_PX = 1e-6  # what differs by less was rounded
 _REMEDY = "`stereolib calibrate` makes a rig file (calibration.json)"
 RemapTables = tuple[npt.NDArray[np.int16], npt.NDArray[np.uint16]]
 
@@ -81,13 +82,15 @@ class StereoRig:
         """Fundamental matrix ``K_R^-T E K_L^-1``, not normalised: ``u_right^T F u_left = 0``. (3, 3)."""
         return np.asarray(np.linalg.inv(self.right.K).T @ self.E @ np.linalg.inv(self.left.K))
 
-    def rectify(self, alpha: float = 0.0) -> RectifiedRig:
+    def rectify(self, alpha: float = 0.0, *pictures: object) -> RectifiedRig:
         """Turn both cameras so that rows agree (Bouguet's method, `cv2.stereoRectify`).
 
         Parameters
         ----------
         alpha : float
             0 keeps only pixels that exist in both (the image is magnified), 1 keeps all.
+        *pictures : object
+            Refused: `RectifiedRig.rectify` turns pictures.
 
         Returns
         -------
@@ -96,8 +99,8 @@ class StereoRig:
         Raises
         ------
         ValueError
-            If alpha is out of range, the cameras look away from each other, or the right camera does not stand to the
-            right of the left one.
+            If alpha is no number or out of range, pictures are given, the cameras look away from each other, or the
+            right camera does not stand to the right of the left one.
 
         Examples
         --------
@@ -106,6 +109,9 @@ class StereoRig:
         >>> round(rectified.f_px), round(rectified.baseline_mm)
         (700, 90)
         """
+        if pictures or not isinstance(alpha, int | float | np.integer | np.floating):
+            why = "StereoRig.rectify takes alpha, a number, and makes the RectifiedRig"
+            raise ValueError(f"{why}: rig.rectify().rectify(left, right) turns pictures")
         if not 0 <= alpha <= 1:
             raise ValueError(f"alpha must lie between 0 (only valid pixels) and 1 (all pixels), got {alpha}")
         if self.R[2, 2] <= 0:
@@ -226,7 +232,7 @@ class RectifiedRig:
     Raises
     ------
     ValueError
-        If a matrix has another shape or is not finite.
+        If a matrix has another shape or is not finite, or P1 and P2 differ before their last column.
     """
 
     rig: StereoRig
@@ -239,6 +245,10 @@ class RectifiedRig:
     def __post_init__(self) -> None:
         shapes = {"R1": (3, 3), "R2": (3, 3), "P1": (3, 4), "P2": (3, 4), "Q": (4, 4)}
         set_frozen(self, **{name: finite_array(getattr(self, name), shape, name) for name, shape in shapes.items()})
+        if (off_px := np.abs(self.P1[:, :3] - self.P2[:, :3]).max()) > _SAME_PX:
+            why = f"P1 and P2 differ by {off_px:.3g} px before their last column, and depth = f B / disparity needs one"
+            remedy = "rectify with StereoRig.rectify, or cv2.stereoRectify(flags=cv2.CALIB_ZERO_DISPARITY)"
+            raise ValueError(f"{why} focal length and centre for both: {remedy}")
 
     @property
     def size(self) -> tuple[int, int]:

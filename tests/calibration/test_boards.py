@@ -189,6 +189,10 @@ def test_a_stretched_board_keeps_its_mean():
         ((1, 6, 25, 20), "at least 2x2 inner corners, got 1x6"),
         ((5.5, 4, 25, 18), "counted in whole numbers, got 5.5 x 4"),
         ((8, 5, 20, 25), "marker must be smaller than its square, both in mm, got 25 and 20"),
+        (
+            (8, 5, 25, 0.018),
+            "marker's edge was given as 0.018, but millimetres are expected: for 0.018 m that is 18",
+        ),
         ((8, 5, 25, 20, "9X9_1"), "unknown ArUco dictionary '9X9_1'"),
     ],
 )
@@ -219,6 +223,20 @@ def test_views_that_are_none_are_refused_by_name():
         replace(views, names=views.names[:3])
     with pytest.raises(ValueError, match=r"9x6 inner corners needs \(views, 54, 2\) of them, NaN .*\(5, 50, 2\)"):
         replace(views, right_px=views.right_px[:, :50])
+
+
+def test_pairs_are_chosen_by_index_or_mask():
+    views = corner_set(np.random.default_rng(4), pairs=5)
+    mask = np.array([False, True, False, False, True])
+    for chosen in (mask, mask.tolist(), [1, 4], np.array([1, 4]), range(1, 5, 3), (1, -1)):
+        some = views.only(chosen)
+        assert some.names == ("pair 02", "pair 05")
+        np.testing.assert_array_equal(some.left_px, views.left_px[[1, 4]])
+        np.testing.assert_array_equal(some.right_px, views.right_px[[1, 4]])
+    assert len(views.only([])) == len(views.only([False] * 5)) == 0
+    for wrong in ([0, 5], [-6], [True] * 4, [True] * 6, [0.5]):
+        with pytest.raises(ValueError, match="pairs are chosen of 5 by their indices, from 0, or by one bool for each"):
+            views.only(wrong)
 
 
 def test_refuses_a_senseless_aspect():

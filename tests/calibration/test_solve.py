@@ -146,6 +146,14 @@ def test_left_and_right_exchanged(exact):
         calibrate_stereo(views)
 
 
+def test_left_and_right_the_same(exact):
+    corners = exact.left_px.copy()
+    corners[2, 5] = np.nan
+    views = BoardViews(BOARD, exact.size, corners, corners.copy(), exact.names, ())
+    with pytest.raises(ValueError, match="both are the same pictures"):
+        calibrate_stereo(views)
+
+
 def test_the_same_rig_comes_from_any_number_of_threads(recorded):
     some, before, found = recorded.only(range(0, len(recorded), 2)), cv2.getNumThreads(), []
     try:

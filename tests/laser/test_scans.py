@@ -1,5 +1,7 @@
 """Turns, their average, the gate, and what moves between turns, against known truth."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -87,6 +89,52 @@ def test_no_reading_is_lost_or_moved_by_turns(seed):
     for s in scans:  # 1000 + b mm: the beam's own angle is in its reading
         beams = np.flatnonzero(np.isfinite(s.ranges_mm))
         np.testing.assert_array_equal((s.ranges_mm[beams] - 1000) % 360, beams)
+
+
+def test_a_clockwise_scan_is_turned_round():
+    ranges = np.full(270, 2000.0)
+    ranges[80:100] = 700
+    ranges[7] = np.nan
+    step = np.deg2rad(1.0)
+    forward = laser.LaserScan(ranges, np.arange(270.0), angle_min_rad=-1.0, angle_increment_rad=step)
+    back = laser.LaserScan(
+        ranges[::-1], np.arange(270.0)[::-1], angle_min_rad=forward.angle_max_rad, angle_increment_rad=-step
+    )
+    assert (back.angle_increment_rad, back.angle_min_rad) == (step, pytest.approx(-1.0))
+    assert back.angle_max_rad == pytest.approx(forward.angle_max_rad)
+    np.testing.assert_array_equal(back.ranges_mm, forward.ranges_mm)
+    np.testing.assert_array_equal(back.intensities, forward.intensities)
+    np.testing.assert_allclose(laser.points_mm(back), laser.points_mm(forward), atol=1e-9)
+    found = [[(part.kind, part.beams.tolist()) for part in laser.find_segments(one)] for one in (back, forward)]
+    assert found[0] == found[1] and len(found[0]) == 3
+    with pytest.raises(ValueError, match="read-only"):
+        back.ranges_mm[0] = 0
+
+
+def test_an_average_is_turned_round_with_all_its_arrays():
+    mean = laser.average([scan(1000 + k * np.arange(360.0)) for k in (0, 1, 2)])
+    arrays = {name: value[::-1] for name, value in vars(mean).items() if isinstance(value, np.ndarray)}
+    turned = {"angle_min_rad": mean.angle_max_rad, "angle_increment_rad": -mean.angle_increment_rad}
+    back = replace(mean, **arrays, **turned)
+    for name in arrays:
+        np.testing.assert_array_equal(getattr(back, name), getattr(mean, name))
+    assert {"spread_mm", "still_spread_mm", "count", "dropout"} < arrays.keys()
+
+
+@pytest.mark.parametrize("step", [0.0, np.nan, np.inf, -np.inf])
+def test_beams_without_an_angle_between_them_are_refused(step):
+    with pytest.raises(ValueError, match=r"must be a number of rad other than 0, got (0|nan|-?inf)"):
+        scan(np.ones(360), angle_increment_rad=step)
+
+
+@pytest.mark.parametrize("step", [1.0, -1.0])
+def test_more_than_a_turn_is_refused(step):
+    with pytest.raises(ValueError, match=r"360 beams at steps of 1 rad are more than a turn: .* in degrees"):
+        scan(np.ones(360), angle_increment_rad=step)
+    with pytest.raises(ValueError, match="1 beam at steps of 7 rad"):
+        scan([900.0], angle_increment_rad=7 * step)
+    both_ends = np.float32(2 * np.pi / 359)  # as ROS drivers send it: the last beam is the first again
+    assert len(scan(np.ones(360), angle_increment_rad=float(both_ends)).ranges_mm) == 360
 
 
 def test_the_hand_moves_and_the_walls_do_not(recording):

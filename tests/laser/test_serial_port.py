@@ -266,6 +266,15 @@ def test_take_needs_a_whole_turn(tmp_path):
         laser.take_scans(path)
 
 
+@pytest.mark.parametrize("count", [0, -1])
+def test_take_needs_a_count(count, tmp_path):
+    path = tmp_path / "long.bin"
+    path.write_bytes(turning(3))
+    for source in (path, "socket://127.0.0.1:9"):
+        with pytest.raises(ValueError, match=f"count must be 1 turn or more, got {count}"):
+            laser.take_scans(source, count)
+
+
 def lossy(turns, lost_every):
     """A schedule of turns in which every so many-th packet is missing."""
     packets = list(emulator.replay(turning(turns)))

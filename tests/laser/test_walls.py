@@ -75,3 +75,11 @@ def test_line_at_right_angles_not_along_y():
         laser.fit_line([[1, 2]])
     with pytest.raises(ValueError, match="walls found"):
         laser.fit_walls(with_outlier[:20], 4, rng=np.random.default_rng(0))
+
+
+@pytest.mark.parametrize("place", [[0.0, 0.0], [900.1, -300.7]])
+def test_points_at_one_place_are_no_line(place):
+    with pytest.raises(ValueError, match=r"all 3 points lie at .* through which any line goes"):
+        laser.fit_line([place] * 3)
+    line = laser.fit_line([place, [place[0], place[1] + 0.001]])
+    np.testing.assert_allclose(np.abs(line.normal), [1, 0], atol=1e-6)

@@ -134,6 +134,16 @@ def test_invalid_readings_keep_error_code_strength_and_warning():
     assert r.warning.tolist() == [[False, True, True, False]]
 
 
+def test_one_packet_is_a_row():
+    r = laser.Readings.build([3, 4, 5], np.arange(12.0).reshape(3, 4), 9)
+    for one in (r[1], r[-2], r[np.int64(1)]):
+        assert (len(one), one.good, one.index.tolist()) == (1, 0, [4])
+        assert laser.encode(one) == laser.encode(r[1:2])
+    assert [one.index.tolist() for one in r] == [[3], [4], [5]]
+    with pytest.raises(IndexError):
+        r[3]
+
+
 def test_real_recording(recording):
     r = laser.decode(recording)
     assert counters(r) == (11451, 1, 202, 512, 0)

@@ -281,6 +281,19 @@ def test_two_left_cameras_are_no_rig(tmp_path: Path) -> None:
     left, _ = formats.save_ros(tmp_path / "left.yaml", tmp_path / "right.yaml", paper_rig())
     with pytest.raises(ValueError, match="no baseline"):
         formats.load_ros(left, left)
+    other = tmp_path / "other.yaml"
+    other.write_text(left.read_text().replace("camera_name: left", "camera_name: other"))
+    with pytest.raises(ValueError, match="holds no baseline"):
+        formats.load_ros(left, other)
+
+
+def test_one_file_twice_is_no_rig(tmp_path: Path) -> None:
+    _, right = formats.save_ros(tmp_path / "left.yaml", tmp_path / "right.yaml", paper_rig())
+    copy = tmp_path / "copy.yaml"
+    copy.write_text(right.read_text())
+    for again in (right, copy):
+        with pytest.raises(ValueError, match=rf"right\.yaml and .*{again.name}: both say the same"):
+            formats.load_rig(right, again)
 
 
 def test_matlab_without_a_field_says_which() -> None:
@@ -299,3 +312,27 @@ def test_one_file_or_two(tmp_path: Path) -> None:
         formats.load_rig("a", "b", "c")
     with pytest.raises(ValueError, match=r"nowhere\.yaml: no such file"):
         formats.load_rig(tmp_path / "nowhere.yaml")
+
+
+def test_a_second_file_beside_a_whole_rig_is_refused(tmp_path: Path) -> None:
+    rig = StereoRig(*(Camera(paper_rig().left.K, [], (640, 480)),) * 2, np.eye(3), np.array([-90.0, 0.0, 0.0]))
+    for path in (rig.save(tmp_path / "rig.json"), formats.save_kalibr(tmp_path / "chain.yaml", rig)):
+        with pytest.raises(ValueError, match=rf"{path.name} holds the whole rig: leave out .*such"):
+            formats.load_rig(path, "/no/such")
+
+
+def test_size_and_unit_go_to_opencvs_files_alone(tmp_path: Path) -> None:
+    rig = paper_rig()
+    path = formats.save_opencv(tmp_path / "rig.yml", StereoRig(rig.left, rig.right, rig.R, rig.T))
+    kept = [line for line in path.read_text().splitlines() if not line.startswith("image_")]
+    path.write_text("\n".join(kept) + "\n")
+    with pytest.raises(ValueError, match=r"pass size=\(width, height\)"):
+        formats.load_rig(path)
+    read = formats.load_rig(path, size=(640, 480), unit_mm=10.0)
+    assert_same(StereoRig(rig.left, rig.right, rig.R, 10 * rig.T), read)
+    ros = formats.save_ros(tmp_path / "left.yaml", tmp_path / "right.yaml", rig)
+    for files in ([rig.save(tmp_path / "rig.json")], ros):
+        with pytest.raises(ValueError, match="leave out size and unit_mm"):
+            formats.load_rig(*files, size=(640, 480))
+        with pytest.raises(ValueError, match="leave out size and unit_mm"):
+            formats.load_rig(*files, unit_mm=1000.0)

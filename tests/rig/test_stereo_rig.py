@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from stereolib.paper import paper_rig
-from stereolib.rig import Camera, StereoRig
+from stereolib.rig import Camera, RectifiedRig, StereoRig
 
 
 @pytest.fixture(scope="module")
@@ -177,6 +177,28 @@ def test_a_baseline_in_metres_is_refused(rig, T, tmp_path):
     with pytest.raises(ValueError, match=r"metres\.json.*no two lenses stand so near.*metres times 1000"):
         StereoRig.load(path)
     assert StereoRig(rig.left, rig.right, rig.R, [-1.0, 0, 0]).baseline_mm == 1
+
+
+def test_centres_that_differ_are_refused(rig):
+    lenses = rig.left.K, rig.left.dist, rig.right.K, rig.right.dist, rig.left.size, rig.R, rig.T[:, None]
+    for flags in (0, cv2.CALIB_ZERO_DISPARITY):
+        R1, R2, P1, P2, Q, *_ = cv2.stereoRectify(*lenses, flags=flags, alpha=0)
+        if flags:
+            assert RectifiedRig(rig, R1, R2, P1, P2, Q).baseline_mm == pytest.approx(rig.baseline_mm)
+            continue
+        off_px = abs(P1[0, 2] - P2[0, 2])
+        assert off_px > 1
+        with pytest.raises(ValueError, match=rf"P1 and P2 differ by {off_px:.3g} px .*StereoRig\.rectify, .*ZERO_DISP"):
+            RectifiedRig(rig, R1, R2, P1, P2, Q)
+
+
+def test_a_rig_turns_no_pictures(rig):
+    picture = np.zeros((480, 640), np.uint8)
+    for pictures in ((picture, picture), (picture,), (0.0, picture), ("0",), (None,)):
+        with pytest.raises(ValueError, match=r"makes the RectifiedRig: rig\.rectify\(\)\.rectify\(left, right\) turns"):
+            rig.rectify(*pictures)
+    for alpha in (0, np.float32(0), np.int64(0)):
+        np.testing.assert_array_equal(rig.rectify(alpha).P1, rig.rectify().P1)
 
 
 @pytest.mark.parametrize("T", [[93.0, 1, 0], [-1.0, 93, 0]])

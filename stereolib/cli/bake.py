@@ -15,7 +15,9 @@ elsewhere. Open FOLDER/index.html in a browser, or put the folder on any web ser
 
 
 def _configure(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("folder", type=Path, nargs="?", metavar="FOLDER", help="default: build/explore")
+    parser.add_argument(
+        "folder", type=Path, nargs="?", metavar="FOLDER", help="default: build/explore in the project's folder"
+    )
     parser.add_argument("--force", action="store_true", help="replace files that are there")
 
 
@@ -47,5 +49,5 @@ BAKE = Command(
     run=_run,
     configure=_configure,
     notes=_NOTES,
-    interrupted="the pages that were finished are whole",
+    interrupted="pages that were finished are whole; run it again, with --force if there are any",
 )

@@ -117,7 +117,7 @@ DATA = Command(
             "stereolib data walk walk",
             _walk,
             _configure_walk,
-            interrupted="files that were written stay; run it again with --force",
+            interrupted="files that were written stay; run it again, with --force if there are any",
         ),
     ),
 )

@@ -293,5 +293,5 @@ MAP = Command(
     _run,
     _configure,
     notes=_NOTES,
-    interrupted="files that were written stay; run it again with --force",
+    interrupted="files that were written stay; run it again, with --force if there are any",
 )

@@ -28,9 +28,6 @@ _FLOOR_STD = (1.0, 0.2)  # mm, degrees: what a ruler and a phone's level tell
 _STEEPEST = 90.0  # degrees
 _LAST_PX = 2**15  # no picture is larger
 _LEAST_MM = 15.0  # above its floor: half of the smallest webcam; 8.5 was meant in centimetres
-_TALL_MM = 1000.0  # from there on tenths are not told
-_MOST_TIMES = 3.0  # as high or low as the pictures show it, a floor is no slip of a ruler
-_OTHER_FLOOR = 16.3  # squared deviations of three numbers, which chance passes once in 1,000
 #: Below a picture: whose pixels are its own.
 _BLACK, _RED = "#000000", "#b00000"
 _AS_GIVEN = "LEFT as the camera gave it: pixels for --between"
@@ -121,14 +118,12 @@ def _run(arguments: argparse.Namespace) -> int:
     first = said_of(arguments.calibration)
     try:
         with named(*files):
-            if floor is not None and (text := otherwise_seen(pair, floor)):
-                first.append(text)
             measured = measure_objects(*pair, scan, instrument, floor=floor)
     except ValueError as error:
         if not isinstance(error.__cause__ or error, CannotMeasure):
             raise
         raise Refused(str(error)) from error
-    measured = replace(measured, said=(*first, *measured.said))
+    measured, first = replace(measured, said=(*first, *measured.said)), [*first, *measured.doubts]
     key = [_READINGS, _HIDDEN] if len(measured.scan_mm) else [_HIDDEN]
     about = [*_size_lines(measured), *_warning_lines(measured.warnings)]
     lines = [*about, *((text, _BLACK) for text in (SIZES, "; ".join(key), _RECTIFIED))]
@@ -213,39 +208,6 @@ def floor_by_hand(rectified: RectifiedRig, numbers: tuple[float, ...]) -> Floor:
     (height, _), (pitch, std) = numbers[::2], np.radians(numbers[1::2]).tolist()
     pose = rigid(rectified.R1.T, np.zeros(3)) @ pose_left_world(pitch, height)
     return floor_from_pose(rectified, pose, height_std_mm=numbers[2], pitch_std_rad=std, roll_std_rad=std)
-
-
-def otherwise_seen(pair: tuple[UInt8, UInt8], floor: Floor) -> str:
-    """What is to be said where the pictures show another floor than the one given, or none; "" where they show it."""
-    import numpy as np
-
-    from stereolib.measurement import CannotMeasure, Views, find_floor
-
-    views = Views.of(*pair, floor.rectified)
-    try:
-        seen = find_floor(views, floor.rectified)
-    except CannotMeasure:
-        if not views.rows.is_known:
-            text = "rows of the two pictures that belong together are not found: what is measured is left to chance"
-            return f"{text}. See that both are of this rig and moment, left and right; else calibrate again"
-        return "the pictures do not show whether --floor is right: heights are as true as it is"
-    off = seen.plane - floor.plane
-    if off @ np.linalg.solve(seen.covariance + floor.covariance, off) < _OTHER_FLOOR:
-        return ""
-    text = f"--floor contradicts the pictures: they show a floor {_told(seen)}; given is {_told(floor)}"
-    text += ". Leave it away, or correct it"
-    if abs(math.log(seen.camera_height_mm / floor.camera_height_mm)) > math.log(_MOST_TIMES):
-        raise ValueError(f"{text}: millimetres are asked for")
-    return text
-
-
-def _told(floor: Floor) -> str:
-    """Where a floor lies, in words."""
-    import numpy as np
-
-    high, way = floor.camera_height_mm, "up" if floor.pitch_rad >= 0 else "down"
-    below = f"{high:.{0 if high >= _TALL_MM else 1}f} mm below the camera"
-    return f"{below}, which looks {abs(np.degrees(floor.pitch_rad)):.1f} degrees {way}"
 
 
 def measured_facts(measured: Measurement) -> dict[str, Any]:

@@ -162,22 +162,25 @@ class Instrument:
             said.append(f"the calibration has the cameras {apart_mm:.1f} mm apart: {why}")
         return tuple(filter(None, said))
 
-    def turned_unseen(self, depth_mm: float) -> str:
+    def turned_unseen(self, depth_mm: float, *, is_opposed: bool = False) -> str:
         """Say what a camera that was turned sideways changes, which nothing in a pair shows.
 
         Parameters
         ----------
         depth_mm : float
             Of what is measured.
+        is_opposed : bool
+            A scan agrees with nothing in the pair, and is left out.
 
         Returns
         -------
         str
         """
         pct = 100 * depth_mm / (self.rectified.f_px * self.rectified.baseline_mm)
+        shown = "that may be what the scan opposes" if is_opposed else "nothing here shows it"
         return (
-            "sizes are the pair's alone: if a camera was turned sideways since its calibration, nothing here shows it; "
-            f"each pixel of it changes them by {pct:.1f} %, which is not in their intervals"
+            f"sizes are the pair's alone: if a camera was turned sideways since its calibration, {shown}; each pixel "
+            f"of it changes them by {pct:.1f} %, which is not in their intervals"
         )
 
     @classmethod

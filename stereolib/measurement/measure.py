@@ -57,6 +57,8 @@ class Measurement:
         NaN where nothing was matched.
     scan_fit : ScanFit
         Whether the scan is of what the pictures show: where it opposes them, it tells no place of theirs.
+    doubts : tuple of str
+        Of `said`, what makes all sizes doubtful: a given floor that is not the one seen, a scan that opposes the pair.
     """
 
     objects: tuple[MeasuredObject, ...]
@@ -68,6 +70,7 @@ class Measurement:
     right: UInt8
     disparity_px: Float32
     scan_fit: ScanFit = ScanFit.UNTOLD
+    doubts: tuple[str, ...] = ()
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -153,9 +156,10 @@ def measure_standing(standing: Standing, scan: LaserScan | None) -> Measurement:
         warnings.append(f"nothing stands on the floor within {reach}")
     laser = judged.solution.on_floor(priors.laser)
     readings = NOWHERE if scan is None else laser.points_mm(points_mm(scan))
-    warnings += [*unlike, *elsewhere, *_said_of_the_rig(views, judged, nearest_mm(judged, things), instrument)]
+    warnings += [*unlike, *elsewhere, *_said_of_the_rig(views, judged, nearest_mm(judged, things), instrument, fit)]
     pictures = views.left, views.right, views.disparity_px
-    return Measurement(tuple(objects), tuple(warnings), standing.floor, laser, readings, *pictures, fit)
+    doubts = (*standing.said, *elsewhere)
+    return Measurement(tuple(objects), tuple(warnings), standing.floor, laser, readings, *pictures, fit, doubts)
 
 
 def disagreement(item: MeasuredObject, name: str = "") -> str:
@@ -213,12 +217,12 @@ def _off(value_mm: float, std_mm: float, first: str, second: str) -> str:
     return f"{abs(value_mm):.0f} ± {std_mm:.0f} mm {first if value_mm >= 0 else second}"
 
 
-def _said_of_the_rig(views: Views, judged: Judged, near_mm: float, instrument: Instrument) -> list[str]:
+def _said_of_the_rig(views: Views, judged: Judged, near_mm: float, instrument: Instrument, fit: ScanFit) -> list[str]:
     """What has moved since its calibration, and what nobody could tell."""
     by_chance, solution = _said_of_matches(views), judged.solution
     said = [*(by_chance or views.rows.warnings), *instrument.warnings]  # rows matched by chance tell nothing
     if np.isfinite(near_mm) and not judged.scanned:
-        said.append(instrument.turned_unseen(near_mm))
+        said.append(instrument.turned_unseen(near_mm, is_opposed=fit is ScanFit.OPPOSES))
     if instrument.lidar is None and judged.scanned:
         (x, y, yaw, _), std = solution.laser, solution.laser_std
         place = f"{_off(x, std[0], 'ahead', 'behind')}, {_off(y, std[1], 'to the left', 'to the right')}"

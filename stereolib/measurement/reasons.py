@@ -81,7 +81,8 @@ class ScanFit(Enum):
     AGREES = "the scan shows an object where the pictures do"
     OPPOSES = (
         "the scan agrees with nothing that the pictures show: is it of this place and moment, its distances in mm, its "
-        "angles in degrees, counter-clockwise, 0 where the cameras look?"
+        "angles in degrees, counter-clockwise, 0 where the cameras look? Or was a camera turned sideways (stereolib "
+        "check tells)?"
     )
     UNTOLD = "no object is shown by both"
 

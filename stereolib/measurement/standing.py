@@ -23,7 +23,10 @@ from stereolib.rig import pose_left_world, rigid
 _BELOW = LaserOnFloor(np.eye(2), np.zeros(2), np.diag([50.0**2, 50.0**2, np.radians(5.0) ** 2, LASER_SCALE_STD**2]))
 _LASER_ABOVE_FLOOR_MM = 100.0  # where no floor is seen; the scan's sizes do not depend on it
 _LEAST_STD = 1e-5  # of what a calibration knows, px or mm
-_OTHER_FLOOR_PX, _OTHER_FLOOR_STDS = 0.5, 4.0  # of disparity: a floor farther from the one seen is another
+_TALL_MM = 1000.0  # from there on tenths are not told
+_MOST_TIMES = 3.0  # as high or low as the pictures show it, a floor is no slip of a ruler
+_COMMON_PX = 0.3  # of all disparities, by which a calibration may have the floor seen elsewhere
+_OTHER_FLOOR = 16.3  # squared deviations of three numbers, which chance passes once in 1,000
 _ASKED = 60  # pixels of objects, what the calibration leaves open there
 _CALIBRATED = [2, 3, 0]  # of offset, rows, focal length and baseline: in the order of `SystematicUncertainty`
 
@@ -46,7 +49,7 @@ class Standing:
     boxes : tuple of Pictured or CannotMeasure
         Each region as a box, or why it is none.
     said : tuple of str
-        That the pictures show another floor than the one that was given.
+        That the pictures show another floor than the one that was given, or none.
     """
 
     views: Views
@@ -73,6 +76,11 @@ def see_standing(views: Views, instrument: Instrument, *, floor: Floor | None = 
     Returns
     -------
     Standing
+
+    Raises
+    ------
+    ValueError
+        If the pictures show a floor three times as high or low as the one that was given.
     """
     no_floor, regions, given = None, list[ObjectRegion](), floor
     views = replace(views, pair=replace(views.pair, errors=instrument.uncertainty.errors))
@@ -83,27 +91,37 @@ def see_standing(views: Views, instrument: Instrument, *, floor: Floor | None = 
         no_floor = error
     priors = scene_priors(views, instrument, floor or _floor_below(instrument), regions)
     boxes = tuple(_box(views, priors, region) for region in regions)
-    said = () if given is None else _against_pictures(given, views, instrument)
+    said = () if given is None else _against_pictures(given, views)
     return Standing(views, instrument, priors, floor, no_floor, tuple(regions), boxes, said)
 
 
-def _against_pictures(given: Floor, views: Views, instrument: Instrument) -> tuple[str, ...]:
-    """That the pictures show another floor, at the foot of the left one or half-way down."""
+def _against_pictures(given: Floor, views: Views) -> tuple[str, ...]:
+    """That the pictures show another floor than the one given, or none."""
     try:
-        seen = find_floor(views, instrument.rectified)
+        seen = find_floor(views, given.rectified)
     except CannotMeasure:
+        if views.rows.is_known:
+            return ("the pictures do not show whether the given floor is right: heights are as true as it is",)
+        text = "rows of the two pictures that belong together are not found: what is measured is left to chance"
+        return (f"{text}. See that both are of this rig and moment, left and right; else calibrate again",)
+    off = seen.plane - given.plane
+    known = seen.covariance + given.covariance + np.diag([0.0, 0.0, _COMMON_PX**2])
+    if off @ np.linalg.solve(known, off) < _OTHER_FLOOR:
         return ()
-    height, width = views.disparity_px.shape
-    points = np.array([[u, v, 1.0] for v in (height / 2, height) for u in (0, width)])
-    off_px = np.abs(points @ (given.plane - seen.plane))
-    std_px = np.sqrt(np.einsum("ni,ij,nj->n", points, given.covariance + seen.covariance, points))
-    if not (off_px > np.maximum(_OTHER_FLOOR_PX, _OTHER_FLOOR_STDS * std_px)).any():
-        return ()
-    told = [f"{f.camera_height_mm:.0f} mm below the camera, pitch {np.degrees(f.pitch_rad):.1f}" for f in (given, seen)]
-    return (
-        f"the floor that was given ({told[0]} degrees) is not the one that the pictures show ({told[1]} degrees): "
-        "leave it out, or tell how well it is known",
-    )
+    text = f"the given floor contradicts the pictures: they show a floor {_told(seen)}; given is {_told(given)}"
+    text += ". Leave it away, or correct it"
+    if given.pitch_rad * seen.pitch_rad < 0:
+        text += "; is its pitch's sign right?"
+    if abs(np.log(seen.camera_height_mm / given.camera_height_mm)) > np.log(_MOST_TIMES):
+        raise ValueError(f"{text}: millimetres are asked for")
+    return (text,)
+
+
+def _told(floor: Floor) -> str:
+    """Where a floor lies, in words."""
+    high, way = floor.camera_height_mm, "up" if floor.pitch_rad >= 0 else "down"
+    below = f"{high:.{0 if high >= _TALL_MM else 1}f} mm below the camera"
+    return f"{below}, which looks {abs(np.degrees(floor.pitch_rad)):.1f} degrees {way}"
 
 
 def _box(views: Views, priors: Priors, region: ObjectRegion) -> Pictured | CannotMeasure:

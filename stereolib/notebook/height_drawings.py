@@ -92,7 +92,8 @@ def draw_recipe(pitch_deg: float, tolerance_px: float, rows: int, dilate_px: int
     fall = _fall_px(view)
     text = f"camera {view.camera_height_mm / 10:.1f} cm up; up the edge its disparity "
     text += f"{'falls' if fall > 0 else 'rises'} by {abs(fall):.1f} px; "
-    text += f"{result.mask.sum()} pixels count, rows {result.top_row} to {result.foot_row}: "
+    count = int(result.mask.sum())
+    text += f"{count} pixel{'s count' if count != 1 else ' counts'}, rows {result.top_row} to {result.foot_row}: "
     text += f"the recipe reads {result.height_mm / 10:.1f} cm, the top pixel's own depth {ray_mm / 10:.1f} cm, "
     return picture, text + f"true are {paper.paper_setup().side_mm / 10:.1f} cm"
 

@@ -91,7 +91,7 @@ def test_a_floor_by_hand_that_the_pictures_contradict_is_said(files, capsys):
     for off_deg, said in ((0.0, False), (1.5, True)):
         run(files, f"--floor={height:.1f},{pitch + off_deg:.2f}", "--json", "--force")
         warnings = json.loads(capsys.readouterr().out)["warnings"]
-        assert any("--floor contradicts the pictures" in text for text in warnings) is said
+        assert any("the given floor contradicts the pictures" in text for text in warnings) is said
     assert run(files, f"--floor={height / 5:.1f},{pitch:.2f}", "--force") == 2
     said = capsys.readouterr().err
     assert "millimetres are asked for" in said and f"{height / 5:.1f} mm below" in said and "degrees up" in said

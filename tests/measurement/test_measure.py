@@ -329,7 +329,7 @@ def test_a_given_floor_that_is_not_the_one_seen_is_told(higher_mm, told):
     seen = measure_objects(*pair, None, INSTRUMENT).floor
     pose = rig_pose(RECT, pitch_rad=seen.pitch_rad, camera_height_mm=seen.camera_height_mm + higher_mm)
     found = measure_objects(*pair, None, INSTRUMENT, floor=floor_from_pose(RECT, pose))
-    assert any("is not the one that the pictures show" in text for text in found.said) == told
+    assert any("the given floor contradicts the pictures" in text for text in found.doubts) == told
 
 
 def test_what_is_no_scan_or_no_instrument_is_refused_at_once():

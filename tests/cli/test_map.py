@@ -141,7 +141,7 @@ def test_ctrl_c_says_that_what_was_written_stays(tmp_path, monkeypatch, capsys, 
     monkeypatch.setattr(walk_folder, "write_walk", interrupt)
     monkeypatch.setattr(map_command, "_stations", interrupt)
     assert run(*words) == 130
-    assert "interrupted; files that were written stay; run it again, with --force if there are any" in capsys.readouterr().err
+    assert "files that were written stay; run it again, with --force if there are any" in capsys.readouterr().err
 
 
 def test_poses_of_a_map_have_no_minus_at_zero():

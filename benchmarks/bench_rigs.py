@@ -27,7 +27,7 @@ from tqdm.auto import tqdm
 from stereolib.base import ROOT, write_atomic
 from stereolib.reproduction import code_sha256
 
-SCENES_A_ROW, QUICK = 160, 20  # and of some rows as many times
+SCENES_A_ROW, QUICK = 160, 20  # of rows with `Row.times` so many times as many
 ROOMS = ("base", "rig", "laser", "calibration", "matching", "measurement", *PAPER_RIG, "virtual")
 INTERVAL_STDS = 1.96  # of a 95 % interval
 Kept = dict[tuple[str, int], Told]  # by row and scene

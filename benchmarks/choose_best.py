@@ -66,8 +66,9 @@ knobs of ``PATHS`` are now chosen with it, and with holes filled as they were th
 tried.
 
 The rival's settings are chosen by the first two measures on the same scenes, whole, from ``RIVAL``, its penalties as
-one; its lines are in ``results/choose_rival.csv``, `rivals.CHOSEN` is what came out. It sees grey: colours, its
-penalties three times as large, took the mean of every second scene from 6.00 to 5.98 %, which is within the plateau.
+one; its lines are in ``results/choose_rival.csv``, `rivals.CHOSEN` is what came out. ``check_px`` is OpenCV's own
+left-right check, -1 none: what was tried before it could be left out stands there with 1, as which OpenCV took -1.
+It sees grey: colours, its penalties three times as large, took the mean of every second scene from 6.00 to 5.98 %, which is within the plateau.
 
 Every setting tried becomes a line of its file as soon as it is measured; called again, the script goes on from there.
 The defaults of `CensusSGM` and the constants of `pipelines` are copied from what it prints; a test goes through the
@@ -174,7 +175,8 @@ RIVAL: dict[str, tuple[Any, ...]] = {
     "pre_filter_cap": (63, 31, 15),
     "check_px": (1, -1),
 }
-RIVAL_KNOBS = [("block_size",), ("p1_times", "p2_times"), *((name,) for name in [*RIVAL][3:])]
+RIVAL_KNOBS = [("block_size",), ("p1_times", "p2_times"), ("speckle_px",), ("median_px",), ("pre_filter_cap",)]
+RIVAL_KNOBS += [("check_px",)]
 PLATEAU = 1.01  # times the least
 MIDDLE = (120, 360)  # the rows that were matched for the first file: half the time
 FILE, COARSE_FILE = RESULTS / "choose_best.csv", RESULTS / "choose_coarse.csv"

@@ -161,10 +161,8 @@ def filled_out(
         ``<condition>_pct``: of those of one map, the share that is right afterwards.
     """
     deviating = {name: kinds["hole"] | kinds["below"] | kinds["above"] for name, kinds in found.items()}
-    count, alike = (
-        sum(int(mask.sum()) for mask in masks)
-        for masks in (deviating.values(), (kinds["alike"] for kinds in found.values()))
-    )
+    count = sum(int(mask.sum()) for mask in deviating.values())
+    alike = sum(int(kinds["alike"].sum()) for kinds in found.values())
     right = {f"{name}_pct": right_pct(after, truth_px, deviating[name]) for name, after in after_px.items()}
     return {"deviating_pct": 100 * count / (count + alike)} | right
 

@@ -68,7 +68,8 @@ tried.
 The rival's settings are chosen by the first two measures on the same scenes, whole, from ``RIVAL``, its penalties as
 one; its lines are in ``results/choose_rival.csv``, `rivals.CHOSEN` is what came out. ``check_px`` is OpenCV's own
 left-right check, -1 none: what was tried before it could be left out stands there with 1, as which OpenCV took -1.
-It sees grey: colours, its penalties three times as large, took the mean of every second scene from 6.00 to 5.98 %, which is within the plateau.
+It sees grey: colours, its penalties three times as large, took the mean of every second scene from 6.00 to 5.98 %,
+which is within the plateau.
 
 Every setting tried becomes a line of its file as soon as it is measured; called again, the script goes on from there.
 The defaults of `CensusSGM` and the constants of `pipelines` are copied from what it prints; a test goes through the

@@ -10,7 +10,7 @@ import numpy as np
 
 from stereolib.base import Float64
 from stereolib.calibration.bundle_adjustment import project_with_derivatives
-from stereolib.calibration.uncertainty import left_grid, triangulation_jacobian
+from stereolib.calibration.uncertainty import left_grid, row_jacobian, triangulation_jacobian
 from stereolib.rig import Camera, RectifiedRig
 
 _BASELINES = (6.5, 10.0, 15.0)  # depths over which they are asked: where rigs measure
@@ -185,6 +185,24 @@ class DisparityErrors:
             of one point or of two.
         """
         return np.asarray(self._points_moved(u, v, disparity_px)[1] @ self._root)
+
+    def of_rows(self, u: Float64, v: Float64, disparity_px: Float64) -> Float64:
+        """Tell how the rows of pixels err, of right pictures against left ones.
+
+        Parameters
+        ----------
+        u, v : (N,) float64, px
+            Of the rectified left picture.
+        disparity_px : (N,) float64
+            Above 0.
+
+        Returns
+        -------
+        (N, s) float64, px
+            `F`: their covariance is ``F F'``.
+        """
+        points = self.rectified.triangulate(np.stack([u, v], axis=1), disparity_px)
+        return np.asarray(row_jacobian(self.rectified, points @ self.rectified.R1) @ self._root)
 
     def _points_moved(self, u: Float64, v: Float64, disparity_px: Float64) -> tuple[Float64, Float64]:
         """Points (N, 3), mm, and their derivatives by the rig's parameters (N, 3, s)."""

@@ -18,7 +18,7 @@ from stereolib.calibration.bundle_adjustment import (
     turn_derivatives,
     with_coefficients,
 )
-from stereolib.rig import StereoRig
+from stereolib.rig import RectifiedRig, StereoRig
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -248,6 +248,42 @@ def triangulation_jacobian(rig: StereoRig, points_mm: Float64) -> Float64:
     -----
     With ``u`` the four pixel coordinates of a point X: ``du = A dX + B dp = 0``, so ``dX/dp = -(A'A)^-1 A' B``.
     """
+    A, B = _by_point_and_rig(rig, points_mm)
+    AT = A.transpose(0, 2, 1)
+    return np.asarray(-np.linalg.solve(AT @ A, AT @ B))
+
+
+def row_jacobian(rectified: RectifiedRig, points_mm: Float64) -> Float64:
+    """Differentiate what rows of rectified pictures disagree by, by the rig's parameters, the pixels staying.
+
+    Parameters
+    ----------
+    rectified : RectifiedRig
+    points_mm : (N, 3) float64
+        In the left camera's frame.
+
+    Returns
+    -------
+    (N, s) float64
+        Row in the right picture minus that in the left one, px per unit of each parameter.
+
+    Notes
+    -----
+    Of the four pixel coordinates ``u`` of a point X, ``du = A dX + B dp``, no dX undoes what lies along n with
+    ``n A = 0``: ``n B dp``, in units of what a row of the rectified right picture is along n.
+    """
+    rig = rectified.rig
+    A, B = _by_point_and_rig(rig, points_mm)
+    n = np.linalg.svd(A)[0][:, :, 3]
+    depth = (points_mm @ rectified.R1[2])[:, None]
+    row_mm = depth / rectified.f_px * rectified.R2[1]  # what is a row lower, in the right camera's frame
+    by_point = project_with_derivatives(rig.right, points_mm @ rig.R.T + rig.T)[1]
+    of_row = np.einsum("nk,nkj,nj->n", n[:, 2:], by_point, row_mm)
+    return np.asarray(-np.einsum("nk,nks->ns", n, B) / of_row[:, None])
+
+
+def _by_point_and_rig(rig: StereoRig, points_mm: Float64) -> tuple[Float64, Float64]:
+    """Derivatives of the four pixels of points by these, (N, 4, 3), and by the rig's parameters, (N, 4, s)."""
     turned = points_mm @ rig.R.T
     _, left_by_point, by_left = project_with_derivatives(rig.left, points_mm)
     _, right_by_point, by_right = project_with_derivatives(rig.right, turned + rig.T)
@@ -256,9 +292,7 @@ def triangulation_jacobian(rig: StereoRig, points_mm: Float64) -> Float64:
     B[:, :2, :n], B[:, 2:, n : 2 * n] = by_left, by_right
     B[:, 2:, 2 * n : 2 * n + 3] = right_by_point @ turn_derivatives(turned)
     B[:, 2:, 2 * n + 3 :] = right_by_point
-    A = np.concatenate([left_by_point, right_by_point @ rig.R], 1)
-    AT = A.transpose(0, 2, 1)
-    return np.asarray(-np.linalg.solve(AT @ A, AT @ B))
+    return np.concatenate([left_by_point, right_by_point @ rig.R], 1), B
 
 
 def check_distance(at_mm: float) -> None:

@@ -7,6 +7,7 @@ from .filter_comparison import FilterCase, compare_filters, outline_growth_px
 from .filters import SMOOTHING_METHODS, dilate, dilate_set, median_filter, smooth
 from .ground_truth import KnownView, motorcycle_view, seen_by_both
 from .guided import ExpectedDisparity, compute_disparity_guided, expected_disparity
+from .keystone import Keystone
 from .pair_checks import check_matchable, check_rectified, check_sides, is_doubtful, moved_between
 from .pipelines import (
     DisparityEstimate,
@@ -37,6 +38,7 @@ __all__ = [
     "FillSteps",
     "FilledMap",
     "FilterCase",
+    "Keystone",
     "KnownView",
     "PixelCost",
     "RepairScore",

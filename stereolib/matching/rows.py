@@ -23,6 +23,7 @@ from stereolib.base import (
     median,
     set_frozen,
 )
+from stereolib.matching.keystone import Keystone
 from stereolib.matching.levels import levelled
 from stereolib.matching.sgbm import SGBMParams, match_pair
 from stereolib.rig import check_pair, to_grey
@@ -69,6 +70,8 @@ class RowOffset:
         A zoom is then corrected in the rows alone: columns are matched as they are, and moved once it is well known.
     is_known : bool
         Something told it; else it is zero, to several px.
+    keystone : Keystone or None
+        What such rows leave towards the corners; None where too little tells.
     """
 
     coefficients: Float64
@@ -76,6 +79,7 @@ class RowOffset:
     centre: tuple[float, float]
     is_rough: bool = False
     is_known: bool = True
+    keystone: Keystone | None = None
 
     def __post_init__(self) -> None:
         set_frozen(self, coefficients=finite_array(self.coefficients, (3,), "coefficients"))
@@ -159,7 +163,9 @@ class RowOffset:
         """
         to = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-0.5, -0.5, 2.0]])  # v' = 2 v + 1/2 in the larger one
         centre = (2 * self.centre[0] + 0.5, 2 * self.centre[1] + 0.5)
-        return RowOffset(to @ self.coefficients, to @ self.covariance @ to.T, centre, self.is_rough, self.is_known)
+        keystone = self.keystone and self.keystone.doubled()
+        coefficients, covariance = to @ self.coefficients, to @ self.covariance @ to.T
+        return RowOffset(coefficients, covariance, centre, self.is_rough, self.is_known, keystone)
 
     def after(self, first: RowOffset) -> RowOffset:
         """Add an offset that had been corrected before this one was measured.
@@ -175,7 +181,8 @@ class RowOffset:
         """
         rounding = np.diag([0.0, 0.0, 2 * _GRID_PX**2 / 12])  # of either correction
         both = _one_warp(self, first)[1] - [0.0, 1.0, 0.0]
-        return RowOffset(both, self.covariance + rounding, self.centre, is_known=self.is_known)
+        covariance = self.covariance + rounding
+        return RowOffset(both, covariance, self.centre, is_known=self.is_known, keystone=self.keystone)
 
     def correct(self, right: UInt8) -> UInt8:
         """Shift the rows of the right picture to those of the left one.
@@ -316,11 +323,12 @@ def measure_rows(left: UInt8, right: UInt8, disparity_px: Float32) -> RowOffset:
     plane = np.zeros(3)
     try:
         for _ in range(_STEPS):
-            plane, *residuals = cells.plane(cells.offsets(plane))
-        covariance = cells.covariance(*residuals)
+            plane, *residuals = cells.plane(cells.at, offsets := cells.offsets(plane))
+        covariance = cells.covariance(cells.at, *residuals)
     except np.linalg.LinAlgError:  # all that tells it stands in one place
         return _unknown(left.shape)
-    return RowOffset(plane, covariance, ((width - 1) / 2, (height - 1) / 2))
+    keystone = cells.keystone(offsets)
+    return RowOffset(plane, covariance, ((width - 1) / 2, (height - 1) / 2), keystone=keystone)
 
 
 def _surely(value: float, variance: float, least: float) -> float:
@@ -369,8 +377,9 @@ class _Cells:
     """Sums over cells of a matched pair, for the N cells that tell something.
 
     `x` is where each pixel of the left picture stands in the right one, `slopes` are the left one's along u and v, 0
-    where nothing was matched, `shape` is (columns, rows) of cells, `some` numbers those that tell something. `here` is
-    1 where the left one has a slope along u, and `share` its mean in each cell.
+    where nothing was matched, `shape` is (columns, rows) of cells, `some` numbers those that tell something. They stand
+    at the first two columns of `at` in the right picture, the third is 1, and in the columns `left_u_px` of the left
+    one. `here` is 1 where the left one has a slope along u, and `share` its mean in each cell.
     """
 
     left: UInt8
@@ -382,6 +391,7 @@ class _Cells:
     oblique: Floats
     weight: Float64
     at: Float64
+    left_u_px: Float64
     here: Floats
     share: Floats
 
@@ -397,13 +407,16 @@ class _Cells:
         uu, uv, vv = (_mean(a, shape) for a in (along * along, along * down, down * down))
         oblique, share = uv / np.maximum(uu, 1e-6), _mean(used, shape)
         weight = np.asarray(np.where(share < _LEAST_USED, 0, vv - oblique * uv), float).ravel()
-        columns = _mean(x * used, shape) / np.maximum(share, 1e-6)
+        columns, in_left = (
+            (_mean(a * used, shape) / np.maximum(share, 1e-6)).ravel() for a in (x, np.arange(width, dtype=np.float32))
+        )
         rows = np.repeat((np.arange(shape[1]) + 0.5) * height / shape[1] - 0.5, shape[0])
         some = np.flatnonzero(weight > _LEAST_WEIGHT)
-        at = np.stack([columns.ravel(), rows, np.ones(rows.size)], axis=1).astype(np.float64)[some]
+        at = np.stack([columns, rows, np.ones(rows.size)], axis=1).astype(np.float64)[some]
         here = (along != 0).astype(np.float32)
         share = np.maximum(_mean(here, shape), 1e-6).ravel()[some]
-        return cls(soft[0], soft[1], x, (along, down), shape, some, oblique, weight[some], at, here, share)
+        left_u_px = in_left[some].astype(np.float64)
+        return cls(soft[0], soft[1], x, (along, down), shape, some, oblique, weight[some], at, left_u_px, here, share)
 
     def offsets(self, plane: Float64) -> Float64:
         """Row offset of each cell, (N,), the pictures being compared at a plane that is nearly right."""
@@ -415,22 +428,38 @@ class _Cells:
         mean = _mean(shift * self.here, self.shape).ravel()[self.some] / self.share
         return mean - (by_v - self.oblique * by_u).ravel()[self.some] / self.weight
 
-    def plane(self, offsets: Float64) -> tuple[Float64, Float64, Float64]:
-        """Plane (3,) through the cells' offsets; their residuals, and squared over that where Tukey's weights end."""
-        plane, weight = np.linalg.lstsq(self.at, offsets, rcond=None)[0], np.sqrt(self.weight)
+    def plane(self, at: Float64, offsets: Float64) -> tuple[Float64, Float64, Float64]:
+        """Coefficients (k,) of `at`, (N, k), that fit the cells' offsets, as those of a plane do where it is `self.at`.
+
+        And their residuals, and squared over that where Tukey's weights end.
+        """
+        plane, weight = np.linalg.lstsq(at, offsets, rcond=None)[0], np.sqrt(self.weight)
         for _ in range(_ROUNDS):
-            rest = offsets - self.at @ plane
+            rest = offsets - at @ plane
             off = (rest / max(_TUKEY * median(np.abs(rest)), 0.01)) ** 2
-            scaled = (self.at * (np.maximum(1 - off, 0) ** 2 * weight)[:, None]).T
-            plane = np.linalg.solve(scaled @ self.at, scaled @ offsets)
+            scaled = (at * (np.maximum(1 - off, 0) ** 2 * weight)[:, None]).T
+            plane = np.linalg.solve(scaled @ at, scaled @ offsets)
         return np.asarray(plane), rest, off
 
-    def covariance(self, rest: Float64, off: Float64) -> Float64:
-        """Covariance (3, 3) of a plane that left these residuals."""
+    def keystone(self, offsets: Float64) -> Keystone | None:
+        """What a plane leaves of the offsets towards the corners."""
+        middle = self.at[:, :2] - (np.array(self.left.shape[::-1]) - 1) / 2
+        at = np.column_stack([self.at, middle.prod(axis=1)])
+        try:
+            fitted, rest, off = self.plane(at, offsets)
+            std = np.sqrt(self.covariance(at, rest, off)[3, 3])
+            scaled = (at * (np.maximum(1 - off, 0) ** 2 * np.sqrt(self.weight))[:, None]).T
+            gain = np.linalg.solve(scaled @ at, scaled)[3]
+        except np.linalg.LinAlgError:
+            return None
+        return Keystone(float(fitted[3]), float(std), self.at[:, :2], self.left_u_px, gain)
+
+    def covariance(self, at: Float64, rest: Float64, off: Float64) -> Float64:
+        """Covariance (k, k) of coefficients of `at` that left these residuals."""
         column, row = self.some % self.shape[0] // _BLOCK, self.some // self.shape[0] // _BLOCK
         root, weight = np.maximum(1 - off, 0), np.sqrt(self.weight)
         cluster, bend = row * self.shape[0] + column, root * (1 - 5 * off) * weight
-        return clustered_covariance(self.at, rest, root**2 * weight, cluster, bend)
+        return clustered_covariance(at, rest, root**2 * weight, cluster, bend)
 
 
 def _mean(values: Floats, shape: tuple[int, int]) -> Floats:

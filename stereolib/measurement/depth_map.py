@@ -11,6 +11,7 @@ import numpy.typing as npt
 from stereolib.base import Bools, Float32, Float64, Floats, UInt8
 from stereolib.calibration import DisparityErrors
 from stereolib.matching import CheckedMatch, check_matchable, disparity_to_depth, match_checked
+from stereolib.measurement.camera_turn import turned_back
 from stereolib.measurement.disparity_map import pixel_rays
 from stereolib.measurement.instrument import Instrument
 from stereolib.measurement.views import MOST_OFF
@@ -32,6 +33,7 @@ class DepthMap:
     left : (H, W) or (H, W, 3) uint8
         The rectified left picture.
     instrument : Instrument
+        As it stands now (`turned_back`).
     is_filled : bool
         Pixels that were filled by a guess have a depth, too.
     """
@@ -54,8 +56,8 @@ class DepthMap:
     def std_mm(self) -> Float32 | None:
         """Standard deviation of each depth: the matcher's, and what the calibration leaves open. (H, W).
 
-        ``(std_Z / Z)^2 = (std_d / d)^2 + (std_c / d)^2 + s^2``, std_c that of a shift which correcting the rows may
-        have left, s the calibration's: where the errors from place to place are known, those of the point
+        ``(std_Z / Z)^2 = (std_d / d)^2 + (std_c / d)^2 + s^2``, std_c that of a shift which correcting rows and turn
+        may have left, s the calibration's: where the errors from place to place are known, those of the point
         (`DisparityErrors.of_points`), told every 16 px for five disparities and interpolated; else ``s^2 = g' C g``, C
         the covariance of f, B and an offset of all disparities, ``g = (1 / f, 1 / B, 1 / d)``. None where the pipeline
         tells no deviation.
@@ -64,7 +66,7 @@ class DepthMap:
         if std_px is None:
             return None
         d = np.where(np.isfinite(self.depth_mm), self._disparity_px, np.nan).astype(np.float64)
-        share = (np.square(std_px) + self.match.columns_std_px**2) / np.square(d)
+        share = (np.square(std_px) + self.match.columns_std_px**2 + self.instrument.turn_std_px**2) / np.square(d)
         errors = self.instrument.uncertainty.errors
         share += self._alike(d) if errors is None else _from_place_to_place(errors, d)
         return np.asarray(self.depth_mm * np.sqrt(share), np.float32)
@@ -131,8 +133,9 @@ def measure_depth(
         If pictures and calibration do not fit together (with "best", whose rows are corrected, by more than 0.6 % of
         the width), left and right are exchanged, a picture shows nothing, or nothing was matched.
     """
-    rectified = instrument.rectified
     check_matchable(left, right)
+    instrument = turned_back(left, right, instrument)
+    rectified = instrument.rectified
     pair = rectified.rectify(left, right)
     limit_px = max(_ROWS_PX, MOST_OFF * left.shape[1]) if pipeline == "best" else _ROWS_PX
     match = match_checked(

@@ -9,6 +9,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 from scipy.linalg import block_diag
 
@@ -24,6 +25,7 @@ from stereolib.calibration import (
 )
 from stereolib.rig import RectifiedRig, StereoRig, calibration_notes, formats
 
+_LIKELY = 0.5  # probability from which a camera is said to have turned
 _ROTATION_TOLERANCE = 1e-6  # of R R', for which a file's digits are enough
 _CENTIMETRES_MM = 20.0  # no two webcams stand nearer to each other
 _MOST_SCALE = 0.5  # of a laser: no reading is twice as far
@@ -131,6 +133,26 @@ class SystematicUncertainty:
         return replace(self, offset_px=both, correlation=(f_and_b, first, second))
 
 
+@dataclass(frozen=True)
+class Turn:
+    """How far the cameras were turned sideways against each other since their calibration, as a pair tells.
+
+    Attributes
+    ----------
+    offset_px, std_px : float
+        By how much all disparities were too small for it, and the standard deviation of what that leaves.
+    chance : float
+        Probability that they were turned at all, as far as the pair makes it likelier than it was before.
+    seen_px : float
+        By so much they must be turned to be taken as turned: what is less shows in nothing.
+    """
+
+    offset_px: float
+    std_px: float
+    chance: float
+    seen_px: float
+
+
 @dataclass(frozen=True, eq=False)
 class Instrument:
     """Two cameras and a laser.
@@ -143,11 +165,14 @@ class Instrument:
         camera, within 50 mm and five degrees.
     uncertainty : SystematicUncertainty
         That of the calibration, where it is known.
+    turn : Turn or None
+        What a pair told of its cameras, which are turned back by it (`turned_back`).
     """
 
     rectified: RectifiedRig
     lidar: LidarCamera | None = None
     uncertainty: SystematicUncertainty = field(default_factory=SystematicUncertainty)
+    turn: Turn | None = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.rectified, RectifiedRig):
@@ -157,10 +182,44 @@ class Instrument:
     def warnings(self) -> tuple[str, ...]:
         """What makes everything doubtful that is measured with it."""
         said = [] if self.lidar is None else [self.lidar.warning]
+        if self.turn is not None and self.turn.chance > _LIKELY:
+            turned, std = (np.degrees(px / self.rectified.f_px) for px in (self.turn.offset_px, self.turn.std_px))
+            said.append(
+                f"the cameras have turned against each other since their calibration, sideways, by {abs(turned):.2f} ± "
+                f"{std:.2f} degrees: rows that drift apart towards the corners tell it. Corrected here: calibrate again"
+            )
         if (apart_mm := self.rectified.baseline_mm) < _CENTIMETRES_MM:
             why = "if the board's squares were told in centimetres, all sizes are; calibrate again with millimetres"
             said.append(f"the calibration has the cameras {apart_mm:.1f} mm apart: {why}")
         return tuple(filter(None, said))
+
+    @property
+    def turn_std_px(self) -> float:
+        """What is left open of a turn of the cameras: a shift of all disparities, as a standard deviation."""
+        return 0.0 if self.turn is None else self.turn.std_px
+
+    def turned(self, turn: Turn) -> Instrument:
+        """Turn both cameras back, each by half, about the upright axis of the rectified pictures.
+
+        Parameters
+        ----------
+        turn : Turn
+
+        Returns
+        -------
+        Instrument
+            Whose baseline may point half as far ahead or back: nobody knows which of the cameras was turned.
+        """
+        rectified, errors = self.rectified, self.uncertainty.errors
+        half = cv2.Rodrigues(np.array([0.0, turn.offset_px / rectified.f_px / 2, 0.0]))[0]
+        R1, R2 = half @ rectified.R1, half.T @ rectified.R2
+        rig = replace(rectified.rig, R=R2.T @ R1, T=-rectified.baseline_mm * R2[0])
+        rectified = replace(rectified, rig=rig, R1=R1, R2=R2)
+        if errors is not None:
+            ahead = np.zeros(len(errors.covariance))
+            ahead[-3:] = rectified.baseline_mm * half[0, 2] * R2[2]
+            errors = DisparityErrors(rectified, errors.covariance + np.outer(ahead, ahead))
+        return replace(self, rectified=rectified, uncertainty=replace(self.uncertainty, errors=errors), turn=turn)
 
     def turned_unseen(self, depth_mm: float, *, is_opposed: bool = False) -> str:
         """Say what a camera that was turned sideways changes, which nothing in a pair shows.
@@ -178,6 +237,8 @@ class Instrument:
         """
         pct = 100 * depth_mm / (self.rectified.f_px * self.rectified.baseline_mm)
         shown = "that may be what the scan opposes" if is_opposed else "nothing here shows it"
+        if self.turn is not None:
+            shown = f"less than {self.turn.seen_px:.2g} px of it show in nothing here"
         return (
             f"sizes are the pair's alone: if a camera was turned sideways since its calibration, {shown}; each pixel "
             f"of it changes them by {pct:.1f} %, which is not in their intervals"

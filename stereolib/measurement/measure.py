@@ -14,6 +14,7 @@ from stereolib.base import Float32, Float64, UInt8
 from stereolib.calibration import LidarCamera, is_beyond_lasers, read_share
 from stereolib.laser import LaserScan, points_mm
 from stereolib.measurement.box import Shared
+from stereolib.measurement.camera_turn import see_pair
 from stereolib.measurement.floor import Floor
 from stereolib.measurement.hypotheses import Judged
 from stereolib.measurement.instrument import Instrument
@@ -110,7 +111,7 @@ def measure_objects(
     if not (scan is None or isinstance(scan, LaserScan)) or not isinstance(instrument, Instrument):
         got = f"{type(scan).__name__} and {type(instrument).__name__}"
         raise TypeError(f"after both pictures come a LaserScan or None, and an Instrument; got {got}")
-    return measure_standing(see_standing(Views.of(left, right, instrument.rectified), instrument, floor=floor), scan)
+    return measure_standing(see_standing(*see_pair(left, right, instrument), floor=floor), scan)
 
 
 def measure_standing(standing: Standing, scan: LaserScan | None) -> Measurement:

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from stereolib.base import Float32, Float64, UInt8
 from stereolib.matching import SGBMParams, compute_disparity
+from stereolib.measurement.camera_turn import see_pair
 from stereolib.measurement.instrument import Instrument, SystematicUncertainty
 from stereolib.measurement.plane_alignment import CannotMeasure, align
 from stereolib.measurement.views import Views
@@ -290,6 +291,7 @@ def length_between(
         As `find_surface` and `measure_between`, naming pixels as they were given; if one is outside the left picture,
         or pictures and calibration do not fit together.
     """
+    views, instrument = see_pair(left, right, instrument)
     rectified, given = instrument.rectified, np.asarray(pixels, np.float64)
     frame = "rectified left picture" if is_rectified else "left picture"
     width, height = rectified.size if is_rectified else left.shape[1::-1]
@@ -298,10 +300,10 @@ def length_between(
         if not (-0.5 <= column < width - 0.5 and -0.5 <= row < height - 0.5):
             raise ValueError(f"pixel {column:g},{row:g} is outside the {frame}, which is {width}x{height}")
     ends = given if is_rectified else rectified.rectify_points(given, "left")
-    views = Views.of(left, right, rectified)
     map_px = match_views(views)
     one, other = (find_surface(views, map_px, at, name) for at, name in zip(ends, names, strict=True))
-    found = measure_between(one, other, rectified, instrument.uncertainty, columns_std_px=views.rows.columns_std_px)
+    columns_std_px = float(np.hypot(views.rows.columns_std_px, instrument.turn_std_px))
+    found = measure_between(one, other, rectified, instrument.uncertainty, columns_std_px=columns_std_px)
     unseen = instrument.turned_unseen(float(found.depth_mm.mean()))
     return replace(found, warnings=(*views.rows.warnings, *instrument.warnings, unseen))
 

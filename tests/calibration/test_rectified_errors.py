@@ -16,6 +16,7 @@ from stereolib.calibration import (
     rig_parameter_names,
     triangulate,
 )
+from stereolib.calibration.bundle_adjustment import moved_rig
 from stereolib.calibration.uncertainty import triangulation_jacobian
 from stereolib.paper import paper_rig
 from stereolib.rig import Camera, StereoRig
@@ -193,3 +194,26 @@ def test_points_and_lengths_err_by_what_is_stated(calibrated):
             length_z.append((length - np.linalg.norm(ends[i] - ends[j])) / np.linalg.norm(along))
     for z in (depth_z, length_z):
         assert 0.5 < np.sqrt(np.mean(np.square(z))) < 1.4
+
+
+def test_rows_err_as_a_rig_that_was_moved_rectifies_them():
+    """By each parameter: pixels stay, and are rectified by the moved rig."""
+    rig = paper_rig()
+    rectified, u = rig.rectify(), np.array([150.0, 320.0, 320.0, 540.0, 600.0])
+    v, disparity = np.array([80.0, 240.0, 400.0, 60.0, 430.0]), np.array([40.0, 60.0, 25.0, 90.0, 30.0])
+    points = rectified.triangulate(np.stack([u, v], axis=1), disparity) @ rectified.R1
+    left, right = rig.left.project(points), rig.right.project(points @ rig.R.T + rig.T)
+    names = rig_parameter_names(rig)
+    told = DisparityErrors(rectified, np.eye(len(names))).of_rows(u, v, disparity)
+    told = told @ np.linalg.inv(DisparityErrors(rectified, np.eye(len(names)))._root)
+    for k, name in enumerate(names):
+        step = np.eye(len(names))[k] * (1e-2 if name[-2:] in ("fx", "fy", "cx", "cy", "Tx", "Ty", "Tz") else 1e-5)
+        rows = []
+        for sign in (1, -1):
+            other = moved_rig(rig, sign * step).rectify()
+            # what its rows are, in pixels of the first one: its scale and height may be others
+            seen = [other.rectify_points(pixels, side)[:, 1] for pixels, side in ((left, "left"), (right, "right"))]
+            rows.append((seen[1] - seen[0]) * rectified.f_px / other.f_px)
+        np.testing.assert_allclose(
+            told[:, k], (rows[0] - rows[1]) / (2 * step.sum()), rtol=2e-2, atol=2e-3, err_msg=name
+        )

@@ -1,0 +1,117 @@
+"""Cameras that were turned sideways since their calibration: what one pair tells of it, and what is measured then."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+from support import box_scenes
+from support.measured import the_cube
+
+from stereolib.calibration import DisparityErrors
+from stereolib.measurement import Instrument, length_between, measure_depth, measure_objects
+from stereolib.measurement.camera_turn import see_pair, turned_back
+from stereolib.measurement.views import Views
+from stereolib.rig import StereoRig
+from stereolib.virtual import recordings
+
+PAIR = recordings.load_pair("conditions/texture")
+DEGREES = [-0.8, -0.3, 0.3, 0.8]
+CUBE_MM = 300.0
+
+
+def believed(degrees, side, unsure=1.0):
+    """The calibrated rig as it was before one of its cameras was turned sideways; `unsure` times as unsure."""
+    known = box_scenes.instrument()
+    rig, Y = known.rectified.rig, Rotation.from_euler("y", degrees, degrees=True).as_matrix()
+    before = StereoRig(rig.left, rig.right, *((Y @ rig.R, Y @ rig.T) if side == "right" else (rig.R @ Y, rig.T)))
+    rectified, errors = before.rectify(), known.uncertainty.errors
+    uncertainty = replace(known.uncertainty, errors=DisparityErrors(rectified, unsure**2 * errors.covariance))
+    return Instrument(rectified, known.lidar, uncertainty)
+
+
+def cube_of(instrument, scan=None):
+    found = measure_objects(*PAIR, scan, instrument)
+    return the_cube(found), found
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+@pytest.mark.parametrize("degrees", DEGREES)
+def test_a_turn_is_told_from_the_pair_alone_and_corrected(degrees, side):
+    instrument = believed(degrees, side)
+    thing, found = cube_of(instrument)
+    off = np.abs(thing.size_mm - CUBE_MM)
+    assert (off < 3 * thing.std_mm).all() and (off < 4).all()
+    (said,) = [text for text in found.warnings if "have turned against each other" in text]
+    told, std = (float(number) for number in said.split(" by ")[1].split(" degrees")[0].split(" ± "))
+    assert abs(told - abs(degrees)) < 3 * std < 0.15 and "calibrate again" in said
+    assert cube_of(replace(instrument, uncertainty=replace(instrument.uncertainty, errors=None)))[0].size_mm[
+        2
+    ] != pytest.approx(CUBE_MM, rel=0.02)  # the same rig, if nobody knows how sure its calibration is
+
+
+def test_a_turn_leaves_intervals_wider_than_those_of_a_rig_that_nobody_turned():
+    sure, turned = cube_of(box_scenes.instrument())[0], cube_of(believed(0.5, "right"))[0]
+    assert (turned.std_mm > 1.2 * sure.std_mm).all() and (turned.std_mm < 0.01 * CUBE_MM).all()
+
+
+def test_of_a_rig_that_was_not_turned_nothing_changes():
+    instrument = box_scenes.instrument()
+    views, now = see_pair(*PAIR, instrument)
+    plain = Views.of(*PAIR, instrument.rectified)
+    np.testing.assert_array_equal(views.right, plain.right)
+    assert now.rectified is instrument.rectified and now.turn.chance == now.turn_std_px == 0
+    assert 0.5 < now.turn.seen_px < 2.5
+    _, found = cube_of(instrument)
+    assert f"less than {now.turn.seen_px:.2g} px of it show in nothing here" in " ".join(found.warnings)
+
+
+def test_the_correction_grows_without_a_step_from_nothing_to_all_of_it():
+    degrees = np.linspace(0, 0.3, 13)
+    told = np.array([turned_back(*PAIR, believed(d, "right")).turn.offset_px for d in degrees])
+    true = np.radians(degrees) * box_scenes.instrument().rectified.f_px
+    assert abs(told[0]) < 0.05 and abs(told[-1] - told[0]) > 0.8 * true[-1]
+    steps = np.abs(np.diff(told))
+    assert steps.max() < 4 * true[1] and (np.abs(told) < np.abs(true) + 1).all()
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_a_calibration_that_is_less_sure_than_the_rows_tells_no_turn(side):
+    """Where its own errors let rows drift apart as far, the sizes stay those of the rig as it was calibrated."""
+    instrument = believed(0.2, side, unsure=30.0)
+    now = turned_back(*PAIR, instrument)
+    assert now.turn.chance < 0.1 and now.rectified.f_px == instrument.rectified.f_px
+    assert now.turn.seen_px > 5
+
+
+def test_a_rig_whose_calibration_tells_no_deviations_is_taken_as_it_is():
+    rectified = box_scenes.instrument().rectified
+    for instrument in (
+        Instrument(rectified),
+        replace(believed(0.5, "right"), uncertainty=Instrument(rectified).uncertainty),
+    ):
+        assert turned_back(*PAIR, instrument) is instrument
+        assert see_pair(*PAIR, instrument)[1] is instrument
+
+
+def test_a_length_between_two_pixels_and_depths_know_of_a_turn():
+    instrument, known = believed(0.5, "right"), box_scenes.instrument()
+    ends = recordings_ends()
+    one, other = (length_between(*PAIR, ends, each) for each in (known, instrument))
+    assert abs(one.length_mm - other.length_mm) < 3 * np.hypot(one.std_mm, other.std_mm)
+    assert any("have turned against" in text for text in other.warnings)
+    one, other = (measure_depth(*PAIR, each, "fast") for each in (known, instrument))
+    share = np.nanmedian(other.depth_mm) / np.nanmedian(one.depth_mm)
+    assert abs(share - 1) < 0.015 and any("have turned" in text for text in other.instrument.warnings)
+
+
+def recordings_ends():
+    """Two corners of the cube's face, raw pixels of the left picture."""
+    truth, rectified = recordings.load_truth("conditions/texture"), box_scenes.instrument().rectified
+    on = np.argwhere(truth.visible & (truth.box == 1) & np.isfinite(truth.disparity_px))[:, ::-1]
+    inner = on[(np.abs(on - np.median(on, axis=0)) < 60).all(axis=1)]
+    both = np.array([inner[0], inner[-1]], float)
+    back = rectified.R1.T @ np.linalg.inv(rectified.P1[:, :3]) @ np.column_stack([both, np.ones(2)]).T
+    return rectified.rig.left.project(back.T)

@@ -20,6 +20,7 @@ _FOLDERS = (("left", "right"), ("l", "r"), ("cam0", "cam1"))
 PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp")
 _SCAN = ".bin"  # end of the name of a laser's recording
 _LISTED, _GUESSES = 8, 2
+_LONELY = 3  # pictures named that have no partner, each with its guesses
 _Key = tuple[tuple[bool, int, str], ...]
 _WORDS = re.compile(r"[Cc]am[01](?!\d)|\d+|[A-Z]?[a-z]+|[A-Z]+|[^\W\d_]+")
 _OTHER = {"left": "right", "l": "r", "cam0": "cam1", "right": "left", "r": "l", "cam1": "cam0"}
@@ -325,7 +326,10 @@ def _without_scans(files: list[Path]) -> list[Path]:
 def _files(source: str) -> list[Path]:
     folder = Path(source)
     if folder.is_dir():
-        if not (files := _there(folder)):
+        files = _there(folder)
+        if not _hold_pictures(files) and (below := _recordings_below(folder)):
+            raise ValueError(f"{source} itself holds no pictures: did you mean {' or '.join(map(str, below))}?")
+        if not files:
             raise ValueError(f"{source} is empty: expected the pictures of a camera")
         return files
     if folder.is_file():
@@ -337,6 +341,20 @@ def _files(source: str) -> list[Path]:
     raise ValueError(
         f"{source}: no such file or folder: expected pictures, a folder of them, a pattern in quotes, or a video"
     )
+
+
+def _hold_pictures(files: Sequence[Path]) -> bool:
+    """Whether there are pictures or videos among some files, by their names or, of rarer kinds, by how they begin."""
+    import cv2
+
+    by_name = any(path.suffix.lower() in (*PICTURES, *VIDEOS) for path in files)
+    return by_name or any(cv2.haveImageReader(str(path)) for path in files)
+
+
+def _recordings_below(folder: Path) -> list[Path]:
+    """Folders in a folder that hold the pictures which were looked for in itself."""
+    inside = [path for path in sorted(folder.iterdir()) if path.is_dir() and not path.name.startswith(".")]
+    return [path for path in inside if _side_folders(path) or _hold_pictures(_there(path))][:_GUESSES]
 
 
 def _words(path: Path) -> list[str]:
@@ -374,19 +392,21 @@ def _matched(
 ) -> list[PairFile]:
     """Pairs by equal keys; what stays alone is named, with those it might belong to."""
     (where_left, a), (where_right, b) = left, right
-    if sides is None and set(a).isdisjoint(b) and len(a) == len(b):
+    are_in_order = sides is None and set(a).isdisjoint(b)  # as by time stamps
+    if are_in_order and len(a) == len(b):
         return [PairFile(a[one], b[other]) for one, other in zip(sorted(a), sorted(b), strict=True)]
     where = sides or (f"in {where_left}", f"in {where_right}")
     lonely = [[mine[key] for key in sorted(set(mine) - set(other))] for mine, other in ((a, b), (b, a))]
     alone = [
-        f"without a partner {there}: {listed(_guess(path, others) for path in these)}"
+        f"without a partner {there}: {listed((_guess(path, others) for path in these), _LONELY)}"
         for these, others, there in zip(lonely, lonely[::-1], where[::-1], strict=True)
         if these
     ]
     if alone:
+        as_many = f", or as many on both sides (not {len(a)} and {len(b)})" if are_in_order else ""
         raise ValueError(
             f"pictures {'; '.join(alone)}. Expected the same names or numbers on both sides, as 01.png in each folder, "
-            f"or left01.png and right01.png: add the partner or move the odd one away"
+            f"or left01.png and right01.png{as_many}: add the partner or move the odd one away"
         )
     return [PairFile(a[key], b[key]) for key in sorted(a)]
 

@@ -9,10 +9,11 @@ import signal
 import sys
 import threading
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
+from typing import NoReturn
 
 #: What libraries say that could not get memory: OpenCV, C++, the system's loader, Python's threads.
 _NO_MEMORY = (
@@ -116,15 +117,38 @@ def _ended_cleanly() -> Iterator[None]:
 
 
 @contextmanager
-def named(*files: object) -> Iterator[None]:
-    """Put the files before what the library says of what it was given of them, unless it says so itself."""
+def named(*files: Path) -> Iterator[None]:
+    """Put the pictures before what the library says of them, unless it says so itself, and behind it what EXIF did."""
     try:
         yield
     except ValueError as error:
         text = str(error)
-        if any(str(file) in text for file in files):
-            raise
-        raise ValueError(f"{' and '.join(map(str, files))}: {text}") from error
+        if not any(str(file) in text for file in files):
+            text = f"{' and '.join(map(str, files))}: {text}"
+        _raise_as(_with_turns(text, files), error)
+
+
+@contextmanager
+def turns_named(files: Sequence[Path]) -> Iterator[None]:
+    """Say which pictures EXIF turned, if any, behind what the library says of them."""
+    try:
+        yield
+    except ValueError as error:
+        _raise_as(_with_turns(str(error), files), error)
+
+
+def _with_turns(text: str, files: Sequence[Path]) -> str:
+    from stereolib.rig import turned_by_exif
+
+    end = "" if text.endswith(("?", ".")) else "."
+    return f"{text}{end} {turned}" if (turned := turned_by_exif(files)) else text
+
+
+def _raise_as(text: str, error: ValueError) -> NoReturn:
+    """Raise it with another text, or as it is where that is its own."""
+    if text == str(error):
+        raise error
+    raise ValueError(text) from error
 
 
 @contextmanager

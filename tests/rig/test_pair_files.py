@@ -8,8 +8,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from PIL import Image
 
-from stereolib.rig import find_pair, find_pairs, left_pictures, read_image
+from stereolib.rig import find_pair, find_pairs, left_pictures, read_image, turned_by_exif
 
 RNG = np.random.default_rng(0)
 
@@ -300,3 +301,31 @@ def test_a_single_picture_where_many_pairs_are_wanted_is_told_what_is_wanted(tmp
     for source in (tmp_path, tmp_path / "01_left.png"):
         with pytest.raises(ValueError, match=r"01_left\.png is a single picture, pairs .* wanted: at least 5 with"):
             find_pairs(source, least=5)
+
+
+def with_exif(path: Path, orientation: int) -> Path:
+    exif = Image.Exif()
+    exif[0x0112] = orientation
+    Image.fromarray(noisy(1)).save(path, exif=exif.tobytes())
+    return path
+
+
+def test_pictures_of_one_camera_of_which_exif_turns_some_are_named(tmp_path: Path) -> None:
+    for k in range(4):
+        with_exif(tmp_path / f"{k}_left.jpg", 3)  # a camera that hangs upside down, and says so
+        with_exif(tmp_path / f"{k}_right.jpg", 1)
+    assert len(find_pairs(tmp_path)) == 4
+    with_exif(tmp_path / "2_right.jpg", 3)
+    with pytest.raises(
+        ValueError, match=r"^2_right\.jpg in .*: EXIF turns it unlike the other pictures of that camera"
+    ):
+        find_pairs(tmp_path)
+
+
+def test_what_exif_turned_is_told(tmp_path: Path) -> None:
+    files = [with_exif(tmp_path / f"{turn}.jpg", turn) for turn in (1, 3, 6, 5)]
+    (text := tmp_path / "notes.txt").write_text("no picture")
+    assert turned_by_exif([*files[:1], text]) == ""
+    assert turned_by_exif(files[:2]).startswith("3.jpg was turned by 180 degrees as the EXIF in it says: ")
+    many = "3.jpg, 6.jpg, 5.jpg were turned by 180 degrees or mirrored or turned by 90 degrees as the EXIF in them"
+    assert turned_by_exif(files).startswith(many)

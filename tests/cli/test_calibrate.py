@@ -19,7 +19,7 @@ from PIL import Image
 
 from stereolib import plotting
 from stereolib.base import datasets, plus_minus
-from stereolib.calibration import LENS_MODELS, Charuco, boards_per_cell, wording
+from stereolib.calibration import JUDGED_AT_MM, LENS_MODELS, Charuco, boards_per_cell, wording
 from stereolib.cli import commands
 from stereolib.cli.boards import parse_board
 from stereolib.cli.calibrate import CALIBRATE
@@ -66,6 +66,10 @@ def test_a_camera_that_exif_turns_is_named_as_the_cause(turned: tuple[str], tmp_
     said = capsys.readouterr().err
     assert ("exchanged" if len(turned) > 1 else "Is one camera upside down, or mirrored? 01.jpg, 02.jpg") in said
     assert "01.jpg, 02.jpg, 03.jpg and" in said and "were turned by 180 degrees as the EXIF in them says" in said
+
+
+def test_errors_are_judged_where_the_library_judges_them() -> None:
+    assert commands.make_parser().parse_args(["calibrate", "pairs", *WORDS]).at_mm == JUDGED_AT_MM
 
 
 def test_board_in_inner_corners() -> None:

@@ -5,8 +5,10 @@ from __future__ import annotations
 import errno
 import os
 import re
+import shutil
 import signal
 import sys
+import textwrap
 import threading
 import warnings
 from collections.abc import Callable, Iterator, Sequence
@@ -42,7 +44,7 @@ class Ended(KeyboardInterrupt):
 
 
 def guarded(run: Callable[[], int], interrupted: str = "") -> int:
-    """Run a command; whatever the user can mend comes out as one line on stderr.
+    """Run a command; whatever the user can mend comes out as one line on stderr, broken where that is a terminal.
 
     Parameters
     ----------
@@ -191,7 +193,18 @@ def without_python(text: str) -> str:
     return _ARGUMENT.sub(r"\2", _IN_PYTHON.sub("", text))
 
 
+def as_wide_as_the_terminal(line: str) -> str:
+    """Break a line between words where standard error is a terminal; whoever else reads it gets one line.
+
+    Words stay whole, so that a path can be copied.
+    """
+    if not sys.stderr.isatty():
+        return line
+    width = shutil.get_terminal_size().columns
+    return textwrap.fill(line, width, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False)
+
+
 def _say(text: str) -> None:
-    line = " ".join(f"stereolib: {text}".split())
+    line = as_wide_as_the_terminal(" ".join(f"stereolib: {text}".split()))
     encoding = getattr(sys.stderr, "encoding", None) or "utf-8"
     print(line.encode(encoding, "backslashreplace").decode(encoding), file=sys.stderr)

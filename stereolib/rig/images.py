@@ -115,7 +115,7 @@ def _header(path: str | PathLike[str]) -> tuple[tuple[int, int], int] | None:
                 size = (int(tags[_WIDTH]), int(tags[_HEIGHT])) if tags else image.size
                 told = image.getexif().get(_ORIENTATION, _AS_IT_IS)
                 return size, int(told) if told in _TURNED else _AS_IT_IS
-        except (OSError, ValueError, Image.DecompressionBombError):
+        except (OSError, ValueError, SyntaxError, Image.DecompressionBombError):  # the third: damaged EXIF
             return None
 
 

@@ -157,7 +157,8 @@ def virtual() -> dict[str, Any]:
         "baseline_std_mm": round(found.std.baseline_mm, 4),
         "square_error_pct": round(found.square_error_pct, 4),
         "epipolar_rms_px": round(found.epipolar_rms_px, 4),
-        "depth_std_at_700mm_mm": round(float(np.nanmedian(found.error_map.depth_mm)), 3),
+        "judged_at_mm": found.error_map.at_mm,
+        "depth_std_mm": round(found.depth_mm, 3),
         "halves_rms_z": halves(views),
     }
 

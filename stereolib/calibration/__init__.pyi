@@ -37,6 +37,7 @@ from .solve import (
 )
 from .uncertainty import (
     INTERVAL_STDS,
+    JUDGED_AT_MM,
     Agreement,
     ErrorMap,
     RigStd,
@@ -64,6 +65,7 @@ __all__ = [
     "CAPTURE_NOTES",
     "CHECK_MEANINGS",
     "INTERVAL_STDS",
+    "JUDGED_AT_MM",
     "LASER_SCALE_STD",
     "LENS_MODELS",
     "MIN_PAIRS",

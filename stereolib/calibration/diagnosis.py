@@ -25,7 +25,15 @@ from stereolib.calibration.misfits import by_reason
 from stereolib.calibration.outliers import sort_pairs
 from stereolib.calibration.rectified_errors import rectified_std
 from stereolib.calibration.solve import epipolar_errors_px, rectified_scale
-from stereolib.calibration.uncertainty import ErrorMap, RigStd, check_distance, error_map, rig_covariance, rig_std
+from stereolib.calibration.uncertainty import (
+    JUDGED_AT_MM,
+    ErrorMap,
+    RigStd,
+    check_distance,
+    error_map,
+    rig_covariance,
+    rig_std,
+)
 from stereolib.calibration.wrong_corners import CornerOff, corners_off
 from stereolib.rig import StereoRig
 
@@ -177,7 +185,7 @@ class Diagnosis:
 
 
 def diagnose(
-    views: BoardViews, *, model: str = "brown3", ruler_mm: float | None = None, at_mm: float = 1000.0
+    views: BoardViews, *, model: str = "brown3", ruler_mm: float | None = None, at_mm: float = JUDGED_AT_MM
 ) -> Diagnosis:
     """Calibrate a rig from board pairs and judge the result.
 

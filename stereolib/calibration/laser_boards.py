@@ -9,12 +9,13 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from stereolib.base import Float64, finite_array, set_frozen
+from stereolib.base import Float64, UInt8, finite_array, set_frozen
 from stereolib.calibration.board_poses import board_pose
-from stereolib.calibration.boards import Board
+from stereolib.calibration.boards import Board, Charuco
 from stereolib.calibration.find_boards import find_board
+from stereolib.calibration.first_boards import size_seen
 from stereolib.laser import XV11_SIGMA, LaserScan, find_segments, fit_line
-from stereolib.rig import Camera, read_image, rigid
+from stereolib.rig import Camera, read_image, rigid, to_grey
 
 _FLAT_MM = 6.0  # rms off a line: black squares read longer than white ones
 _LONGER = 1.1  # times the diagonal: the beams at a board's ends read too wide
@@ -126,11 +127,13 @@ def find_laser_boards_in_files(
     views = list[LaserBoardView]()
     diagonal = float(np.hypot(*(np.ptp(board.points_mm[:, :2], axis=0) + 2 * (board.square_mm + margin_mm))))
     for picture, scan in zip(pictures, scans, strict=True):
-        corners = find_board(read_image(picture), board)
+        image = read_image(picture)
+        corners = find_board(image, board)
         if corners is None:
             corners_told = "" if views else ": count its inner corners, not squares, or"  # none so far has it
             what = f"the board was not found in it{corners_told or ';'}"
-            raise ValueError(f"{picture}: {what} take this pose out, or take it again")
+            other = "" if views else _seen_instead(image, board)
+            raise ValueError(f"{picture}: {what} take this pose out, or take it again{other}")
         known = np.isfinite(corners).all(axis=1)
         turn, t = board_pose(board.points_mm[known], corners[known], left)
         seen = read_scan(scan)
@@ -139,3 +142,11 @@ def find_laser_boards_in_files(
         except ValueError as error:
             raise ValueError(f"{scan}: {error}") from error
     return views
+
+
+def _seen_instead(image: UInt8, board: Board) -> str:
+    """Which checkerboard a picture shows in place of the one that was told; empty where there is no other."""
+    size = None if isinstance(board, Charuco) else size_seen(to_grey(image))
+    if size is None or set(size) == {board.columns, board.rows}:
+        return ""
+    return f"; it shows a board of {size[0]}x{size[1]} inner corners"

@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 
 #: Half the width of a 95 % interval in standard deviations: Student's t for thirty pairs.
 INTERVAL_STDS = 2.05
+#: Depth at which calibrations are judged where nobody says where the rig is to measure.
+JUDGED_AT_MM = 1000.0
 _LEAST_PAIRS = 2  # one of which can be left out
 _INTERVAL, _USUAL_PAIRS = 0.975, 30  # quantile of Student's t, and the number of pairs whose t is `INTERVAL_STDS`
 _LEAST_AT_MM = 10.0  # no camera sees two pictures of what is nearer: metres were given
@@ -358,7 +360,7 @@ def left_grid(rig: StereoRig, at_mm: float, step_px: int) -> tuple[Ints, Ints, F
 
 
 def error_map(
-    rig: StereoRig, covariance: Float64, *, at_mm: float = 700.0, of_mm: float = 100.0, step_px: int = 20
+    rig: StereoRig, covariance: Float64, *, at_mm: float = JUDGED_AT_MM, of_mm: float = 100.0, step_px: int = 20
 ) -> ErrorMap:
     """Map what the uncertainty of the calibration does to depths and lengths, over the left image.
 
@@ -398,7 +400,7 @@ def error_map(
     return ErrorMap(columns, rows, depth_mm, length_mm, at_mm, of_mm)
 
 
-def compare_calibrations(first: RigFit, second: RigFit, *, at_mm: float = 700.0, step_px: int = 20) -> Agreement:
+def compare_calibrations(first: RigFit, second: RigFit, *, at_mm: float = JUDGED_AT_MM, step_px: int = 20) -> Agreement:
     """Find out whether two calibrations from disjoint pictures differ by what their uncertainties predict.
 
     Parameters

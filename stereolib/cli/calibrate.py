@@ -11,7 +11,7 @@ from shlex import quote
 from stereolib.base import counted
 from stereolib.cli.boards import add_board, add_recording, board_of, recording_of
 from stereolib.cli.command import Command
-from stereolib.cli.errors import DONE, REFUSED
+from stereolib.cli.errors import DONE, REFUSED, turns_named
 from stereolib.cli.outputs import check_outputs
 from stereolib.cli.ranges import MM, number
 from stereolib.cli.told import say_on_a_terminal
@@ -92,9 +92,11 @@ def _run(arguments: argparse.Namespace) -> int:
             raise ValueError(f"--format {kind} cannot hold a {arguments.model} lens: pass --model {fits[-1]}")
     left, right = zip(*pairs, strict=True)
     given = " and ".join(filter(None, (arguments.left, arguments.right)))
-    check_first_boards(pairs, board, given, progress=sys.stderr.isatty())
+    with turns_named(left + right):
+        check_first_boards(pairs, board, given, progress=sys.stderr.isatty())
     views = find_in_files(left, right, board, progress=sys.stderr.isatty())
-    check_sides(views, given)
+    with turns_named(left + right):
+        check_sides(views, given)
     if len(views) < MIN_PAIRS:
         raise ValueError(
             f"the board of {arguments.board} inner corners was found in both views of only "
@@ -102,7 +104,8 @@ def _run(arguments: argparse.Namespace) -> int:
             f"{MIN_PAIRS} are needed, 15 to 30 give a trustworthy rig; is the board's size right?"
         )
     say_on_a_terminal(f"calibrating with {counted(len(views), 'pair')} ...")
-    result = diagnose(views, model=arguments.model, ruler_mm=arguments.ruler_mm, at_mm=arguments.at_mm)
+    with turns_named(left + right):
+        result = diagnose(views, model=arguments.model, ruler_mm=arguments.ruler_mm, at_mm=arguments.at_mm)
     say_on_a_terminal("drawing the report, in some seconds ...")
     write_calibration_report(written[1], result, dict(zip((path.name for path in left), pairs, strict=True)))
     save_calibration(written[0], result)

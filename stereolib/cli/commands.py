@@ -21,7 +21,7 @@ from stereolib.cli.command import Command
 from stereolib.cli.data import DATA
 from stereolib.cli.disparity import DISPARITY
 from stereolib.cli.emulate_cameras import EMULATE_CAMERAS
-from stereolib.cli.errors import WRONG_INPUT, calibration_named, guarded
+from stereolib.cli.errors import WRONG_INPUT, as_wide_as_the_terminal, calibration_named, guarded
 from stereolib.cli.explore import EXPLORE
 from stereolib.cli.handout import HANDOUT
 from stereolib.cli.lrf import LRF
@@ -51,7 +51,8 @@ class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         if message.endswith("expected 2 arguments"):
             message += ", with a blank between them, neither of which begins with a minus"
-        self.exit(WRONG_INPUT, f"stereolib: error: {message}; see {self.prog} --help\n")
+        line = f"stereolib: error: {message}; see {self.prog} --help"
+        self.exit(WRONG_INPUT, as_wide_as_the_terminal(line) + "\n")
 
 
 def _add(commands: Sequence[Command], parser: argparse.ArgumentParser) -> None:

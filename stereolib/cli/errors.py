@@ -5,14 +5,17 @@ from __future__ import annotations
 import errno
 import os
 import re
+import shutil
 import signal
 import sys
+import textwrap
 import threading
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
+from typing import NoReturn
 
 #: What libraries say that could not get memory: OpenCV, C++, the system's loader, Python's threads.
 _NO_MEMORY = (
@@ -41,7 +44,7 @@ class Ended(KeyboardInterrupt):
 
 
 def guarded(run: Callable[[], int], interrupted: str = "") -> int:
-    """Run a command; whatever the user can mend comes out as one line on stderr.
+    """Run a command; whatever the user can mend comes out as one line on stderr, broken where that is a terminal.
 
     Parameters
     ----------
@@ -116,15 +119,38 @@ def _ended_cleanly() -> Iterator[None]:
 
 
 @contextmanager
-def named(*files: object) -> Iterator[None]:
-    """Put the files before what the library says of what it was given of them, unless it says so itself."""
+def named(*files: Path) -> Iterator[None]:
+    """Put the pictures before what the library says of them, unless it says so itself, and behind it what EXIF did."""
     try:
         yield
     except ValueError as error:
         text = str(error)
-        if any(str(file) in text for file in files):
-            raise
-        raise ValueError(f"{' and '.join(map(str, files))}: {text}") from error
+        if not any(str(file) in text for file in files):
+            text = f"{' and '.join(map(str, files))}: {text}"
+        _raise_as(_with_turns(text, files), error)
+
+
+@contextmanager
+def turns_named(files: Sequence[Path]) -> Iterator[None]:
+    """Say which pictures EXIF turned, if any, behind what the library says of them."""
+    try:
+        yield
+    except ValueError as error:
+        _raise_as(_with_turns(str(error), files), error)
+
+
+def _with_turns(text: str, files: Sequence[Path]) -> str:
+    from stereolib.rig import turned_by_exif
+
+    end = "" if text.endswith(("?", ".")) else "."
+    return f"{text}{end} {turned}" if (turned := turned_by_exif(files)) else text
+
+
+def _raise_as(text: str, error: ValueError) -> NoReturn:
+    """Raise it with another text, or as it is where that is its own."""
+    if text == str(error):
+        raise error
+    raise ValueError(text) from error
 
 
 @contextmanager
@@ -167,7 +193,18 @@ def without_python(text: str) -> str:
     return _ARGUMENT.sub(r"\2", _IN_PYTHON.sub("", text))
 
 
+def as_wide_as_the_terminal(line: str) -> str:
+    """Break a line between words where standard error is a terminal; whoever else reads it gets one line.
+
+    Words stay whole, so that a path can be copied.
+    """
+    if not sys.stderr.isatty():
+        return line
+    width = shutil.get_terminal_size().columns
+    return textwrap.fill(line, width, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False)
+
+
 def _say(text: str) -> None:
-    line = " ".join(f"stereolib: {text}".split())
+    line = as_wide_as_the_terminal(" ".join(f"stereolib: {text}".split()))
     encoding = getattr(sys.stderr, "encoding", None) or "utf-8"
     print(line.encode(encoding, "backslashreplace").decode(encoding), file=sys.stderr)

@@ -21,6 +21,14 @@ from stereolib.cli.staging import SCENES_TOLD, add_scene, place_folder, place_nu
 
 _LEAST_PARTS = 3  # turns that lack packets, from which map makes a scan where none is whole
 _TOO_SHORT = "nothing can use it: a turn takes the sensor 0.2 s; record for a second or longer"
+#: Fact of a recording -> what it is called for people.
+_TOLD = {
+    "firmware": "sent as", "packets": "packets", "bad_checksums": "packets with a wrong checksum",
+    "skipped_bytes": "bytes that are of no packet", "index_jumps": "gaps where packets are missing",
+    "turns": "whole turns", "partial_turns": "turns that lack packets", "rpm_min": "slowest, turns a minute",
+    "rpm_median": "median, turns a minute", "rpm_max": "fastest, turns a minute",
+    "invalid_share": "readings without a distance",
+}  # fmt: skip
 _SECONDS = 3  # of a recording that is proposed: 15 turns
 _EMULATE_NOTES = f"""it prints a port, which the other commands take, and plays when that is opened, until Ctrl-C.
 --rig 0 is the laser below the left camera of the paper's rig, every other number that of a rig which nobody has
@@ -42,13 +50,20 @@ def _info(arguments: argparse.Namespace) -> int:
     if arguments.json:
         print(json.dumps(facts, indent=1))
     else:
-        width = max(map(len, facts))
-        for name, value in facts.items():
-            print(f"{name:{width}}  {value:.4g}" if isinstance(value, float) else f"{name:{width}}  {value}")
+        width = max(map(len, _TOLD.values()))
+        print(*(f"{what:{width}}  {_in_words(name, facts[name])}" for name, what in _TOLD.items()), sep="\n")
     if not facts["turns"] and facts["partial_turns"] < _LEAST_PARTS:
         print(f"{arguments.file} holds no whole turn, and {_TOO_SHORT}", file=sys.stderr)
         return REFUSED
     return DONE
+
+
+def _in_words(name: str, value: Any) -> str:
+    if value is None:
+        return "unknown"
+    if name.endswith("_share"):
+        return f"{100 * value:.1f} %"
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
 def _check_no_table(path: Path) -> None:

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from stereolib.cli.command import Command
-from stereolib.cli.errors import DONE
+from stereolib.cli.errors import DONE, turns_named
 from stereolib.cli.outputs import check_outputs
 
 _FILES = {"report": ("report.html", "report.ipynb", "calibration.json"),
@@ -51,7 +51,8 @@ def _run(arguments: argparse.Namespace) -> int:
     check_outputs([out / file for file in _FILES[name]], force=arguments.force, option="--output")
     print(f"{arguments.folder}: {own}", *own.absent, sep="\n  ", flush=True)
     if own.boards and own.board is not None:  # before the minutes of the rest
-        check_first_boards(own.boards, own.board, str(own.boards[0].left.parent), progress=sys.stderr.isatty())
+        with turns_named([file for pair in own.boards for file in pair]):
+            check_first_boards(own.boards, own.board, str(own.boards[0].left.parent), progress=sys.stderr.isatty())
     try:
         written = report_rig(arguments.folder, out, name)
     except NotebookError as error:

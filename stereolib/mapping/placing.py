@@ -68,6 +68,7 @@ def place_stations(stations: Sequence[Station], known: Collection[str] = ()) -> 
     Returns
     -------
     Placing
+        Yaws that were found lie within half a turn of zero.
 
     Raises
     ------
@@ -101,10 +102,16 @@ def place_stations(stations: Sequence[Station], known: Collection[str] = ()) -> 
     why |= apart
     loose |= {name: text for name, text in apart.items() if name in known}
     stays += [s for s in stations if s.name in apart and s.name in known]
-    poses = {s.name: s for s in (*placed, *stays)}
+    poses = {s.name: s if s.name in known else _wrapped(s) for s in (*placed, *stays)}
     warnings = [f"station {name} stays at the pose that was given for it: {text}" for name, text in loose.items()]
     left_out = {s.name: why.get(s.name, _untied(s)) for s in stations if s.name not in poses}
     return Placing(tuple(poses[s.name] for s in stations if s.name in poses), left_out, tuple(warnings))
+
+
+def _wrapped(station: Station) -> Station:
+    """A station whose yaw was found, within half a turn of zero."""
+    yaw = float(station.pose[2])
+    return station if -np.pi <= yaw < np.pi else replace(station, pose=np.append(station.pose[:2], wrap_rad(yaw)))
 
 
 def _untied(station: Station) -> str:

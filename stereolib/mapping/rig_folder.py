@@ -15,6 +15,7 @@ from typing import Any, TypeVar
 
 from stereolib.base import UInt8, counted, listed, read_toml, write_atomic
 from stereolib.calibration import (
+    JUDGED_AT_MM,
     LENS_MODELS,
     MIN_PAIRS,
     Board,
@@ -52,7 +53,6 @@ _ENTRIES = {
     "recordings": tuple(RIG_FOLDERS),
     "length": ("pair", "from", "to", "rectified", "ruler_mm"),
 }
-_USUALLY_AT_MM = 1000.0
 _LEAST_MM = 1.0  # nothing shorter is meant in millimetres
 
 
@@ -224,7 +224,7 @@ def write_rig_file(path: str | PathLike[str], **values: Any) -> Path:
     from jinja2 import Environment, PackageLoader
 
     page = Environment(loader=PackageLoader("stereolib.mapping", "."), autoescape=False, keep_trailing_newline=True)
-    usual: dict[str, Any] = {"corners": [9, 6], "at_mm": _USUALLY_AT_MM, **RIG_FOLDERS}
+    usual: dict[str, Any] = {"corners": [9, 6], "at_mm": JUDGED_AT_MM, **RIG_FOLDERS}
     return write_atomic(path, page.get_template("rig.toml.jinja").render(usual | values))
 
 
@@ -275,7 +275,7 @@ def load_rig_folder(folder: str | PathLike[str], *, with_boards: bool = True) ->
     for length in lengths:
         if length.pair not in names:
             raise said.wrong("length", "pair", f"there is no pair {length.pair!r}, only {listed(names) or 'none'}")
-    at_mm, ruler = said.length("cameras", "at_mm", _USUALLY_AT_MM), said.length("cameras", "ruler_mm")
+    at_mm, ruler = said.length("cameras", "at_mm", JUDGED_AT_MM), said.length("cameras", "ruler_mm")
     board = said.board() if boards else None
     lonely = [station.scan.name for station in alone if station.scan] if pairs else []
     has_boards, is_calibrated = bool(boards) or not with_boards, (folder / CALIBRATION).is_file()
@@ -284,7 +284,7 @@ def load_rig_folder(folder: str | PathLike[str], *, with_boards: bool = True) ->
         lie = "left/ and right/" if pattern == "." else pattern
         absent.append(f'pairs lie in {folder}, {lie}: write pairs = "{pattern}" into its {RIG_FILE}, or move them')
     known = tuple(stations), lengths, tuple(absent)
-    return RigFolder(folder, board, at_mm or _USUALLY_AT_MM, ruler, model, boards, *known)
+    return RigFolder(folder, board, at_mm or JUDGED_AT_MM, ruler, model, boards, *known)
 
 
 def _absent(

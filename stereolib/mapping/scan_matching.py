@@ -67,7 +67,8 @@ def refine_poses(
     Parameters
     ----------
     stations : sequence of Station
-        Two or more, with poses known to some 50 mm and 3 degrees.
+        Two or more, with poses known to some 50 mm and 3 degrees. Farther off, scans may come to lie on the wrong walls
+        of each other, and nothing here tells so: `place_stations` does, by what their beams went through.
     bias_mm : (a, b)
         Standard deviations of what averaging does not remove, mm and 1/mm: `a` is what all readings of one station on
         one straight bit share (brightness and angle), ``b r^2`` what all readings share, as a laser that triangulates

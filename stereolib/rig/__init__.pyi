@@ -5,7 +5,17 @@ from .live_camera import CameraError, CameraWish, LiveCamera
 from .live_pair import LivePair, LiveRig
 from .matlab_format import from_matlab_struct, to_matlab_struct
 from .opencv_threads import one_opencv_thread, over_cores
-from .pair_files import PICTURES, PairFile, find_pair, find_pairs, left_pictures, one_size, pair_name, pair_sides
+from .pair_files import (
+    PICTURES,
+    PairFile,
+    find_pair,
+    find_pairs,
+    left_pictures,
+    one_size,
+    pair_name,
+    pair_sides,
+    turned_by_exif,
+)
 from .stereo_rig import RectifiedRig, StereoRig, calibration_notes
 from .transforms import pose_left_world, rigid, skew
 
@@ -49,4 +59,5 @@ __all__ = [
     "to_grey",
     "to_light",
     "to_matlab_struct",
+    "turned_by_exif",
 ]

@@ -19,7 +19,7 @@ _LEAST_SIDE_PX = 2  # of a picture that is looked at in half size
 MAX_MEGAPIXELS = 100.0  # no webcam comes near; a few kB can claim a thousand times as much
 _GAMMA = 2.2  # of cameras' and screens' grey levels (sRGB, nearly)
 _LIGHT = ((np.arange(256) / 255) ** _GAMMA).astype(np.float32)
-_ORIENTATION, _ON_ITS_SIDE = 0x0112, (5, 6, 7, 8)  # of EXIF
+_ORIENTATION, _AS_IT_IS, _TURNED, _ON_ITS_SIDE = 0x0112, 1, range(2, 9), range(5, 9)  # of EXIF
 _WIDTH, _HEIGHT = 0x0100, 0x0101  # of TIFF
 _FILTERING = Lock()  # warnings' filters belong to the whole process, pictures are read by several threads
 
@@ -78,6 +78,31 @@ def image_size(path: str | PathLike[str]) -> tuple[int, int]:
     ValueError
         As `read_image`, which reads it whole where its header is not understood.
     """
+    if header := _header(path):
+        (width, height), orientation = header
+        return (height, width) if orientation in _ON_ITS_SIDE else (width, height)
+    height, width = read_image(path).shape[:2]
+    return width, height
+
+
+def image_orientation(path: str | PathLike[str]) -> int:
+    """Tell how a picture is turned or mirrored as it is read, since its EXIF says how the camera was held.
+
+    Parameters
+    ----------
+    path : path
+
+    Returns
+    -------
+    int
+        EXIF's number: 1 as it is, 3 by half a turn, 6 and 8 by a quarter; 1 where nothing is said, or nothing readable.
+    """
+    header = _header(path)
+    return header[1] if header else _AS_IT_IS
+
+
+def _header(path: str | PathLike[str]) -> tuple[tuple[int, int], int] | None:
+    """Size as it is stored, px, and EXIF's orientation; None where a header is not understood."""
     from PIL import Image
     from PIL.TiffImagePlugin import TiffImageFile
 
@@ -87,12 +112,11 @@ def image_size(path: str | PathLike[str]) -> tuple[int, int]:
             with Image.open(path) as image:
                 # of a TIFF, `size` is turned already, or not: it depends on Pillow's version
                 tags = image.tag_v2 if isinstance(image, TiffImageFile) else {}
-                width, height = (int(tags[_WIDTH]), int(tags[_HEIGHT])) if tags else image.size
-                return (height, width) if image.getexif().get(_ORIENTATION, 1) in _ON_ITS_SIDE else (width, height)
-        except (OSError, ValueError, Image.DecompressionBombError):
-            pass
-    height, width = read_image(path).shape[:2]
-    return width, height
+                size = (int(tags[_WIDTH]), int(tags[_HEIGHT])) if tags else image.size
+                told = image.getexif().get(_ORIENTATION, _AS_IT_IS)
+                return size, int(told) if told in _TURNED else _AS_IT_IS
+        except (OSError, ValueError, SyntaxError, Image.DecompressionBombError):  # the third: damaged EXIF
+            return None
 
 
 def read_pair(left: str | PathLike[str], right: str | PathLike[str], *, grey: bool = False) -> tuple[UInt8, UInt8]:

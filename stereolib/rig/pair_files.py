@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from stereolib.base import check_name, counted, listed
-from stereolib.rig.images import image_size, read_image
+from stereolib.rig.images import image_orientation, image_size, read_image
 from stereolib.rig.unpacked import VIDEOS, WIDE, unpack_halves, unpack_videos
 
 _SIDES = {"left": 0, "l": 0, "cam0": 0, "right": 1, "r": 1, "cam1": 1}
@@ -20,6 +20,8 @@ _FOLDERS = (("left", "right"), ("l", "r"), ("cam0", "cam1"))
 PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp")
 _SCAN = ".bin"  # end of the name of a laser's recording
 _LISTED, _GUESSES = 8, 2
+_FEW = 3  # pictures that are named where more is said of them
+_TURNS = {3: "turned by 180 degrees", 6: "turned by 90 degrees", 8: "turned by 270 degrees"}  # EXIF's, clockwise
 _Key = tuple[tuple[bool, int, str], ...]
 _WORDS = re.compile(r"[Cc]am[01](?!\d)|\d+|[A-Z]?[a-z]+|[A-Z]+|[^\W\d_]+")
 _OTHER = {"left": "right", "l": "r", "cam0": "cam1", "right": "left", "r": "l", "cam1": "cam0"}
@@ -65,8 +67,9 @@ def find_pairs(
     Raises
     ------
     ValueError
-        If nothing is found, pictures have no partner, share a number, are too few, or differ in size. They are named,
-        a lonely one with the two likeliest partners of those that have none either, else with the one that is missing.
+        If nothing is found, pictures have no partner, share a number, are too few, differ in size, or EXIF turns only
+        some of a camera's. They are named, a lonely one with the two likeliest partners of those that have none
+        either, else with the one that is missing.
     """
     if right is None:
         _check_not_alone(left, least)
@@ -83,6 +86,7 @@ def find_pairs(
     if len(pairs) < least:
         raise ValueError(f"too few pairs, {len(pairs)} ({_names(pair.left for pair in pairs)}): {_needed(least)}")
     _check_sizes(pairs)
+    _check_turns(pairs)
     return pairs
 
 
@@ -269,6 +273,39 @@ def _check_sizes(pairs: Sequence[PairFile]) -> None:
     one_size(sizes)
 
 
+def _check_turns(pairs: Sequence[PairFile]) -> None:
+    """Refuse pictures of one camera of which EXIF turns some: its middle and its lens would lie elsewhere in them."""
+    for files in zip(*pairs, strict=True):
+        turns = [image_orientation(path) for path in files]
+        usual = max(sorted(set(turns)), key=turns.count)
+        if odd := [path for path, turn in zip(files, turns, strict=True) if turn != usual]:
+            raise ValueError(
+                f"{_names(odd)} in {odd[0].parent}: EXIF turns {'them' if len(odd) > 1 else 'it'} unlike the other "
+                f"pictures of that camera, and all must be the same way up: take the orientation out of the EXIF of all"
+            )
+
+
+def turned_by_exif(files: Iterable[Path]) -> str:
+    """Tell which pictures were turned as they were read, and what helps if that was wrong.
+
+    Parameters
+    ----------
+    files : iterable of Path
+
+    Returns
+    -------
+    str
+        Empty where none was.
+    """
+    turns = {path: image_orientation(path) for path in files}
+    if not (turned := [path.name for path, turn in turns.items() if turn != 1]):
+        return ""
+    how = " or ".join(_TURNS.get(turn, "mirrored") for turn in sorted(set(turns.values()) - {1}))
+    were, them = ("were", "them") if len(turned) > 1 else ("was", "it")
+    said = f"{listed(turned, _FEW)} {were} {how} as the EXIF in {them} says"
+    return f"{said}: if that is the cause, take the orientation out of it"
+
+
 def _both_sides(source: str, every: int | None) -> list[PairFile]:
     """Pairs of one folder, pattern or video."""
     if _is_video(source):
@@ -325,7 +362,10 @@ def _without_scans(files: list[Path]) -> list[Path]:
 def _files(source: str) -> list[Path]:
     folder = Path(source)
     if folder.is_dir():
-        if not (files := _there(folder)):
+        files = _there(folder)
+        if not _hold_pictures(files) and (below := _recordings_below(folder)):
+            raise ValueError(f"{source} itself holds no pictures: did you mean {' or '.join(map(str, below))}?")
+        if not files:
             raise ValueError(f"{source} is empty: expected the pictures of a camera")
         return files
     if folder.is_file():
@@ -337,6 +377,20 @@ def _files(source: str) -> list[Path]:
     raise ValueError(
         f"{source}: no such file or folder: expected pictures, a folder of them, a pattern in quotes, or a video"
     )
+
+
+def _hold_pictures(files: Sequence[Path]) -> bool:
+    """Whether there are pictures or videos among some files, by their names or, of rarer kinds, by how they begin."""
+    import cv2
+
+    by_name = any(path.suffix.lower() in (*PICTURES, *VIDEOS) for path in files)
+    return by_name or any(cv2.haveImageReader(str(path)) for path in files)
+
+
+def _recordings_below(folder: Path) -> list[Path]:
+    """Folders in a folder that hold the pictures which were looked for in itself."""
+    inside = [path for path in sorted(folder.iterdir()) if path.is_dir() and not path.name.startswith(".")]
+    return [path for path in inside if _side_folders(path) or _hold_pictures(_there(path))][:_GUESSES]
 
 
 def _words(path: Path) -> list[str]:
@@ -374,19 +428,21 @@ def _matched(
 ) -> list[PairFile]:
     """Pairs by equal keys; what stays alone is named, with those it might belong to."""
     (where_left, a), (where_right, b) = left, right
-    if sides is None and set(a).isdisjoint(b) and len(a) == len(b):
+    are_in_order = sides is None and set(a).isdisjoint(b)  # as by time stamps
+    if are_in_order and len(a) == len(b):
         return [PairFile(a[one], b[other]) for one, other in zip(sorted(a), sorted(b), strict=True)]
     where = sides or (f"in {where_left}", f"in {where_right}")
     lonely = [[mine[key] for key in sorted(set(mine) - set(other))] for mine, other in ((a, b), (b, a))]
     alone = [
-        f"without a partner {there}: {listed(_guess(path, others) for path in these)}"
+        f"without a partner {there}: {listed((_guess(path, others) for path in these), _FEW)}"
         for these, others, there in zip(lonely, lonely[::-1], where[::-1], strict=True)
         if these
     ]
     if alone:
+        as_many = f", or as many on both sides (not {len(a)} and {len(b)})" if are_in_order else ""
         raise ValueError(
             f"pictures {'; '.join(alone)}. Expected the same names or numbers on both sides, as 01.png in each folder, "
-            f"or left01.png and right01.png: add the partner or move the odd one away"
+            f"or left01.png and right01.png{as_many}: add the partner or move the odd one away"
         )
     return [PairFile(a[key], b[key]) for key in sorted(a)]
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import inspect
+
 import numpy as np
 import pytest
 from scipy.stats import t as student
@@ -9,9 +11,11 @@ from support.corners import corner_set, draw_poses, draw_rig
 
 from stereolib.calibration import (
     INTERVAL_STDS,
+    JUDGED_AT_MM,
     bundle_adjustment,
     calibrate_stereo,
     compare_calibrations,
+    diagnose,
     error_map,
     interval_table,
     rig_covariance,
@@ -164,7 +168,7 @@ def test_parts_by_name(fitted, covariance):
 
 def test_error_map_is_what_triangulation_does(fitted, covariance):
     """Rigs drawn from the covariance triangulate pixel pairs all over the map; no Jacobian is involved."""
-    rig, found = fitted.rig, error_map(fitted.rig, covariance, step_px=40)
+    rig, found = fitted.rig, error_map(fitted.rig, covariance, at_mm=700, step_px=40)
     columns, rows = np.arange(20, 640, 40), np.arange(20, 480, 40)
     np.testing.assert_array_equal(found.columns_px, columns)
     np.testing.assert_array_equal(found.rows_px, rows)
@@ -180,6 +184,14 @@ def test_error_map_is_what_triangulation_does(fitted, covariance):
     assert np.ptp(found.depth_mm[i, j]) > 0.3 * found.depth_mm[6, 8]  # it is no constant that all agree with
     assert np.isnan(found.depth_mm[:, 0]).all()  # the left rim is out of the right camera's sight
     assert found.depth_mm.shape == (12, 16)
+
+
+def test_all_is_judged_at_one_distance_unless_another_is_asked_for(views, fitted, covariance):
+    first, second = fitted, bundle_adjustment.fit_rig(views.only(range(10)), fitted.rig)
+    one, same = (compare_calibrations(first, second, **at) for at in ({}, {"at_mm": JUDGED_AT_MM}))
+    np.testing.assert_array_equal(one.depth_mm, same.depth_mm)
+    assert error_map(fitted.rig, covariance).at_mm == JUDGED_AT_MM
+    assert inspect.signature(diagnose).parameters["at_mm"].default == JUDGED_AT_MM
 
 
 def test_maps_refuse_metres_and_grids_without_a_pixel(fitted, covariance):

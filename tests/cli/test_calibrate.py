@@ -15,10 +15,11 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from PIL import Image
 
 from stereolib import plotting
 from stereolib.base import datasets, plus_minus
-from stereolib.calibration import LENS_MODELS, Charuco, boards_per_cell, wording
+from stereolib.calibration import JUDGED_AT_MM, LENS_MODELS, Charuco, boards_per_cell, wording
 from stereolib.cli import commands
 from stereolib.cli.boards import parse_board
 from stereolib.cli.calibrate import CALIBRATE
@@ -51,6 +52,24 @@ def make_files(folder: Path, *names: str) -> Path:
 
 def named(pairs: list[tuple[Path, Path]]) -> list[tuple[str, str]]:
     return [(a.name, b.name) for a, b in pairs]
+
+
+@pytest.mark.parametrize("turned", [("left",), ("left", "right")])
+def test_a_camera_that_exif_turns_is_named_as_the_cause(turned: tuple[str], tmp_path: Path, capsys) -> None:
+    for side in ("left", "right"):
+        (tmp_path / side).mkdir()
+        for k in range(1, 8):
+            exif = Image.Exif()
+            exif[0x0112] = 3 if side in turned else 1
+            Image.open(BOARDS / f"{k:02d}_{side}.jpg").save(tmp_path / side / f"{k:02d}.jpg", exif=exif.tobytes())
+    assert commands.main(["calibrate", str(tmp_path), *WORDS, "--output", str(tmp_path / "rig")]) == 2
+    said = capsys.readouterr().err
+    assert ("exchanged" if len(turned) > 1 else "Is one camera upside down, or mirrored? 01.jpg, 02.jpg") in said
+    assert "01.jpg, 02.jpg, 03.jpg and" in said and "were turned by 180 degrees as the EXIF in them says" in said
+
+
+def test_errors_are_judged_where_the_library_judges_them() -> None:
+    assert commands.make_parser().parse_args(["calibrate", "pairs", *WORDS]).at_mm == JUDGED_AT_MM
 
 
 def test_board_in_inner_corners() -> None:

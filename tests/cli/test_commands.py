@@ -74,6 +74,27 @@ def test_wrong_words_are_refused(words: list[str], capsys: pytest.CaptureFixture
     assert said.startswith("stereolib: error: ") and "--help" in said and said.count("\n") == 1
 
 
+def test_an_error_is_broken_between_words_on_a_terminal_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    missing = str(tmp_path / "a-folder-with-a-name-longer-than-the-terminal-is-wide" / "left.png")
+    words = ["measure", missing, missing, "--calibration", missing]
+    assert commands.main(words) == 2
+    line = capsys.readouterr().err
+    assert line.count("\n") == 1 and len(line) > 100
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
+    monkeypatch.setenv("COLUMNS", "60")
+    assert commands.main(words) == 2
+    broken = capsys.readouterr().err.splitlines()
+    assert missing in {part.strip(" :") for part in broken}
+    assert all(len(part) <= 60 or " " not in part.strip() for part in broken)
+    assert " ".join(part.strip() for part in broken) == line.strip()
+    with pytest.raises(SystemExit, match="2"):
+        commands.main(["measure", "left.png", "--calibration", missing, "--floor", "nothing-of-the-kind"])
+    broken = capsys.readouterr().err.splitlines()
+    assert len(broken) > 1 and all(len(part) <= 60 or " " not in part.strip() for part in broken)
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [(["new", ""], "an argument is empty"), (["new", " "], "an argument is empty"),

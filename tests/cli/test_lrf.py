@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +29,17 @@ def test_info_tells_what_the_room_recording_holds(capsys: pytest.CaptureFixture[
     assert rpm[0] > 295 and rpm[-1] < 305
     assert (facts["rpm_min"], facts["rpm_median"], facts["rpm_max"]) == (rpm[0], rpm[224:226].mean(), rpm[-1])
     assert facts["invalid_share"] == pytest.approx(np.isnan(readings.distance_mm).mean())
+
+
+def test_info_tells_every_fact_in_words_with_its_unit(capsys: pytest.CaptureFixture[str]) -> None:
+    assert commands.main(["lrf", "info", ROOM, "--json"]) == 0
+    facts = json.loads(capsys.readouterr().out)
+    assert commands.main(["lrf", "info", ROOM]) == 0
+    told = dict(re.split(r"\s{2,}", line) for line in capsys.readouterr().out.splitlines())
+    assert len(told) == len(facts) and not any("_" in what for what in told)
+    assert told["packets"] == "450" and told["whole turns"] == "5"
+    assert told["median, turns a minute"] == f"{facts['rpm_median']:.4g}"
+    assert told["readings without a distance"] == f"{100 * facts['invalid_share']:.1f} %"
 
 
 def test_a_recording_that_nothing_can_use_is_told_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -62,6 +62,12 @@ def test_the_walk_is_placed_by_its_scans_alone():
         assert e @ np.linalg.solve(station.covariance, e) < 20
 
 
+def test_yaws_that_were_found_lie_within_half_a_turn_of_zero():
+    yaws = [station.pose[2] for station in placed_walk().stations]
+    assert min(TRUE[name][2] for name in TRUE) < TRUE["1"][2], "some turn to the right: their yaw is negative"
+    assert min(yaws) < 0 and np.abs(yaws).max() <= np.pi
+
+
 def test_a_place_that_is_opposed_gives_way_to_one_that_is_not():
     """Station 2 stands at one end of the room, 1 and 3 at the other: most of its walls fits the wrong way round, where
     the boxes do not, and walls seen from behind are no rivals. The laser of another rig sees the same."""

@@ -11,6 +11,7 @@ import pytest
 from PIL import Image
 
 from stereolib.rig import check_pair, image_size, read_image, read_pair, to_grey, to_light
+from stereolib.rig.images import image_orientation
 
 
 @pytest.fixture
@@ -101,6 +102,14 @@ def test_the_size_is_that_of_the_picture_as_it_is_read(tmp_path, picture, kind):
         exif[0x0112] = orientation
         Image.fromarray(picture).save(path := tmp_path / f"{orientation}.{kind}", exif=exif.tobytes())
         assert image_size(path) == read_image(path).shape[1::-1] == ((60, 40) if orientation < 5 else (40, 60))
+
+
+@pytest.mark.parametrize("kind", ["jpg", "png"])
+def test_damaged_exif_spoils_no_picture(tmp_path, picture, kind):
+    """Pillow takes it for wrong Python."""
+    Image.fromarray(picture).save(path := tmp_path / f"odd.{kind}", exif=b"Exif\0\0no TIFF at all")
+    assert image_size(path) == read_image(path).shape[1::-1] == (60, 40)
+    assert image_orientation(path) == 1
 
 
 def test_pair_in_order(tmp_path, picture):

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+from PIL import Image
 
-from stereolib.rig import find_pair, find_pairs, read_image
+from stereolib.rig import find_pair, find_pairs, left_pictures, read_image, turned_by_exif
 
 RNG = np.random.default_rng(0)
 
@@ -83,7 +85,8 @@ def test_names_that_belong_together(left: list[str], right: list[str], expected:
         ("1.png 2.png", "1.png 2.png", ["too few pairs, 2 (1.png, 2.png)", "at least 5"]),
         ("1.png 01.png 2.png", "1.png 2.png 3.png", ["01.png, 1.png cannot be told apart"]),
         ("", "1.png", ["left is empty"]),
-        (" ".join(f"{k}.png" for k in range(12)), "50.png", ["0.png (50.png?), 1.png", "and 4 more"]),
+        (" ".join(f"{k}.png" for k in range(12)), "50.png",
+         ["0.png (50.png?), 1.png", "and 9 more", "as many on both sides (not 12 and 1)"]),
     ],
 )  # fmt: skip
 def test_folders_that_do_not_fit_are_listed(left: str, right: str, hints: list[str], tmp_path: Path) -> None:
@@ -91,6 +94,41 @@ def test_folders_that_do_not_fit_are_listed(left: str, right: str, hints: list[s
     with pytest.raises(ValueError) as caught:
         find_pairs(*folders, least=5)
     assert not [hint for hint in hints if hint not in str(caught.value)], str(caught.value)
+
+
+def test_many_without_a_partner_are_counted_in_a_short_text(tmp_path: Path) -> None:
+    folder = make_files(tmp_path, *(f"left_{1000 + 14 * k}.png" for k in range(20)))
+    make_files(tmp_path, *(f"right_{1003 + 14 * k}.png" for k in range(19)))
+    with pytest.raises(ValueError) as caught:
+        find_pairs(folder)
+    text = str(caught.value).replace(str(folder), "")
+    assert "left_1000.png" in text and "right_1003.png" in text
+    assert "and 17 more; without" in text and "and 16 more. Expected" in text
+    assert len(text) < 600
+
+
+@pytest.mark.parametrize(
+    ("above", "below"),
+    [
+        (("boards/left01.png", "boards/right01.png"), "boards"),
+        (("rig.toml", "boards/left/1.png", "boards/right/1.png", ".old/left1.png"), "boards"),
+        (("notes.txt", "boards/left01.png", "boards/right01.png", "empty/readme.txt", "pairs/1.png"), "boards pairs"),
+    ],
+)
+def test_a_folder_one_level_too_high_is_told_which_is_meant(above: tuple[str], below: str, tmp_path: Path) -> None:
+    for name in above:
+        make_files((tmp_path / name).parent, Path(name).name)
+    meant = " or ".join(str(tmp_path / name) for name in below.split())
+    for find in (find_pairs, left_pictures):
+        with pytest.raises(ValueError, match=re.escape(f"{tmp_path} itself holds no pictures: did you mean {meant}?")):
+            find(tmp_path)
+
+
+def test_pictures_of_a_rare_kind_stand_beside_a_folder_of_others(tmp_path: Path) -> None:
+    for name in ("left1", "right1"):
+        cv2.imwrite(str(tmp_path / f"{name}.pgm"), np.zeros((8, 8), np.uint8))
+    make_files(tmp_path / "preview", "left1.png", "right1.png")
+    assert named(find_pairs(tmp_path)) == [("left1.pgm", "right1.pgm")]
 
 
 def test_one_folder_twice_and_none(tmp_path: Path) -> None:
@@ -263,3 +301,31 @@ def test_a_single_picture_where_many_pairs_are_wanted_is_told_what_is_wanted(tmp
     for source in (tmp_path, tmp_path / "01_left.png"):
         with pytest.raises(ValueError, match=r"01_left\.png is a single picture, pairs .* wanted: at least 5 with"):
             find_pairs(source, least=5)
+
+
+def with_exif(path: Path, orientation: int) -> Path:
+    exif = Image.Exif()
+    exif[0x0112] = orientation
+    Image.fromarray(noisy(1)).save(path, exif=exif.tobytes())
+    return path
+
+
+def test_pictures_of_one_camera_of_which_exif_turns_some_are_named(tmp_path: Path) -> None:
+    for k in range(4):
+        with_exif(tmp_path / f"{k}_left.jpg", 3)  # a camera that hangs upside down, and says so
+        with_exif(tmp_path / f"{k}_right.jpg", 1)
+    assert len(find_pairs(tmp_path)) == 4
+    with_exif(tmp_path / "2_right.jpg", 3)
+    with pytest.raises(
+        ValueError, match=r"^2_right\.jpg in .*: EXIF turns it unlike the other pictures of that camera"
+    ):
+        find_pairs(tmp_path)
+
+
+def test_what_exif_turned_is_told(tmp_path: Path) -> None:
+    files = [with_exif(tmp_path / f"{turn}.jpg", turn) for turn in (1, 3, 6, 5)]
+    (text := tmp_path / "notes.txt").write_text("no picture")
+    assert turned_by_exif([*files[:1], text]) == ""
+    assert turned_by_exif(files[:2]).startswith("3.jpg was turned by 180 degrees as the EXIF in it says: ")
+    many = "3.jpg, 6.jpg, 5.jpg were turned by 180 degrees or mirrored or turned by 90 degrees as the EXIF in them"
+    assert turned_by_exif(files).startswith(many)

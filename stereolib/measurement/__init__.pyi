@@ -1,10 +1,11 @@
 from .box import Box, Side
+from .camera_turn import turned_back
 from .depth_map import DepthMap, measure_depth, whole_mm
 from .disparity_map import add_outliers, check_disparity_map, pixel_rays
 from .faces import Face
 from .floor import Floor, FloorLimits, fit_floor, floor_from_pose, floor_tolerance_px
 from .height_attempt import HeightAttempt, attempt_height, attempt_standing, corner_width_mm
-from .instrument import Instrument, SystematicUncertainty, save_laser_pose
+from .instrument import Instrument, SystematicUncertainty, Turn, save_laser_pose
 from .laser_on_floor import LaserOnFloor
 from .measure import Measurement, disagreement, measure_objects, measure_standing
 from .measured_object import SIZE_NAMES, UNSURE_MM, WORST_STD, MeasuredObject
@@ -45,6 +46,7 @@ __all__ = [
     "Standing",
     "SurfacePoint",
     "SystematicUncertainty",
+    "Turn",
     "Views",
     "Why",
     "add_caption",
@@ -72,6 +74,7 @@ __all__ = [
     "pixel_rays",
     "save_laser_pose",
     "see_standing",
+    "turned_back",
     "whole_mm",
     "why_no_floor",
 ]

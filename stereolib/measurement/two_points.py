@@ -279,7 +279,7 @@ def length_between(
         Columns and rows in the left picture, as the camera gave it.
     instrument : Instrument
     is_rectified : bool
-        The pixels are those of the rectified left picture.
+        The pixels are those of the rectified left picture, as `measure_objects` returns it of this pair.
 
     Returns
     -------

@@ -15,6 +15,7 @@ from typing import Any
 
 import cv2
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from stereolib import laser, paper
 from stereolib.base import ROOT, Float64, UInt8, write_atomic
@@ -181,6 +182,17 @@ def own_scene(seed: int) -> BoxScene:
     sensor = replace(SENSOR, height_mm=float(rng.uniform(40, 90)))
     x, y, yaw = (float(v) for v in rng.uniform(-1, 1, 3) * [30.0, 30.0, np.radians(3.0)])
     return BoxScene(seed, scene, distance, pose, rig, sensor, (x, y, yaw), light_samples=2)
+
+
+def turned_scene(seed: int) -> BoxScene:
+    """A plain scene before cameras of which one was turned sideways by up to 0.8 degrees since their calibration."""
+    scene, rng = plain_scene(seed), np.random.default_rng([616, seed])
+    Y = Rotation.from_euler("y", float(rng.uniform(-0.8, 0.8)), degrees=True).as_matrix()
+    rig = scene.rig
+    if rng.choice(["left", "right"]) == "right":
+        return replace(scene, rig=replace(rig, R=Y @ rig.R, T=Y @ rig.T))
+    pose = rigid(Y, np.zeros(3)) @ scene.T_left_world
+    return replace(scene, rig=replace(rig, R=rig.R @ Y.T), T_left_world=pose)
 
 
 def carton_scene(seed: int) -> BoxScene:

@@ -145,15 +145,12 @@ class Turn:
         Probability that they were turned at all, as far as the pair makes it likelier than it was before.
     seen_px : float
         By so much they must be turned to be taken as turned: what is less shows in nothing.
-    of_scan : bool
-        A scan told it: it fits the pair so, and not without.
     """
 
     offset_px: float
     std_px: float
     chance: float
     seen_px: float
-    of_scan: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,7 +182,7 @@ class Instrument:
     def warnings(self) -> tuple[str, ...]:
         """What makes everything doubtful that is measured with it."""
         said = [] if self.lidar is None else [self.lidar.warning]
-        if self.turn is not None and not self.turn.of_scan and self.turn.chance > _LIKELY:
+        if self.turn is not None and self.turn.chance > _LIKELY:
             turned, std = (np.degrees(px / self.rectified.f_px) for px in (self.turn.offset_px, self.turn.std_px))
             said.append(
                 f"the cameras have turned against each other since their calibration, sideways, by {abs(turned):.2f} ± "

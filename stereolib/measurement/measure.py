@@ -17,7 +17,7 @@ from stereolib.measurement.box import Shared
 from stereolib.measurement.camera_turn import see_pair
 from stereolib.measurement.floor import Floor
 from stereolib.measurement.hypotheses import Judged
-from stereolib.measurement.instrument import Instrument, Turn
+from stereolib.measurement.instrument import Instrument
 from stereolib.measurement.laser_on_floor import LaserOnFloor, Lean
 from stereolib.measurement.measured_object import MeasuredObject
 from stereolib.measurement.reasons import ScanFit
@@ -27,7 +27,6 @@ from stereolib.measurement.things import NOWHERE, SCAN_REACH_M, Scene, nearest_m
 from stereolib.measurement.views import Views
 
 _LIKELY = 0.5  # probability from which something is said to have moved
-_TURNS_PX, _TURN_STD_PX = (3.0, -3.0, 6.0, -6.0, 9.0, -9.0), 1.0  # tried if a scan agrees with nothing
 _BY_CHANCE = 0.15  # share of matched pixels: pictures of two places have 0.08 to 0.14
 _BELOW_CAMERA = "the laser's pose is not known: it is taken to stand straight below the left camera"
 _LEFT_OUT = (
@@ -111,25 +110,12 @@ def measure_objects(
 
     Notes
     -----
-    Cameras that were turned sideways since their calibration are turned back as the rows tell (`turned_back`). Where
-    those would not show it and the scan agrees with nothing, turns of 3, 6 and 9 px are tried, too: the first with
-    which it agrees, the laser being where it was, is taken.
+    Cameras that were turned sideways since their calibration are turned back as the rows tell (`turned_back`).
     """
     if not (scan is None or isinstance(scan, LaserScan)) or not isinstance(instrument, Instrument):
         got = f"{type(scan).__name__} and {type(instrument).__name__}"
         raise TypeError(f"after both pictures come a LaserScan or None, and an Instrument; got {got}")
-    views, now = see_pair(left, right, instrument)
-    found, _ = _measured(see_standing(views, now, floor=floor), scan)
-    if found.scan_fit is not ScanFit.OPPOSES or instrument.lidar is None:
-        return found
-    unseen_px = np.inf if now.turn is None else now.turn.seen_px
-    for offset_px in (px for px in _TURNS_PX if abs(px) < unseen_px):
-        turned = instrument.turned(Turn(offset_px, _TURN_STD_PX, 1.0, unseen_px, of_scan=True))
-        views = Views.of(left, right, turned.rectified)
-        other, judged = _measured(see_standing(views, turned, floor=floor), scan)
-        if other.scan_fit is ScanFit.AGREES and judged.chance(laser=True) < _LIKELY:
-            return other
-    return found
+    return measure_standing(see_standing(*see_pair(left, right, instrument), floor=floor), scan)
 
 
 def measure_standing(standing: Standing, scan: LaserScan | None) -> Measurement:
@@ -150,11 +136,6 @@ def measure_standing(standing: Standing, scan: LaserScan | None) -> Measurement:
     CannotMeasure
         As `measure_objects` does.
     """
-    return _measured(standing, scan)[0]
-
-
-def _measured(standing: Standing, scan: LaserScan | None) -> tuple[Measurement, Judged]:
-    """What a pair and a scan tell, and whether the laser or the cameras have moved."""
     views, instrument, priors, warnings = standing.views, standing.instrument, standing.priors, list(standing.said)
     if standing.no_floor is not None:
         if scan is None:
@@ -183,8 +164,7 @@ def _measured(standing: Standing, scan: LaserScan | None) -> tuple[Measurement, 
     warnings += [*unlike, *elsewhere, *_said_of_the_rig(views, judged, nearest_mm(judged, things), instrument, fit)]
     pictures = views.left, views.right, views.disparity_px
     doubts = (*standing.said, *elsewhere)
-    found = Measurement(tuple(objects), tuple(warnings), standing.floor, laser, readings, *pictures, fit, doubts)
-    return found, judged
+    return Measurement(tuple(objects), tuple(warnings), standing.floor, laser, readings, *pictures, fit, doubts)
 
 
 def disagreement(item: MeasuredObject, name: str = "") -> str:
@@ -268,10 +248,8 @@ def _said_of_the_rig(views: Views, judged: Judged, near_mm: float, instrument: I
             "right, all sizes are off by as much; measure the squares of the cameras' boards over many of them and the "
             "distance of the lenses, and calibrate again with --ruler-mm"
         )
-    turned_px = instrument.turn.offset_px if instrument.turn is not None and instrument.turn.of_scan else 0.0
-    if turned_px or judged.chance(cameras=True) > _LIKELY:
+    if judged.chance(cameras=True) > _LIKELY:
         off, off_std = (float(a[Shared.OFFSET]) for a in (solution.shared, np.sqrt(np.diag(solution.covariance))))
-        off -= turned_px
         how = f"all disparities are off by {off:.2f} ± {off_std:.2f} px; corrected here: calibrate again"
         unless = "So it is if the laser reads as at its calibration, and its board's squares are as they were told"
         said.append(

@@ -82,7 +82,8 @@ def see_standing(views: Views, instrument: Instrument, *, floor: Floor | None = 
     ValueError
         If the pictures show a floor three times as high or low as the one that was given.
     """
-    floor = floor and replace(floor, rectified=instrument.rectified)
+    if floor is not None and floor.rectified is not instrument.rectified:  # its cameras were turned back
+        floor = replace(floor, rectified=instrument.rectified)
     no_floor, regions, given = None, list[ObjectRegion](), floor
     views = replace(views, pair=replace(views.pair, errors=instrument.uncertainty.errors))
     try:

@@ -11,7 +11,7 @@ from support import box_scenes
 from support.measured import the_cube
 
 from stereolib.calibration import DisparityErrors
-from stereolib.measurement import Instrument, ScanFit, length_between, measure_depth, measure_objects
+from stereolib.measurement import Instrument, length_between, measure_depth, measure_objects
 from stereolib.measurement.camera_turn import see_pair, turned_back
 from stereolib.measurement.views import Views
 from stereolib.rig import StereoRig
@@ -118,28 +118,3 @@ def recordings_ends():
 
 def without_deviations(instrument):
     return replace(instrument, uncertainty=replace(instrument.uncertainty, errors=None))
-
-
-@pytest.mark.parametrize("degrees", [-0.5, 0.4])
-def test_where_rows_cannot_tell_a_turn_a_scan_that_fits_only_so_does(degrees):
-    scan = recordings.scan("conditions/texture")
-    instrument = without_deviations(believed(degrees, "right"))
-    alone, both = cube_of(instrument)[0], cube_of(instrument, scan)
-    assert np.nanmax(np.abs(alone.size_mm - CUBE_MM)) > 0.03 * CUBE_MM
-    thing, found = both
-    off = np.abs(thing.size_mm - CUBE_MM)
-    assert found.scan_fit is ScanFit.AGREES and (off < 3 * thing.std_mm).all() and (off < 4).all()
-    (said,) = [text for text in found.warnings if "cameras have turned since" in text]
-    told, std = (float(number) for number in said.split("off by ")[1].split(" px")[0].split(" ± "))
-    true_px = np.radians(degrees) * instrument.rectified.f_px
-    assert abs(abs(told) - abs(true_px)) < 3 * std < 1.5
-
-
-def test_a_scan_of_another_place_turns_no_camera():
-    """One of a cube that stands elsewhere agrees with nothing, however the cameras may be turned."""
-    scene = box_scenes.plain_scene(10**6 + 3)
-    other = box_scenes.scan(scene, np.random.default_rng(1))
-    instrument = without_deviations(box_scenes.instrument())
-    thing, found = cube_of(instrument, other)
-    assert found.scan_fit is ScanFit.OPPOSES
-    np.testing.assert_allclose(thing.size_mm, cube_of(instrument)[0].size_mm)

@@ -185,14 +185,19 @@ def own_scene(seed: int) -> BoxScene:
 
 
 def turned_scene(seed: int) -> BoxScene:
-    """A plain scene before cameras of which one was turned sideways by up to 0.8 degrees since their calibration."""
-    scene, rng = plain_scene(seed), np.random.default_rng([616, seed])
+    """An own scene before cameras of which one was turned sideways by up to 0.8 degrees since their calibration."""
+    scene, rng = own_scene(seed), np.random.default_rng([616, seed])
     Y = Rotation.from_euler("y", float(rng.uniform(-0.8, 0.8)), degrees=True).as_matrix()
     rig = scene.rig
     if rng.choice(["left", "right"]) == "right":
         return replace(scene, rig=replace(rig, R=Y @ rig.R, T=Y @ rig.T))
     pose = rigid(Y, np.zeros(3)) @ scene.T_left_world
     return replace(scene, rig=replace(rig, R=rig.R @ Y.T), T_left_world=pose)
+
+
+def before_turning(scene: BoxScene) -> Instrument:
+    """Rig of a `turned_scene` as its owner knows it: as it was calibrated."""
+    return own_instrument(own_scene(scene.seed))
 
 
 def carton_scene(seed: int) -> BoxScene:

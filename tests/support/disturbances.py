@@ -266,7 +266,7 @@ SCENES: dict[str, tuple[Callable[[int], BoxScene], Callable[[BoxScene], Instrume
     "neighbour": (box_scenes.neighbour_scene, lambda _: box_scenes.instrument()),
     "neighbour_cartons": (box_scenes.neighbour_carton_scene, lambda _: box_scenes.instrument()),
     "neighbour_white": (box_scenes.neighbour_at_white_wall_scene, lambda _: box_scenes.instrument()),
-    "turned": (box_scenes.turned_scene, lambda _: box_scenes.instrument()),
+    "turned": (box_scenes.turned_scene, box_scenes.before_turning),
 }  # fmt: skip
 _CHEAP_WEBCAM = one_after_another(
     laser_moved(yaw_deg=1.0, any_way_mm=10.0, up_to=True), blurred(1.5),
@@ -314,9 +314,15 @@ ROWS: dict[str, Row] = {
         "right picture shifted since the calibration, as by a lens, no scan: 1 px left or right",
         one_after_another(right_moved(columns_px=1.0), no_scan),
     ),
-    "turned": Row("either camera turned sideways by up to 0.8 degrees since the calibration", untouched, "turned"),
+    "turned": Row(
+        "either camera of a rig of its own turned sideways by up to 0.8 degrees since its calibration",
+        untouched,
+        "turned",
+    ),
     "turned_no_scan": Row(
-        "either camera turned sideways by up to 0.8 degrees since the calibration, no scan", no_scan, "turned"
+        "either camera of a rig of its own turned sideways by up to 0.8 degrees since its calibration, no scan",
+        no_scan,
+        "turned",
     ),
     "blur_3": Row("grey levels of both pictures blurred by 3 px (full width at half maximum)", blurred(3.0)),
     "lens_blur_3": Row("both lenses out of focus: light blurred by 3 px", blurred(3.0, by_lens=True)),

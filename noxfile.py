@@ -27,8 +27,8 @@ ADDITIONS = {  # pinned apart, on top of the rest
 }
 PYTHONS = ["3.11", "3.12", "3.13", "3.14"]
 
-# Without nbval, whose import takes each worker a second: the notebooks alone need it. In the order of tests/conftest.py,
-# which begins with slow files; xdist would begin with those that hold many tests.
+# Without nbval, whose import takes each worker a second: the notebooks alone need it. In the order of
+# tests/conftest.py, which begins with slow files; xdist would begin with those that hold many tests.
 PYTEST = ["-m", "pytest", "-p", "no:nbval", "-n", "2", "--dist", "loadfile", "--no-loadscope-reorder", "-q"]
 UNIT_TESTS = [*PYTEST, "--doctest-modules", "tests", "stereolib"]
 # With OpenCV 4 too: the rooms of numbers; of the rest, a test for each statement that calls OpenCV and that no test of

@@ -148,7 +148,8 @@ def test_readme_names_the_two_commands_and_ci_runs_the_second() -> None:
     # every session of `make test`, and what it leaves out
     ran = " ".join(re.findall(r"^nox -s ([\w -]+?)(?: \|\|.*| >.*)?$", script, re.MULTILINE)).split()
     assert sorted(ran) == sorted(noxfile.nox.options.sessions) == sorted(bootstrap.COMMANDS["test"][3:-1])
-    assert "\nmake setup\n" in script and "{ make site && get_chromium && make test-browser; }" in script
+    assert "\nmake setup\nget_chromium &" in script
+    assert '{ make site && wait "$chromium" && make test-browser; }' in script
     assert os.name == "nt" or os.access(ROOT / ".ci" / "run", os.X_OK)
 
 

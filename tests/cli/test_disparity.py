@@ -39,6 +39,12 @@ def half(pair):
     return files
 
 
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Where what is printed is looked at: the picture takes as long as all the rest."""
+    monkeypatch.setattr("stereolib.cli.disparity._draw", lambda *_: None)
+
+
 def run(*words):
     return commands.main(["disparity", *map(str, words)])
 
@@ -61,6 +67,7 @@ def test_a_rectified_pair(pair, tmp_path, capsys):
     assert shares[0] < 95 and shares[1] > 5 and shares[2] < 1  # what one camera alone sees is filled, and said to be
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_range_that_is_too_small_is_told(half, tmp_path, capsys):
     """The nearest surface has 80 px of disparity."""
     words = [*half, "--pipeline", "fast", "--output", tmp_path / "d.npy", "--force"]
@@ -121,6 +128,7 @@ def test_a_raw_pair_with_its_calibration_in_millimetres(raw, tmp_path, capsys, m
     assert filled.sum() > np.isfinite(depth_mm).sum()
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_rig_in_centimetres_is_told(raw, tmp_path, capsys):
     left, right, calibration, file = raw
     rig = json.loads(Path(file).read_text())
@@ -144,6 +152,7 @@ def test_a_calibration_for_another_size_is_named(raw, tmp_path, capsys):
     assert f"the left image is 320x240, {raw[3]} is for 640x480: use images" in capsys.readouterr().err
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_picture_of_another_moment_is_told(raw, tmp_path, capsys):
     """A piece of the scene stands 6 px lower in the right picture."""
     right = cv2.imread(str(raw[1]))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
 from dataclasses import replace
 from functools import partial
 
@@ -175,20 +176,26 @@ def test_a_floor_that_is_none_is_named(files, capsys, text, why):
     assert ended.value.code == 2 and why in capsys.readouterr().err
 
 
-@pytest.fixture
-def boards(files):
-    """Pictures and scans of the laser's boards, and the rig without its laser."""
-    StereoRig.save(RECT.rig, files / "rig.json")
-    rng, camera = np.random.default_rng(5), RECT.rig.left
-    (files / "pictures").mkdir()
-    (files / "scans").mkdir()
+@pytest.fixture(scope="module")
+def rendered_boards(tmp_path_factory):
+    """Pictures and scans of the laser's boards."""
+    folder, rng, camera = tmp_path_factory.mktemp("boards"), np.random.default_rng(5), RECT.rig.left
+    (folder / "pictures").mkdir()
+    (folder / "scans").mkdir()
     for k, pose in enumerate(laser_boards.POSES):
         scene = laser_boards.board_scene(pose, height_mm=180.0)
         light = render(scene, camera, recordings.setup(), samples=1, light_samples=1)
-        cv2.imwrite(str(files / "pictures" / f"{k:02d}.png"), Webcam().shoot(light, rng))
+        cv2.imwrite(str(folder / "pictures" / f"{k:02d}.png"), Webcam().shoot(light, rng))
         data = SENSOR.scan(scene, recordings.LASER_POSE, rng, turns=5)
-        (files / "scans" / f"{k:02d}.bin").write_bytes(data)
-    return files
+        (folder / "scans" / f"{k:02d}.bin").write_bytes(data)
+    return folder
+
+
+@pytest.fixture
+def boards(files, rendered_boards):
+    """Copies of them, and the rig without its laser."""
+    StereoRig.save(RECT.rig, files / "rig.json")
+    return shutil.copytree(rendered_boards, files, dirs_exist_ok=True)
 
 
 def test_how_far_two_poses_lie_apart():

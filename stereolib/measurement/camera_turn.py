@@ -18,7 +18,7 @@ from stereolib.rig import RectifiedRig
 _TURNED_RAD = np.radians(0.5)  # standard deviation of a turn, where there is one
 _CHANCE = 0.02  # that there is one, before anything was seen
 _ROUNDS = 3  # in which a large turn is told from ever straighter rows
-_LEAST_PX = 0.05  # of disparity: by less nothing is rectified anew
+_LEAST_PX = 0.05  # of disparity: no turn is known better, and by less nothing is rectified anew
 _LEAST_DISPARITY_PX = 1.0  # of what is asked for errors of the calibration
 _MOST_EXPONENT = 500.0  # beyond which a turn is certain
 Seen = TypeVar("Seen")
@@ -106,7 +106,8 @@ def _likely(keystone: Keystone, corrected_px: float, errors: DisparityErrors) ->
     disparity = np.maximum(keystone.left_u_px - keystone.right_px[:, 0], _LEAST_DISPARITY_PX)
     by_rig = keystone.gain @ errors.of_rows(keystone.left_u_px, keystone.right_px[:, 1], disparity)
     k = f_px**2 * keystone.per_px + corrected_px
-    s, t = f_px**4 * (keystone.std_per_px**2 + by_rig @ by_rig), (f_px * _TURNED_RAD) ** 2
+    s = f_px**4 * (keystone.std_per_px**2 + by_rig @ by_rig) + _LEAST_PX**2
+    t = (f_px * _TURNED_RAD) ** 2
     least, share, spread = np.sqrt(s / (s + t)) * _CHANCE / (1 - _CHANCE), t / (s + t), s * (s + t) / t
     odds = least * np.exp(min(k**2 / (2 * spread), _MOST_EXPONENT))
     told = max(float(odds / (1 + odds)) - _CHANCE, 0.0) / (1 - _CHANCE)

@@ -157,9 +157,8 @@ def scene_priors(views: Views, instrument: Instrument, floor: Floor, regions: Se
         u, v = np.concatenate([(region.u, region.v) for region in regions], axis=1)
         every = -(-len(u) // _ASKED)
         known = known.at(u[::every], v[::every])
-    cameras[np.ix_(_CALIBRATED, _CALIBRATED)] += known.with_offset(
-        float(np.hypot(views.rows.columns_std_px, instrument.turn_std_px))
-    ).covariance
+    known = known.with_offset(float(np.hypot(views.rows.columns_std_px, instrument.turn_std_px)))
+    cameras[np.ix_(_CALIBRATED, _CALIBRATED)] += known.covariance
     laser = _BELOW if instrument.lidar is None else LaserOnFloor.of(instrument.lidar, floor)
     return Priors(floor, laser, cameras / np.outer(share, share))
 

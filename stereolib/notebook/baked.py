@@ -231,7 +231,8 @@ def _small_enough(page: Baked, drawn: list[tuple[UInt8, str]]) -> str:
         texts[quality] = _page(page, drawn, quality)
         return len(texts[quality].encode()) <= _MOST_BYTES
 
-    if (k := bisect_left(_QUALITIES, True, key=is_small)) < len(_QUALITIES):
+    k = 0 if is_small(_QUALITIES[0]) else bisect_left(_QUALITIES, True, 1, key=is_small)  # mostly the first one fits
+    if k < len(_QUALITIES):
         return texts[_QUALITIES[k]]
     raise ValueError(f"{page.file} has {len(drawn)} pictures, too many for {_MOST_BYTES / 1e6} MB")
 

@@ -213,7 +213,7 @@ def _cube(
     return rectified.rectify(picture, picture)[side == "right"]
 
 
-@lru_cache(maxsize=4)
+@lru_cache(maxsize=8)  # the baked page goes through five, again and again
 def _at_pitch(pitch_deg: float) -> tuple[UInt8, UInt8, CubeView]:
     """Rectified pair of the cube, one ray a pixel, by a camera so high that its foot has the printed rows below it."""
     from stereolib import virtual

@@ -205,6 +205,11 @@ def assumed() -> dict[str, Any]:
     dict
         ``image_size_px`` and ``camera_height_unit``.
     """
+    return dict(_assumed())
+
+
+@cache
+def _assumed() -> dict[str, Any]:
     return dict(tomllib.loads(read_text(data_path("paper/published.toml")))["assumed"])
 
 

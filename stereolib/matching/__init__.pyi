@@ -7,7 +7,6 @@ from .filter_comparison import FilterCase, compare_filters, outline_growth_px
 from .filters import SMOOTHING_METHODS, dilate, dilate_set, median_filter, smooth
 from .ground_truth import KnownView, motorcycle_view, seen_by_both
 from .guided import ExpectedDisparity, compute_disparity_guided, expected_disparity
-from .keystone import Keystone
 from .pair_checks import check_matchable, check_rectified, check_sides, is_doubtful, moved_between
 from .pipelines import (
     DisparityEstimate,
@@ -21,6 +20,7 @@ from .pipelines import (
 from .pixel_cost import PixelCost, pixel_cost
 from .plane_fill import continue_background
 from .plane_smoothing import smooth_by_planes
+from .row_cells import RowCells
 from .rows import RowOffset, find_rows
 from .scenes import correlation_length_px, near_edge_mask, smallest_window
 from .scoring import RepairScore, Score, fattening_px, overreach_px, score, score_repair
@@ -38,10 +38,10 @@ __all__ = [
     "FillSteps",
     "FilledMap",
     "FilterCase",
-    "Keystone",
     "KnownView",
     "PixelCost",
     "RepairScore",
+    "RowCells",
     "RowOffset",
     "SGBMParams",
     "SGMResult",

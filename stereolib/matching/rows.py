@@ -23,8 +23,8 @@ from stereolib.base import (
     median,
     set_frozen,
 )
-from stereolib.matching.keystone import Keystone
 from stereolib.matching.levels import levelled
+from stereolib.matching.row_cells import RowCells
 from stereolib.matching.sgbm import SGBMParams, match_pair
 from stereolib.rig import check_pair, to_grey
 
@@ -70,8 +70,8 @@ class RowOffset:
         A zoom is then corrected in the rows alone: columns are matched as they are, and moved once it is well known.
     is_known : bool
         Something told it; else it is zero, to several px.
-    keystone : Keystone or None
-        What such rows leave towards the corners; None where too little tells.
+    cells : RowCells or None
+        What it was fitted to; None where too little tells.
     """
 
     coefficients: Float64
@@ -79,7 +79,7 @@ class RowOffset:
     centre: tuple[float, float]
     is_rough: bool = False
     is_known: bool = True
-    keystone: Keystone | None = None
+    cells: RowCells | None = None
 
     def __post_init__(self) -> None:
         set_frozen(self, coefficients=finite_array(self.coefficients, (3,), "coefficients"))
@@ -163,9 +163,8 @@ class RowOffset:
         """
         to = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-0.5, -0.5, 2.0]])  # v' = 2 v + 1/2 in the larger one
         centre = (2 * self.centre[0] + 0.5, 2 * self.centre[1] + 0.5)
-        keystone = self.keystone and self.keystone.doubled()
-        coefficients, covariance = to @ self.coefficients, to @ self.covariance @ to.T
-        return RowOffset(coefficients, covariance, centre, self.is_rough, self.is_known, keystone)
+        coefficients, covariance, cells = to @ self.coefficients, to @ self.covariance @ to.T, self.cells
+        return RowOffset(coefficients, covariance, centre, self.is_rough, self.is_known, cells and cells.doubled())
 
     def after(self, first: RowOffset) -> RowOffset:
         """Add an offset that had been corrected before this one was measured.
@@ -177,12 +176,11 @@ class RowOffset:
         Returns
         -------
         RowOffset
-            What takes pixels of the twice corrected picture to the right one as it came.
+            What takes pixels of the twice corrected picture to the right one as it came; with the cells of this one.
         """
         rounding = np.diag([0.0, 0.0, 2 * _GRID_PX**2 / 12])  # of either correction
         both = _one_warp(self, first)[1] - [0.0, 1.0, 0.0]
-        covariance = self.covariance + rounding
-        return RowOffset(both, covariance, self.centre, is_known=self.is_known, keystone=self.keystone)
+        return RowOffset(both, self.covariance + rounding, self.centre, is_known=self.is_known, cells=self.cells)
 
     def correct(self, right: UInt8) -> UInt8:
         """Shift the rows of the right picture to those of the left one.
@@ -323,12 +321,11 @@ def measure_rows(left: UInt8, right: UInt8, disparity_px: Float32) -> RowOffset:
     plane = np.zeros(3)
     try:
         for _ in range(_STEPS):
-            plane, *residuals = cells.plane(cells.at, offsets := cells.offsets(plane))
-        covariance = cells.covariance(cells.at, *residuals)
+            plane, *residuals = cells.plane(offsets := cells.offsets(plane))
+        covariance = cells.covariance(*residuals)
     except np.linalg.LinAlgError:  # all that tells it stands in one place
         return _unknown(left.shape)
-    keystone = cells.keystone(offsets)
-    return RowOffset(plane, covariance, ((width - 1) / 2, (height - 1) / 2), keystone=keystone)
+    return RowOffset(plane, covariance, ((width - 1) / 2, (height - 1) / 2), cells=cells.told(offsets))
 
 
 def _surely(value: float, variance: float, least: float) -> float:
@@ -428,38 +425,30 @@ class _Cells:
         mean = _mean(shift * self.here, self.shape).ravel()[self.some] / self.share
         return mean - (by_v - self.oblique * by_u).ravel()[self.some] / self.weight
 
-    def plane(self, at: Float64, offsets: Float64) -> tuple[Float64, Float64, Float64]:
-        """Coefficients (k,) of `at`, (N, k), that fit the cells' offsets, as those of a plane do where it is `self.at`.
-
-        And their residuals, and squared over that where Tukey's weights end.
-        """
-        plane, weight = np.linalg.lstsq(at, offsets, rcond=None)[0], np.sqrt(self.weight)
+    def plane(self, offsets: Float64) -> tuple[Float64, Float64, Float64]:
+        """Plane (3,) through the cells' offsets; their residuals, and squared over that where Tukey's weights end."""
+        plane, weight = np.linalg.lstsq(self.at, offsets, rcond=None)[0], np.sqrt(self.weight)
         for _ in range(_ROUNDS):
-            rest = offsets - at @ plane
+            rest = offsets - self.at @ plane
             off = (rest / max(_TUKEY * median(np.abs(rest)), 0.01)) ** 2
-            scaled = (at * (np.maximum(1 - off, 0) ** 2 * weight)[:, None]).T
-            plane = np.linalg.solve(scaled @ at, scaled @ offsets)
+            scaled = (self.at * (np.maximum(1 - off, 0) ** 2 * weight)[:, None]).T
+            plane = np.linalg.solve(scaled @ self.at, scaled @ offsets)
         return np.asarray(plane), rest, off
 
-    def keystone(self, offsets: Float64) -> Keystone | None:
-        """What a plane leaves of the offsets towards the corners."""
-        middle = self.at[:, :2] - (np.array(self.left.shape[::-1]) - 1) / 2
-        at = np.column_stack([self.at, middle.prod(axis=1)])
-        try:
-            fitted, rest, off = self.plane(at, offsets)
-            std = np.sqrt(self.covariance(at, rest, off)[3, 3])
-            scaled = (at * (np.maximum(1 - off, 0) ** 2 * np.sqrt(self.weight))[:, None]).T
-            gain = np.linalg.solve(scaled @ at, scaled)[3]
-        except np.linalg.LinAlgError:
-            return None
-        return Keystone(float(fitted[3]), float(std), self.at[:, :2], self.left_u_px, gain)
-
-    def covariance(self, at: Float64, rest: Float64, off: Float64) -> Float64:
-        """Covariance (k, k) of coefficients of `at` that left these residuals."""
-        column, row = self.some % self.shape[0] // _BLOCK, self.some // self.shape[0] // _BLOCK
+    def covariance(self, rest: Float64, off: Float64) -> Float64:
+        """Covariance (3, 3) of a plane that left these residuals."""
         root, weight = np.maximum(1 - off, 0), np.sqrt(self.weight)
-        cluster, bend = row * self.shape[0] + column, root * (1 - 5 * off) * weight
-        return clustered_covariance(at, rest, root**2 * weight, cluster, bend)
+        return clustered_covariance(self.at, rest, root**2 * weight, self.block, root * (1 - 5 * off) * weight)
+
+    @property
+    def block(self) -> Ints:
+        """Number of the block of cells that err together. (N,)."""
+        column, row = self.some % self.shape[0] // _BLOCK, self.some // self.shape[0] // _BLOCK
+        return np.asarray(row * self.shape[0] + column)
+
+    def told(self, offsets: Float64) -> RowCells:
+        """What the cells tell, in all."""
+        return RowCells(self.at[:, :2], self.left_u_px, offsets, np.sqrt(self.weight), self.block)
 
 
 def _mean(values: Floats, shape: tuple[int, int]) -> Floats:

@@ -8,19 +8,24 @@ from typing import TypeVar
 
 import numpy as np
 
-from stereolib.base import UInt8
+from stereolib.base import UInt8, clustered_covariance, median
 from stereolib.calibration import DisparityErrors
-from stereolib.matching import Keystone, RowOffset, find_rows
+from stereolib.matching import RowCells, RowOffset, find_rows
 from stereolib.measurement.instrument import Instrument, Turn
 from stereolib.measurement.views import Views
 from stereolib.rig import RectifiedRig
 
 _TURNED_RAD = np.radians(0.5)  # standard deviation of a turn, where there is one
 _CHANCE = 0.02  # that there is one, before anything was seen
-_ROUNDS = 3  # in which a large turn is told from ever straighter rows
+#: What else may have moved since the calibration, and lets rows disagree, too: standard deviations.
+_RISEN, _ADVANCED = 0.03, 0.03  # of the right camera, in baselines
+_TILTED_RAD, _REFOCUSED = np.radians(0.5), 0.01  # of it; of each lens's k1
+_ROUNDS = 3  # in which a large turn is told from ever straighter rows, and of weights in each
+_TUKEY, _LEAST_OFF_PX = 4.7 * 1.48, 0.01  # weights end at so many medians of what is left
 _LEAST_PX = 0.05  # of disparity: no turn is known better, and by less nothing is rectified anew
 _LEAST_DISPARITY_PX = 1.0  # of what is asked for errors of the calibration
 _MOST_EXPONENT = 500.0  # beyond which a turn is certain
+_SEEN_STDS = 2.0  # by which what is seen may be less than what there is
 Seen = TypeVar("Seen")
 
 
@@ -81,13 +86,19 @@ def turned_back(left: UInt8, right: UInt8, instrument: Instrument) -> Instrument
 def _settled(
     instrument: Instrument, see: Callable[[RectifiedRig], Seen], rows: Callable[[Seen], RowOffset]
 ) -> tuple[Seen, Instrument]:
-    """What is seen by a rig as it stands, and that rig."""
+    """What is seen by a rig as it stands, and that rig; one that was turned back already stays as it is."""
     seen, now, offset_px, errors = see(instrument.rectified), instrument, 0.0, instrument.uncertainty.errors
+    if errors is None or instrument.turn is not None:
+        return seen, instrument
     for _ in range(_ROUNDS):
-        keystone = rows(seen).keystone
-        if errors is None or keystone is None:
+        cells = rows(seen).cells
+        try:
+            shown_px, std_px = (0.0, np.inf) if cells is None else _keystone(cells, errors)
+        except np.linalg.LinAlgError:  # all that tells it stands in one place
             break
-        turn = _likely(keystone, offset_px, errors)
+        if not np.isfinite(std_px):
+            break
+        turn = _likely(shown_px + offset_px, std_px, instrument.rectified.f_px)
         if abs(turn.offset_px - offset_px) < _LEAST_PX:
             return seen, replace(now, turn=turn)
         offset_px, now = turn.offset_px, instrument.turned(turn)
@@ -95,22 +106,47 @@ def _settled(
     return seen, now
 
 
-def _likely(keystone: Keystone, corrected_px: float, errors: DisparityErrors) -> Turn:
+def _keystone(cells: RowCells, errors: DisparityErrors) -> tuple[float, float]:
+    """How far the cameras are turned, as a shift of all disparities in px, and its standard deviation.
+
+    A right camera that was turned about its upright axis by w shifts what it sees by ``w f (1 + x^2, x y)`` at
+    ``x = (u - cu) / f`` and ``y = (v - cv) / f``; half of it for each camera, nobody knowing which was turned. A plane
+    is taken off. What else lets rows disagree is fitted with it, each within its deviation: the calibration's own
+    errors, a right camera that rose, advanced or was tilted, lenses of another k1.
+    """
+    f_px, P = errors.rectified.f_px, errors.rectified.P1
+    (u, v), in_left = cells.right_px.T, cells.left_u_px
+    x, left_x, y = (u - P[0, 2]) / f_px, (in_left - P[0, 2]) / f_px, (v - P[1, 2]) / f_px
+    d, middle = left_x - x, (x + left_x) / 2
+    free = np.column_stack([x, y, np.ones_like(x), middle * y])
+    lenses = [_REFOCUSED * y * (a**2 + y**2) for a in (x, left_x)]
+    moved = f_px * np.column_stack([_RISEN * d, _ADVANCED * y * d, _TILTED_RAD * y**2, *lenses])
+    by_rig = errors.of_rows(in_left, v, np.maximum(in_left - u, _LEAST_DISPARITY_PX))
+    every = np.hstack([free, moved, by_rig])
+    known = np.diag(np.repeat([0.0, 1.0], [free.shape[1], every.shape[1] - free.shape[1]]))
+    rest = cells.offset_px - free @ np.linalg.lstsq(free, cells.offset_px, rcond=None)[0]
+    for _ in range(_ROUNDS):
+        off = (rest / max(_TUKEY * median(np.abs(rest)), _LEAST_OFF_PX)) ** 2
+        root = np.maximum(1 - off, 0)
+        weight, bend = root**2 * cells.weight, root * (1 - 5 * off) * cells.weight
+        scatter = clustered_covariance(free, rest, weight, cells.block, bend)[3, 3]
+        weight = weight * np.linalg.inv((free.T * weight) @ free)[3, 3] / scatter  # now of variances
+        covariance = np.linalg.inv((every.T * weight) @ every + known)
+        told = covariance @ ((every.T * weight) @ cells.offset_px)
+        rest = cells.offset_px - every @ told
+    return float(told[3]), float(np.sqrt(covariance[3, 3]))
+
+
+def _likely(k: float, std_px: float, f_px: float) -> Turn:
     """Mean and deviation of a turn, where the rows make it likelier than it was before; else there is none.
 
-    Of the offset k that they tell, with a variance s of the pictures' scatter and the calibration's errors, and of a
-    turn of variance t, if there is one: what they say multiplies its odds by
-    ``sqrt(s / (s + t)) exp(k^2 t / (2 s (s + t)))``.
+    Of the offset k that they tell, of variance s, and a turn of variance t, if there is one: what they say multiplies
+    its odds by ``sqrt(s / (s + t)) exp(k^2 t / (2 s (s + t)))``.
     """
-    f_px = errors.rectified.f_px
-    disparity = np.maximum(keystone.left_u_px - keystone.right_px[:, 0], _LEAST_DISPARITY_PX)
-    by_rig = keystone.gain @ errors.of_rows(keystone.left_u_px, keystone.right_px[:, 1], disparity)
-    k = f_px**2 * keystone.per_px + corrected_px
-    s = f_px**4 * (keystone.std_per_px**2 + by_rig @ by_rig) + _LEAST_PX**2
-    t = (f_px * _TURNED_RAD) ** 2
+    s, t = std_px**2 + _LEAST_PX**2, (f_px * _TURNED_RAD) ** 2
     least, share, spread = np.sqrt(s / (s + t)) * _CHANCE / (1 - _CHANCE), t / (s + t), s * (s + t) / t
     odds = least * np.exp(min(k**2 / (2 * spread), _MOST_EXPONENT))
     told = max(float(odds / (1 + odds)) - _CHANCE, 0.0) / (1 - _CHANCE)
     variance = told * share * s + told * (1 - told) * (share * k) ** 2
-    seen_px = np.sqrt(-2 * spread * np.log(least))
+    seen_px = np.sqrt(-2 * spread * np.log(least)) + _SEEN_STDS * np.sqrt(s)
     return Turn(float(told * share * k), float(np.sqrt(variance)), told, float(seen_px))

@@ -79,6 +79,22 @@ class Floor:
         if not self.down[1] > 0:
             raise ValueError(f"the floor must lie below the camera; the plane {self.plane} has it above")
 
+    def seen_by(self, rectified: RectifiedRig) -> Floor:
+        """The same floor in the rectified pictures of a rig whose left camera is turned otherwise (`R1`).
+
+        Parameters
+        ----------
+        rectified : RectifiedRig
+            Of the same focal length, centre and baseline.
+
+        Returns
+        -------
+        Floor
+        """
+        K = self.rectified.P1[:, :3]
+        turn = np.linalg.inv(K).T @ rectified.R1 @ self.rectified.R1.T @ K.T
+        return Floor(rectified, turn @ self.plane, turn @ self.covariance @ turn.T)
+
     @cached_property
     def _n(self) -> Float64:
         return np.asarray(self.rectified.P1[:, :3].T @ self.plane / (self.rectified.f_px * self.rectified.baseline_mm))

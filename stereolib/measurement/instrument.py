@@ -25,7 +25,7 @@ from stereolib.calibration import (
 )
 from stereolib.rig import RectifiedRig, StereoRig, calibration_notes, formats
 
-_LIKELY = 0.5  # probability from which a camera is said to have turned
+_TOLD_PX, _UNTOLD_PX = 0.1, 10.0  # a smaller turn is not said; where only larger ones show, rows say nothing
 _ROTATION_TOLERANCE = 1e-6  # of R R', for which a file's digits are enough
 _CENTIMETRES_MM = 20.0  # no two webcams stand nearer to each other
 _MOST_SCALE = 0.5  # of a laser: no reading is twice as far
@@ -144,7 +144,7 @@ class Turn:
     chance : float
         Probability that they were turned at all, as far as the pair makes it likelier than it was before.
     seen_px : float
-        By so much they must be turned to be taken as turned: what is less shows in nothing.
+        A turn by more is taken as one in 39 of 40 pairs; what is less may show in nothing.
     """
 
     offset_px: float
@@ -182,11 +182,12 @@ class Instrument:
     def warnings(self) -> tuple[str, ...]:
         """What makes everything doubtful that is measured with it."""
         said = [] if self.lidar is None else [self.lidar.warning]
-        if self.turn is not None and self.turn.chance > _LIKELY:
+        if self.turn is not None and abs(self.turn.offset_px) > _TOLD_PX:
             turned, std = (np.degrees(px / self.rectified.f_px) for px in (self.turn.offset_px, self.turn.std_px))
+            how = f"by {abs(turned):.2f} ± {std:.2f} degrees, {abs(self.turn.offset_px):.1f} px of all disparities"
             said.append(
-                f"the cameras have turned against each other since their calibration, sideways, by {abs(turned):.2f} ± "
-                f"{std:.2f} degrees: rows that drift apart towards the corners tell it. Corrected here: calibrate again"
+                "rows drift apart towards the corners, as of cameras that turned sideways against each other since "
+                f"their calibration: {how}. Corrected here: calibrate again; stereolib check tells what has moved"
             )
         if (apart_mm := self.rectified.baseline_mm) < _CENTIMETRES_MM:
             why = "if the board's squares were told in centimetres, all sizes are; calibrate again with millimetres"
@@ -237,8 +238,8 @@ class Instrument:
         """
         pct = 100 * depth_mm / (self.rectified.f_px * self.rectified.baseline_mm)
         shown = "that may be what the scan opposes" if is_opposed else "nothing here shows it"
-        if self.turn is not None:
-            shown = f"less than {self.turn.seen_px:.2g} px of it show in nothing here"
+        if self.turn is not None and self.turn.seen_px < _UNTOLD_PX:
+            shown = f"less than {self.turn.seen_px:.1f} px of it may show in nothing here"
         return (
             f"sizes are the pair's alone: if a camera was turned sideways since its calibration, {shown}; each pixel "
             f"of it changes them by {pct:.1f} %, which is not in their intervals"

@@ -83,7 +83,7 @@ def see_standing(views: Views, instrument: Instrument, *, floor: Floor | None = 
         If the pictures show a floor three times as high or low as the one that was given.
     """
     if floor is not None and floor.rectified is not instrument.rectified:  # its cameras were turned back
-        floor = replace(floor, rectified=instrument.rectified)
+        floor = floor.seen_by(instrument.rectified)
     no_floor, regions, given = None, list[ObjectRegion](), floor
     views = replace(views, pair=replace(views.pair, errors=instrument.uncertainty.errors))
     try:

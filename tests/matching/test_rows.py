@@ -177,7 +177,7 @@ def test_errors_that_neighbours_share_count_as_one():
     across, down = cells.some % cells.shape[0], cells.some // cells.shape[0]
     blocks = across // 4 + 100 * (down // 4)
     rest = np.random.default_rng(3).normal(0, 0.1, 1000)[blocks]
-    found = cells.covariance(cells.at, rest, np.zeros(len(rest)))
+    found = cells.covariance(rest, np.zeros(len(rest)))
     np.testing.assert_allclose(found, clustered_covariance(cells.at, rest, cells.weight**0.5, blocks), rtol=1e-9)
     alone = clustered_covariance(cells.at, rest, cells.weight**0.5, np.arange(len(rest)))
     assert found[2, 2] > 4 * alone[2, 2]

@@ -8,18 +8,26 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 from support import box_scenes
+from support.disturbances import case
 from support.measured import the_cube
 
 from stereolib.calibration import DisparityErrors
-from stereolib.measurement import Instrument, length_between, measure_depth, measure_objects
-from stereolib.measurement.camera_turn import see_pair, turned_back
+from stereolib.measurement import (
+    Instrument,
+    floor_from_pose,
+    length_between,
+    measure_depth,
+    measure_objects,
+    see_standing,
+)
+from stereolib.measurement.camera_turn import _likely, see_pair, turned_back
 from stereolib.measurement.views import Views
-from stereolib.rig import StereoRig
+from stereolib.rig import Camera, StereoRig
 from stereolib.virtual import recordings
 
 PAIR = recordings.load_pair("conditions/texture")
 DEGREES = [-0.8, -0.3, 0.3, 0.8]
-CUBE_MM = 300.0
+CUBE_MM, SAID = 300.0, "turned sideways against each other"
 
 
 def believed(degrees, side, unsure=1.0):
@@ -43,10 +51,10 @@ def test_a_turn_is_told_from_the_pair_alone_and_corrected(degrees, side):
     instrument = believed(degrees, side)
     thing, found = cube_of(instrument)
     off = np.abs(thing.size_mm - CUBE_MM)
-    assert (off < 3 * thing.std_mm).all() and (off < 4).all()
-    (said,) = [text for text in found.warnings if "have turned against each other" in text]
+    assert (off < 3 * thing.std_mm).all() and (off < 5).all()
+    (said,) = [text for text in found.warnings if SAID in text]
     told, std = (float(number) for number in said.split(" by ")[1].split(" degrees")[0].split(" ± "))
-    assert abs(told - abs(degrees)) < 3 * std < 0.15 and "calibrate again" in said
+    assert abs(told - abs(degrees)) < 3 * std < 0.25 and "calibrate again" in said
     unknown = cube_of(without_deviations(instrument))[0]  # the same rig, if nobody knows how sure its calibration is
     assert np.nanmax(np.abs(unknown.size_mm - CUBE_MM)) > 0.02 * CUBE_MM
 
@@ -62,13 +70,13 @@ def test_of_a_rig_that_was_not_turned_nothing_changes():
     plain = Views.of(*PAIR, instrument.rectified)
     np.testing.assert_array_equal(views.right, plain.right)
     assert now.rectified is instrument.rectified and now.turn.chance == now.turn_std_px == 0
-    assert 0.5 < now.turn.seen_px < 2.5
+    assert 1 < now.turn.seen_px < 4
     _, found = cube_of(instrument)
-    assert f"less than {now.turn.seen_px:.2g} px of it show in nothing here" in " ".join(found.warnings)
+    assert f"less than {now.turn.seen_px:.1f} px of it may show in nothing here" in " ".join(found.warnings)
 
 
 def test_the_correction_grows_without_a_step_from_nothing_to_all_of_it():
-    degrees = np.linspace(0, 0.3, 13)
+    degrees = np.linspace(0, 0.4, 17)
     told = np.array([turned_back(*PAIR, believed(d, "right")).turn.offset_px for d in degrees])
     true = np.radians(degrees) * box_scenes.instrument().rectified.f_px
     assert abs(told[0]) < 0.05 and abs(told[-1] - told[0]) > 0.8 * true[-1]
@@ -100,10 +108,76 @@ def test_a_length_between_two_pixels_and_depths_know_of_a_turn():
     ends = recordings_ends()
     one, other = (length_between(*PAIR, ends, each) for each in (known, instrument))
     assert abs(one.length_mm - other.length_mm) < 3 * np.hypot(one.std_mm, other.std_mm)
-    assert any("have turned against" in text for text in other.warnings)
+    assert any(SAID in text for text in other.warnings)
     one, other = (measure_depth(*PAIR, each, "fast") for each in (known, instrument))
     share = np.nanmedian(other.depth_mm) / np.nanmedian(one.depth_mm)
-    assert abs(share - 1) < 0.015 and any("have turned" in text for text in other.instrument.warnings)
+    assert abs(share - 1) < 0.015 and any(SAID in text for text in other.instrument.warnings)
+
+
+def test_what_is_left_open_of_a_turn_is_in_the_deviations(monkeypatch):
+    instrument, ends = believed(0.5, "right"), recordings_ends()
+    depth = measure_depth(*PAIR, instrument)
+    left_open = depth.instrument.turn_std_px
+    without = replace(depth, instrument=replace(depth.instrument, turn=None))
+    d, there = depth.match.estimate.disparity_px, np.isfinite(depth.std_mm) & np.isfinite(without.std_mm)
+    more = depth.std_mm[there] ** 2 - without.std_mm[there] ** 2
+    np.testing.assert_allclose(more, (depth.depth_mm[there] * left_open / d[there]) ** 2, rtol=2e-2)
+    told = length_between(*PAIR, ends, instrument).std_mm
+    monkeypatch.setattr(Instrument, "turn_std_px", 0.0)
+    assert length_between(*PAIR, ends, instrument).std_mm < told
+
+
+def test_a_floor_that_was_given_stays_where_it_is_below_the_left_camera():
+    instrument = believed(0.8, "right")
+    floor = floor_from_pose(instrument.rectified, recordings.setup())
+    views, now = see_pair(*PAIR, instrument)
+    found = see_standing(views, now, floor=floor).floor
+    assert found.rectified is now.rectified and found.camera_height_mm == pytest.approx(floor.camera_height_mm)
+    down = [each.rectified.R1.T @ each.down for each in (floor, found)]
+    np.testing.assert_allclose(*down, atol=1e-9)
+    assert np.abs(found.down - floor.down).max() > 1e-4  # its cameras look elsewhere
+
+
+def moved(instrument, *, rise_mm=0.0, ahead_mm=0.0, tilt_deg=0.0, k1=(0.0, 0.0)):
+    """The same rig as it was before something else moved, and how sure its calibration is of it."""
+    rig, Y = instrument.rectified.rig, Rotation.from_euler("x", tilt_deg, degrees=True).as_matrix()
+    lenses = [
+        Camera(lens.K, lens.dist + np.r_[more, np.zeros(lens.dist.size - 1)], lens.size)
+        for lens, more in zip((rig.left, rig.right), k1, strict=True)
+    ]
+    rectified = StereoRig(*lenses, Y @ rig.R, Y @ (rig.T + np.array([0.0, rise_mm, ahead_mm]))).rectify()
+    errors = DisparityErrors(rectified, instrument.uncertainty.errors.covariance)
+    return replace(instrument, rectified=rectified, uncertainty=replace(instrument.uncertainty, errors=errors))
+
+
+@pytest.mark.parametrize(
+    "how",
+    [
+        {"rise_mm": 3.0}, {"rise_mm": -3.0}, {"ahead_mm": 4.0}, {"ahead_mm": -4.0}, {"tilt_deg": 0.2},
+        {"k1": (0.01, 0.01)}, {"k1": (-0.01, -0.01)}, {"k1": (0.0, 0.01)},
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("number", [1005, 1007])
+def test_what_else_moves_passes_for_no_turn(how, number):
+    """Each lets rows disagree, too, and some of it towards the corners: of boxes that stand out from their floor."""
+    shot, known = case("undisturbed", number, box_scenes.shoot)
+    turn = see_pair(shot.left, shot.right, moved(known, **how))[1].turn
+    assert turn is None or abs(turn.offset_px) < 0.5
+
+
+def test_the_deviation_is_that_of_a_turn_and_of_none_together():
+    rng = np.random.default_rng(1)
+    for k in (0.0, 1.2, 1.5, 1.8, 4.0):
+        turn = _likely(k, 0.4, 760.0)
+        s, t = 0.4**2 + 0.05**2, (760 * np.radians(0.5)) ** 2
+        drawn = rng.normal(k * t / (s + t), np.sqrt(s * t / (s + t)), 400_000) * (rng.random(400_000) < turn.chance)
+        assert (turn.offset_px, turn.std_px) == pytest.approx((drawn.mean(), drawn.std()), rel=0.02, abs=1e-3)
+    assert _likely(0.0, 0.4, 760.0).chance == 0 and _likely(4.0, 0.4, 760.0).chance > 0.99
+
+
+def test_a_rig_that_was_turned_back_already_stays_so():
+    now = turned_back(*PAIR, believed(0.5, "right"))
+    assert turned_back(*PAIR, now) is now and see_pair(*PAIR, now)[1] is now
 
 
 def recordings_ends():

@@ -195,6 +195,22 @@ def turned_scene(seed: int) -> BoxScene:
     return replace(scene, rig=replace(rig, R=rig.R @ Y.T), T_left_world=pose)
 
 
+def risen_scene(seed: int) -> BoxScene:
+    """A plain scene before cameras of which the right one rose or sank by up to 2 mm since their calibration."""
+    scene, rng = plain_scene(seed), np.random.default_rng([617, seed])
+    return replace(scene, rig=replace(scene.rig, T=scene.rig.T + np.array([0.0, rng.uniform(-2, 2), 0.0])))
+
+
+def refocused_scene(seed: int) -> BoxScene:
+    """A plain scene before cameras whose lenses were focused otherwise since their calibration: k1 is off by 0.01."""
+    scene, sign = plain_scene(seed), np.random.default_rng([618, seed]).choice([-1, 1])
+
+    def refocused(lens: Camera) -> Camera:
+        return replace(lens, dist=lens.dist + np.r_[0.01 * sign, np.zeros(lens.dist.size - 1)])
+
+    return replace(scene, rig=replace(scene.rig, left=refocused(scene.rig.left), right=refocused(scene.rig.right)))
+
+
 def before_turning(scene: BoxScene) -> Instrument:
     """Rig of a `turned_scene` as its owner knows it: as it was calibrated."""
     return own_instrument(own_scene(scene.seed))

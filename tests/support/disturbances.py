@@ -267,6 +267,8 @@ SCENES: dict[str, tuple[Callable[[int], BoxScene], Callable[[BoxScene], Instrume
     "neighbour_cartons": (box_scenes.neighbour_carton_scene, lambda _: box_scenes.instrument()),
     "neighbour_white": (box_scenes.neighbour_at_white_wall_scene, lambda _: box_scenes.instrument()),
     "turned": (box_scenes.turned_scene, box_scenes.before_turning),
+    "risen": (box_scenes.risen_scene, lambda _: box_scenes.instrument()),
+    "refocused": (box_scenes.refocused_scene, lambda _: box_scenes.instrument()),
 }  # fmt: skip
 _CHEAP_WEBCAM = one_after_another(
     laser_moved(yaw_deg=1.0, any_way_mm=10.0, up_to=True), blurred(1.5),
@@ -313,6 +315,10 @@ ROWS: dict[str, Row] = {
     "columns_1_no_scan": Row(
         "right picture shifted since the calibration, as by a lens, no scan: 1 px left or right",
         one_after_another(right_moved(columns_px=1.0), no_scan),
+    ),
+    "risen": Row("right camera raised or lowered by up to 2 mm since the calibration", untouched, "risen"),
+    "refocused": Row(
+        "both lenses focused otherwise than when calibrated: k1 larger or smaller by 0.01", untouched, "refocused"
     ),
     "turned": Row(
         "either camera of a rig of its own turned sideways by up to 0.8 degrees since its calibration",

@@ -11,8 +11,17 @@ from skimage.data import stereo_motorcycle
 
 from stereolib import laser
 from stereolib.base import datasets
-from stereolib.calibration import BoardViews, Checkerboard, calibrate_stereo, diagnose, epipolar_errors_px
+from stereolib.calibration import (
+    BoardViews,
+    Checkerboard,
+    calibrate_stereo,
+    diagnose,
+    epipolar_errors_px,
+    rig_covariance,
+)
 from stereolib.matching import SGBMParams, compute_disparity, score
+from stereolib.measurement import Instrument, SystematicUncertainty, turned_back
+from stereolib.rig import read_pair
 
 
 @pytest.fixture(scope="module")
@@ -70,3 +79,17 @@ def test_motorcycle_is_matched_as_well_as_plain_sgbm_can() -> None:
     found = compute_disparity(left, right, SGBMParams(num_disparities=80), whole=True)
     quality = score(found, np.where(np.isfinite(truth), truth, np.nan))
     assert 12 < quality.bad2_pct < 15.5
+
+
+@pytest.mark.slow
+def test_minoru_webcams_are_not_taken_for_turned_by_a_calibration_from_other_pairs(minoru_views: BoardViews) -> None:
+    """Their lenses obey the model less well than any deviation says, and rows drift apart by it."""
+    files = [datasets.real_recordings(f"minoru3d/{side}") for side in ("left", "right")]
+    pairs = {left.name: (left, right) for left, right in zip(*files, strict=True)}
+    for first in (0, 1):
+        found = calibrate_stereo(minoru_views.only(range(first, len(minoru_views), 2)))
+        rectified = found.rig.rectify()
+        known = Instrument(rectified, None, SystematicUncertainty.of(rectified, rig_covariance(found.fit)))
+        for name in minoru_views.names[1 - first :: 6]:
+            turn = turned_back(*read_pair(*pairs[name]), known).turn
+            assert turn is not None and turn.chance == 0 and turn.seen_px > 10

@@ -16,7 +16,7 @@ from stereolib.measurement.views import Views
 from stereolib.rig import RectifiedRig
 
 _TURNED_RAD = np.radians(0.5)  # standard deviation of a turn, where there is one
-_CHANCE = 0.02  # that there is one, before anything was seen
+_CHANCE, _DOUBTED = 0.02, 0.1  # that there is one, before anything was seen; up to which nothing is made of it
 #: What else may have moved since the calibration, and lets rows disagree, too: standard deviations.
 _RISEN, _ADVANCED = 0.03, 0.03  # of the right camera, in baselines
 _TILTED_RAD, _REFOCUSED = np.radians(0.5), 0.01  # of it; of each lens's k1
@@ -90,18 +90,19 @@ def _settled(
     seen, now, offset_px, errors = see(instrument.rectified), instrument, 0.0, instrument.uncertainty.errors
     if errors is None or instrument.turn is not None:
         return seen, instrument
+    told: Turn | None = None
     for _ in range(_ROUNDS):
         cells = rows(seen).cells
         try:
-            shown_px, std_px = (0.0, np.inf) if cells is None else _keystone(cells, errors)
+            if cells is None:
+                break
+            shown_px, std_px = _keystone(cells, errors)
         except np.linalg.LinAlgError:  # all that tells it stands in one place
             break
-        if not np.isfinite(std_px):
-            break
-        turn = _likely(shown_px + offset_px, std_px, instrument.rectified.f_px)
-        if abs(turn.offset_px - offset_px) < _LEAST_PX:
-            return seen, replace(now, turn=turn)
-        offset_px, now = turn.offset_px, instrument.turned(turn)
+        told = _likely(shown_px + offset_px, std_px, instrument.rectified.f_px, told)
+        if abs(told.offset_px - offset_px) < _LEAST_PX:
+            return seen, replace(now, turn=told)
+        offset_px, now = told.offset_px, instrument.turned(told)
         seen = see(now.rectified)
     return seen, now
 
@@ -111,8 +112,9 @@ def _keystone(cells: RowCells, errors: DisparityErrors) -> tuple[float, float]:
 
     A right camera that was turned about its upright axis by w shifts what it sees by ``w f (1 + x^2, x y)`` at
     ``x = (u - cu) / f`` and ``y = (v - cv) / f``; half of it for each camera, nobody knowing which was turned. A plane
-    is taken off. What else lets rows disagree is fitted with it, each within its deviation: the calibration's own
-    errors, a right camera that rose, advanced or was tilted, lenses of another k1.
+    is taken off. What else lets rows disagree is fitted with it, each within its deviation: a right camera that rose,
+    advanced or was tilted, lenses of another k1. The calibration's own errors are not: no more is told of a turn than
+    is left when they are taken as noise, since a lens model that fits badly makes them larger than anyone knows.
     """
     f_px, P = errors.rectified.f_px, errors.rectified.P1
     (u, v), in_left = cells.right_px.T, cells.left_u_px
@@ -121,8 +123,7 @@ def _keystone(cells: RowCells, errors: DisparityErrors) -> tuple[float, float]:
     free = np.column_stack([x, y, np.ones_like(x), middle * y])
     lenses = [_REFOCUSED * y * (a**2 + y**2) for a in (x, left_x)]
     moved = f_px * np.column_stack([_RISEN * d, _ADVANCED * y * d, _TILTED_RAD * y**2, *lenses])
-    by_rig = errors.of_rows(in_left, v, np.maximum(in_left - u, _LEAST_DISPARITY_PX))
-    every = np.hstack([free, moved, by_rig])
+    every = np.hstack([free, moved])
     known = np.diag(np.repeat([0.0, 1.0], [free.shape[1], every.shape[1] - free.shape[1]]))
     rest = cells.offset_px - free @ np.linalg.lstsq(free, cells.offset_px, rcond=None)[0]
     for _ in range(_ROUNDS):
@@ -132,21 +133,27 @@ def _keystone(cells: RowCells, errors: DisparityErrors) -> tuple[float, float]:
         scatter = clustered_covariance(free, rest, weight, cells.block, bend)[3, 3]
         weight = weight * np.linalg.inv((free.T * weight) @ free)[3, 3] / scatter  # now of variances
         covariance = np.linalg.inv((every.T * weight) @ every + known)
-        told = covariance @ ((every.T * weight) @ cells.offset_px)
-        rest = cells.offset_px - every @ told
-    return float(told[3]), float(np.sqrt(covariance[3, 3]))
+        gain = covariance @ (every.T * weight)
+        rest = cells.offset_px - every @ (gain @ cells.offset_px)
+    by_rig = gain[3] @ errors.of_rows(in_left, v, np.maximum(in_left - u, _LEAST_DISPARITY_PX))
+    return float(gain[3] @ cells.offset_px), float(np.sqrt(covariance[3, 3] + by_rig @ by_rig))
 
 
-def _likely(k: float, std_px: float, f_px: float) -> Turn:
-    """Mean and deviation of a turn, where the rows make it likelier than it was before; else there is none.
+def _likely(k: float, std_px: float, f_px: float, before: Turn | None = None) -> Turn:
+    """Mean and deviation of a turn, as far as the rows make it likelier than one in ten; else there is none.
 
     Of the offset k that they tell, of variance s, and a turn of variance t, if there is one: what they say multiplies
-    its odds by ``sqrt(s / (s + t)) exp(k^2 t / (2 s (s + t)))``.
+    its odds by ``sqrt(s / (s + t)) exp(k^2 t / (2 s (s + t)))``. Straightened by what was found before, they tell how
+    far, but no longer whether: else a little more of a turn would lead to all of it.
     """
     s, t = std_px**2 + _LEAST_PX**2, (f_px * _TURNED_RAD) ** 2
-    least, share, spread = np.sqrt(s / (s + t)) * _CHANCE / (1 - _CHANCE), t / (s + t), s * (s + t) / t
-    odds = least * np.exp(min(k**2 / (2 * spread), _MOST_EXPONENT))
-    told = max(float(odds / (1 + odds)) - _CHANCE, 0.0) / (1 - _CHANCE)
-    variance = told * share * s + told * (1 - told) * (share * k) ** 2
-    seen_px = np.sqrt(-2 * spread * np.log(least)) + _SEEN_STDS * np.sqrt(s)
-    return Turn(float(told * share * k), float(np.sqrt(variance)), told, float(seen_px))
+    share = t / (s + t)
+    if before is None:
+        least, spread = np.sqrt(s / (s + t)) * _CHANCE / (1 - _CHANCE), s / share
+        odds = least * np.exp(min(k**2 / (2 * spread), _MOST_EXPONENT))
+        chance = max(float(odds / (1 + odds)) - _DOUBTED, 0.0) / (1 - _DOUBTED)
+        seen_px = float(np.sqrt(-2 * spread * np.log(least)) + _SEEN_STDS * np.sqrt(s))
+    else:
+        chance, seen_px = before.chance, before.seen_px
+    variance = chance * share * s + chance * (1 - chance) * (share * k) ** 2
+    return Turn(chance * share * k, float(np.sqrt(variance)), chance, seen_px)

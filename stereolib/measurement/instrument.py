@@ -142,7 +142,7 @@ class Turn:
     offset_px, std_px : float
         By how much all disparities were too small for it, and the standard deviation of what that leaves.
     chance : float
-        Probability that they were turned at all, as far as the pair makes it likelier than it was before.
+        Probability that they were turned at all, as far as the pair makes it likelier than one in ten.
     seen_px : float
         A turn by more is taken as one in 39 of 40 pairs; what is less may show in nothing.
     """

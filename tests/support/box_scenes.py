@@ -433,11 +433,14 @@ def high_instrument() -> Instrument:
 def own_instrument(scene: BoxScene) -> Instrument:
     """Calibrate a scene's own rig and laser, from boards of their own with 0.1 to 0.2 px of noise at a corner.
 
-    A camera that sees no board whole where the laser sees it stays without its laser's pose.
+    A camera that sees too few boards whole where the laser sees them stays without its laser's pose.
     """
     rng = np.random.default_rng([614, scene.seed])
     found = calibrate_stereo(corner_set(rng, rig=scene.rig, noise_px=float(rng.uniform(0.1, 0.2))))
-    return _instrument(found, laser_views(scene, found.rig.left, rng))
+    try:
+        return _instrument(found, laser_views(scene, found.rig.left, rng))
+    except ValueError:  # the laser sees none of its boards, or they leave open where it stands
+        return _instrument(found, [])
 
 
 def laser_views(scene: BoxScene, believed_left: Camera, rng: np.random.Generator) -> list[LaserBoardView]:

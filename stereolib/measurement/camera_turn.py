@@ -16,12 +16,12 @@ from stereolib.measurement.views import Views
 from stereolib.rig import RectifiedRig
 
 _TURNED_RAD = np.radians(0.5)  # standard deviation of a turn, where there is one
-_CHANCE, _DOUBTED = 0.02, 0.1  # that there is one, before anything was seen; up to which nothing is made of it
+_CHANCE, _DOUBTED = 0.02, 0.1  # that there is one, as `hypotheses` has it; up to which nothing is made of it
 #: What else may have moved since the calibration, and lets rows disagree, too: standard deviations.
 _RISEN, _ADVANCED = 0.03, 0.03  # of the right camera, in baselines
 _TILTED_RAD, _REFOCUSED = np.radians(0.5), 0.01  # of it; of each lens's k1
 _ROUNDS = 3  # in which a large turn is told from ever straighter rows, and of weights in each
-_TUKEY, _LEAST_OFF_PX = 4.7 * 1.48, 0.01  # weights end at so many medians of what is left
+_TUKEY, _LEAST_OFF_PX = 4.7 * 1.48, 0.01  # weights end at so many medians of what is left, as in `matching.rows`
 _LEAST_PX = 0.05  # of disparity: no turn is known better, and by less nothing is rectified anew
 _LEAST_DISPARITY_PX = 1.0  # of what is asked for errors of the calibration
 _MOST_EXPONENT = 500.0  # beyond which a turn is certain
@@ -54,14 +54,12 @@ def see_pair(left: UInt8, right: UInt8, instrument: Instrument) -> tuple[Views, 
 
 
 def turned_back(left: UInt8, right: UInt8, instrument: Instrument) -> Instrument:
-    """Turn the cameras of a rig back as far as the rows of a pair tell.
+    """Turn the cameras of a rig back as far as the rows of a pair tell, which is not prepared for measuring.
 
     Parameters
     ----------
-    left, right : (H, W) or (H, W, 3) uint8
-        As the cameras gave them.
-    instrument : Instrument
-        As it was calibrated.
+    left, right, instrument
+        As for `see_pair`.
 
     Returns
     -------

@@ -20,7 +20,7 @@ from stereolib.calibration import (
     rig_covariance,
 )
 from stereolib.matching import SGBMParams, compute_disparity, score
-from stereolib.measurement import Instrument, SystematicUncertainty, turned_back
+from stereolib.measurement import Instrument, SystematicUncertainty, moved_back
 from stereolib.rig import read_pair
 
 
@@ -82,7 +82,7 @@ def test_motorcycle_is_matched_as_well_as_plain_sgbm_can() -> None:
 
 
 @pytest.mark.slow
-def test_minoru_webcams_are_not_taken_for_turned_by_a_calibration_from_other_pairs(minoru_views: BoardViews) -> None:
+def test_minoru_webcams_are_not_taken_for_moved_by_a_calibration_from_other_pairs(minoru_views: BoardViews) -> None:
     """Their lenses obey the model less well than any deviation says, and rows drift apart by it."""
     files = [datasets.real_recordings(f"minoru3d/{side}") for side in ("left", "right")]
     pairs = {left.name: (left, right) for left, right in zip(*files, strict=True)}
@@ -91,5 +91,5 @@ def test_minoru_webcams_are_not_taken_for_turned_by_a_calibration_from_other_pai
         rectified = found.rig.rectify()
         known = Instrument(rectified, None, SystematicUncertainty.of(rectified, rig_covariance(found.fit)))
         for name in minoru_views.names[1 - first :: 6]:
-            turn = turned_back(*read_pair(*pairs[name]), known).turn
-            assert turn is not None and turn.chance == 0 and turn.seen_px > 10
+            moves = moved_back(*read_pair(*pairs[name]), known).moves
+            assert moves is not None and moves.chance == moves.rise_mm == 0 and moves.seen_px > 10

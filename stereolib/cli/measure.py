@@ -143,7 +143,7 @@ def between(
     is_rectified: bool = False,
 ) -> tuple[UInt8, dict[str, Any], str]:
     """A picture with the line between two pixels, its length as facts and as a sentence."""
-    from stereolib.measurement import draw_length, length_between, turned_back
+    from stereolib.measurement import draw_length, length_between, moved_back
 
     if pixels[0] == pixels[1]:
         raise ValueError(f"--between needs two pixels, got {pixels[0][0]:g},{pixels[0][1]:g} twice")
@@ -154,7 +154,7 @@ def between(
         raise ValueError(f"{error}{other}") from None
     left, frame = pair[0], "left, as the camera gave it"
     if is_rectified:
-        now = turned_back(*pair, instrument)
+        now = moved_back(*pair, instrument)
         left, frame = now.rectified.rectify(*pair)[0], "left, rectified"
     facts: dict[str, Any] = {"length_mm": found.length_mm, "std_mm": found.std_mm}
     facts |= {"pixels": [list(at) for at in pixels], "pixels_of": frame}

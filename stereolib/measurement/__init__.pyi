@@ -1,11 +1,11 @@
 from .box import Box, Side
-from .camera_turn import turned_back
+from .camera_moves import moved_back
 from .depth_map import DepthMap, measure_depth, whole_mm
 from .disparity_map import add_outliers, check_disparity_map, pixel_rays
 from .faces import Face
 from .floor import Floor, FloorLimits, fit_floor, floor_from_pose, floor_tolerance_px
 from .height_attempt import HeightAttempt, attempt_height, attempt_standing, corner_width_mm
-from .instrument import Instrument, SystematicUncertainty, Turn, save_laser_pose
+from .instrument import CameraMoves, Instrument, SystematicUncertainty, save_laser_pose
 from .laser_on_floor import LaserOnFloor
 from .measure import Measurement, disagreement, measure_objects, measure_standing
 from .measured_object import SIZE_NAMES, UNSURE_MM, WORST_STD, MeasuredObject
@@ -27,6 +27,7 @@ __all__ = [
     "AlignedPair",
     "Between",
     "Box",
+    "CameraMoves",
     "CannotMeasure",
     "DepthMap",
     "Face",
@@ -46,7 +47,6 @@ __all__ = [
     "Standing",
     "SurfacePoint",
     "SystematicUncertainty",
-    "Turn",
     "Views",
     "Why",
     "add_caption",
@@ -71,10 +71,10 @@ __all__ = [
     "measure_depth",
     "measure_objects",
     "measure_standing",
+    "moved_back",
     "pixel_rays",
     "save_laser_pose",
     "see_standing",
-    "turned_back",
     "whole_mm",
     "why_no_floor",
 ]

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from stereolib.base import Bools, Float32, Float64, Floats, UInt8
 from stereolib.calibration import DisparityErrors
 from stereolib.matching import CheckedMatch, check_matchable, disparity_to_depth, match_checked
-from stereolib.measurement.camera_turn import turned_back
+from stereolib.measurement.camera_moves import moved_back
 from stereolib.measurement.disparity_map import pixel_rays
 from stereolib.measurement.instrument import Instrument
 from stereolib.measurement.views import MOST_OFF
@@ -33,7 +33,7 @@ class DepthMap:
     left : (H, W) or (H, W, 3) uint8
         The rectified left picture.
     instrument : Instrument
-        As it stands now (`turned_back`).
+        As it stands now (`moved_back`).
     is_filled : bool
         Pixels that were filled by a guess have a depth, too.
     """
@@ -134,7 +134,7 @@ def measure_depth(
         the width), left and right are exchanged, a picture shows nothing, or nothing was matched.
     """
     check_matchable(left, right)
-    instrument = turned_back(left, right, instrument)
+    instrument = moved_back(left, right, instrument)
     rectified = instrument.rectified
     pair = rectified.rectify(left, right)
     limit_px = max(_ROWS_PX, MOST_OFF * left.shape[1]) if pipeline == "best" else _ROWS_PX

@@ -25,6 +25,7 @@ from stereolib.calibration import (
 )
 from stereolib.rig import RectifiedRig, StereoRig, calibration_notes, formats
 
+_TOLD_RISE = 0.005  # baselines: a smaller rise is not said
 _TOLD_PX, _UNTOLD_PX = 0.1, 10.0  # a smaller turn is not said; where only larger ones show, rows say nothing
 _ROTATION_TOLERANCE = 1e-6  # of R R', for which a file's digits are enough
 _CENTIMETRES_MM = 20.0  # no two webcams stand nearer to each other
@@ -134,23 +135,26 @@ class SystematicUncertainty:
 
 
 @dataclass(frozen=True)
-class Turn:
-    """How far the cameras were turned sideways against each other since their calibration, as a pair tells.
+class CameraMoves:
+    """How far the cameras moved against each other since their calibration, as a pair tells.
 
     Attributes
     ----------
-    offset_px, std_px : float
-        By how much all disparities were too small for it, and the standard deviation of what that leaves.
+    turn_px, turn_std_px : float
+        By how much all disparities were too small for a turn sideways, and the standard deviation of what it leaves.
     chance : float
         Probability that they were turned at all, as far as the pair makes it likelier than one in ten.
     seen_px : float
         A turn by more is taken as one in 39 of 40 pairs; what is less may show in nothing.
+    rise_mm : float
+        By how much the right camera stands higher.
     """
 
-    offset_px: float
-    std_px: float
+    turn_px: float
+    turn_std_px: float
     chance: float
     seen_px: float
+    rise_mm: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,14 +169,14 @@ class Instrument:
         camera, within 50 mm and five degrees.
     uncertainty : SystematicUncertainty
         That of the calibration, where it is known.
-    turn : Turn or None
-        What a pair told of its cameras, which are turned back by it (`turned_back`).
+    moves : CameraMoves or None
+        What a pair told of its cameras, which are moved back by it (`moved_back`).
     """
 
     rectified: RectifiedRig
     lidar: LidarCamera | None = None
     uncertainty: SystematicUncertainty = field(default_factory=SystematicUncertainty)
-    turn: Turn | None = None
+    moves: CameraMoves | None = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.rectified, RectifiedRig):
@@ -182,12 +186,20 @@ class Instrument:
     def warnings(self) -> tuple[str, ...]:
         """What makes everything doubtful that is measured with it."""
         said = [] if self.lidar is None else [self.lidar.warning]
-        if self.turn is not None and abs(self.turn.offset_px) > _TOLD_PX:
-            turned, std = (np.degrees(px / self.rectified.f_px) for px in (self.turn.offset_px, self.turn.std_px))
-            how = f"by {abs(turned):.2f} ± {std:.2f} degrees, {abs(self.turn.offset_px):.1f} px of all disparities"
+        again = "Corrected here: calibrate again; stereolib check tells what has moved"
+        if self.moves is not None and abs(self.moves.turn_px) > _TOLD_PX:
+            turn_px, std_px = abs(self.moves.turn_px), self.moves.turn_std_px
+            turned, std = (np.degrees(px / self.rectified.f_px) for px in (turn_px, std_px))
+            how = f"by {turned:.2f} ± {std:.2f} degrees, {turn_px:.1f} px of all disparities"
             said.append(
                 "rows drift apart towards the corners, as of cameras that turned sideways against each other since "
-                f"their calibration: {how}. Corrected here: calibrate again; stereolib check tells what has moved"
+                f"their calibration: {how}. {again}"
+            )
+        if self.moves is not None and abs(self.moves.rise_mm) > _TOLD_RISE * self.rectified.baseline_mm:
+            how = "rose" if self.moves.rise_mm > 0 else "sank"
+            said.append(
+                "rows disagree the more the nearer something is, as of a right camera that "
+                f"{how} by about {abs(self.moves.rise_mm):.1f} mm since the calibration. {again}"
             )
         if (apart_mm := self.rectified.baseline_mm) < _CENTIMETRES_MM:
             why = "if the board's squares were told in centimetres, all sizes are; calibrate again with millimetres"
@@ -197,30 +209,32 @@ class Instrument:
     @property
     def turn_std_px(self) -> float:
         """What is left open of a turn of the cameras: a shift of all disparities, as a standard deviation."""
-        return 0.0 if self.turn is None else self.turn.std_px
+        return 0.0 if self.moves is None else self.moves.turn_std_px
 
-    def turned(self, turn: Turn) -> Instrument:
-        """Turn both cameras back, each by half, about the upright axis of the rectified pictures.
+    def moved_back(self, moves: CameraMoves) -> Instrument:
+        """Turn both cameras back, each by half, about the upright axis of the rectified pictures; and a rise likewise.
 
         Parameters
         ----------
-        turn : Turn
+        moves : CameraMoves
 
         Returns
         -------
         Instrument
-            Whose baseline may point half as far ahead or back: nobody knows which of the cameras was turned.
+            Whose rows lie along a baseline that rises with the right camera, and that may point half a turn ahead or
+            back: nobody knows which of the cameras was turned.
         """
         rectified, errors = self.rectified, self.uncertainty.errors
-        half = cv2.Rodrigues(np.array([0.0, turn.offset_px / rectified.f_px / 2, 0.0]))[0]
-        R1, R2 = half @ rectified.R1, half.T @ rectified.R2
+        half = cv2.Rodrigues(np.array([0.0, moves.turn_px / rectified.f_px / 2, 0.0]))[0]
+        level = cv2.Rodrigues(np.array([0.0, 0.0, np.arctan(moves.rise_mm / rectified.baseline_mm)]))[0]
+        R1, R2 = level @ half @ rectified.R1, level @ half.T @ rectified.R2
         rig = replace(rectified.rig, R=R2.T @ R1, T=-rectified.baseline_mm * R2[0])
         rectified = replace(rectified, rig=rig, R1=R1, R2=R2)
         if errors is not None:
             ahead = np.zeros(len(errors.covariance))
             ahead[-3:] = rectified.baseline_mm * half[0, 2] * R2[2]
             errors = DisparityErrors(rectified, errors.covariance + np.outer(ahead, ahead))
-        return replace(self, rectified=rectified, uncertainty=replace(self.uncertainty, errors=errors), turn=turn)
+        return replace(self, rectified=rectified, uncertainty=replace(self.uncertainty, errors=errors), moves=moves)
 
     def turned_unseen(self, depth_mm: float, *, is_opposed: bool = False) -> str:
         """Say what a camera that was turned sideways changes, which nothing in a pair shows.
@@ -238,8 +252,8 @@ class Instrument:
         """
         pct = 100 * depth_mm / (self.rectified.f_px * self.rectified.baseline_mm)
         shown = "that may be what the scan opposes" if is_opposed else "nothing here shows it"
-        if self.turn is not None and self.turn.seen_px < _UNTOLD_PX:
-            shown = f"less than {self.turn.seen_px:.1f} px of it may show in nothing here"
+        if self.moves is not None and self.moves.seen_px < _UNTOLD_PX:
+            shown = f"less than {self.moves.seen_px:.1f} px of it may show in nothing here"
         return (
             f"sizes are the pair's alone: if a camera was turned sideways since its calibration, {shown}; each pixel "
             f"of it changes them by {pct:.1f} %, which is not in their intervals"

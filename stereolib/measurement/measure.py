@@ -14,7 +14,7 @@ from stereolib.base import Float32, Float64, UInt8
 from stereolib.calibration import LidarCamera, is_beyond_lasers, read_share
 from stereolib.laser import LaserScan, points_mm
 from stereolib.measurement.box import Shared
-from stereolib.measurement.camera_turn import see_pair
+from stereolib.measurement.camera_moves import see_pair
 from stereolib.measurement.floor import Floor
 from stereolib.measurement.hypotheses import Judged
 from stereolib.measurement.instrument import Instrument
@@ -110,7 +110,7 @@ def measure_objects(
 
     Notes
     -----
-    Cameras that were turned sideways since their calibration are turned back as the rows tell (`turned_back`).
+    Cameras that moved since their calibration are moved back as the rows tell (`moved_back`).
     """
     if not (scan is None or isinstance(scan, LaserScan)) or not isinstance(instrument, Instrument):
         got = f"{type(scan).__name__} and {type(instrument).__name__}"

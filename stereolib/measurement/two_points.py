@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from stereolib.base import Float32, Float64, UInt8
 from stereolib.matching import SGBMParams, compute_disparity
-from stereolib.measurement.camera_turn import see_pair
+from stereolib.measurement.camera_moves import see_pair
 from stereolib.measurement.instrument import Instrument, SystematicUncertainty
 from stereolib.measurement.plane_alignment import CannotMeasure, align
 from stereolib.measurement.views import Views

@@ -14,6 +14,7 @@ _DIST_LENGTHS = (0, 4, 5, 8, 12, 14)
 _LARGEST_PX = 2**15 - 1  # a side of a picture: OpenCV's lookup maps hold no more
 _LEAST_FOCAL_PX, _MOST_PX = 0.1, 1e6  # of K: whatever lies outside is no lens but a slip, and products overflow
 _MOST_DIST = 1e6  # a coefficient of the lens: those that are fitted to noise reach thousands
+_AT_ONCE = 1 << 14
 _NEWTON_STEPS = 20  # four or five do far from the fold
 _DAMPED_STEPS = 60  # tried, halved ones among them: next to a fold that is none forty are needed
 _FARTHEST = 1e6  # ideal coordinates: a direction along the picture plane, whose powers do not overflow yet
@@ -133,12 +134,7 @@ class Camera:
             found = np.isfinite(target).all(axis=1, keepdims=True)
             return np.column_stack([np.where(found, target, np.nan), np.ones(len(target))])
         limit = min(self.fold_radius, _FARTHEST)
-        xy = _within(target, _START_INSIDE * limit)
-        for _ in range(_NEWTON_STEPS):
-            step = _newton_step(*distort(xy, self.dist), target)
-            xy = _within(xy - step, limit)
-            if np.abs(step).max(initial=0.0) < _SETTLED:
-                break
+        xy = np.concatenate([_newton(part, self.dist, limit) for part in _in_parts(target)])
         if (lost := self._missed(xy, target)).any():
             xy[lost] = _damped(target[lost], self.dist, limit)
             lost = self._missed(xy, target)
@@ -213,6 +209,22 @@ def distort(xy: ArrayLike, dist: ArrayLike) -> tuple[Float64, Float64]:
     along_y = g + 2 * y * y * dg + 6 * p1 * y + 2 * p2 * x + y * prism_y
     jacobian = np.stack([along_x, cross + y * prism_x, cross + x * prism_y, along_y])
     return np.column_stack([xd, yd]), jacobian
+
+
+def _in_parts(rows: Float64) -> list[Float64]:
+    """Rows (N, 2) in parts, N of 0 too, that stay in a processor's cache while they are worked on."""
+    return np.array_split(rows, max(1, -(-len(rows) // _AT_ONCE)))
+
+
+def _newton(target: Float64, dist: Float64, limit: float) -> Float64:
+    """Ideal coordinates of targets by Newton's whole steps, kept within a circle, (N, 2)."""
+    xy = _within(target, _START_INSIDE * limit)
+    for _ in range(_NEWTON_STEPS):
+        step = _newton_step(*distort(xy, dist), target)
+        xy = _within(xy - step, limit)
+        if np.abs(step).max(initial=0.0) < _SETTLED:
+            break
+    return xy
 
 
 def _newton_step(value: Float64, jacobian: Float64, target: Float64) -> Float64:

@@ -263,7 +263,7 @@ def _visibility(scene: Scene, points: Float64, spots: Float64, n: int) -> Float6
     corners = spots[[0, n - 1, -n, -1]] if n > 1 else spots
     lit = np.asarray(np.mean([~blocked(scene.boxes, points, spot) for spot in corners], axis=0))
     soft = np.flatnonzero((lit > 0) & (lit < 1))
-    if n > 1 and soft.size:
+    if n > 2 and soft.size:  # of two by two, all are corners
         lit[soft] = np.mean([~blocked(scene.boxes, points[soft], spot) for spot in spots], axis=0)
     return lit
 

@@ -20,7 +20,7 @@ from stereolib.measurement import (
     measure_objects,
     see_standing,
 )
-from stereolib.measurement.camera_turn import _likely, see_pair, turned_back
+from stereolib.measurement.camera_moves import _likely, moved_back, see_pair
 from stereolib.measurement.views import Views
 from stereolib.rig import Camera, StereoRig
 from stereolib.virtual import recordings
@@ -69,17 +69,17 @@ def test_of_a_rig_that_was_not_turned_nothing_changes():
     views, now = see_pair(*PAIR, instrument)
     plain = Views.of(*PAIR, instrument.rectified)
     np.testing.assert_array_equal(views.right, plain.right)
-    assert now.rectified is instrument.rectified and now.turn.chance == now.turn_std_px == 0
-    assert 1 < now.turn.seen_px < 4
+    assert now.rectified is instrument.rectified and now.moves.chance == now.turn_std_px == 0
+    assert 1 < now.moves.seen_px < 4
     _, found = cube_of(instrument)
-    assert f"less than {now.turn.seen_px:.1f} px of it may show in nothing here" in " ".join(found.warnings)
+    assert f"less than {now.moves.seen_px:.1f} px of it may show in nothing here" in " ".join(found.warnings)
 
 
 def test_the_correction_grows_without_a_step_from_nothing_to_all_of_it():
     """Where the odds turn it grows fast, but by no more than its deviation says that it may be off."""
     degrees = np.linspace(0.06, 0.26, 51)
-    turns = [turned_back(*PAIR, believed(d, "right")).turn for d in degrees]
-    told, std, chance = np.transpose([(abs(turn.offset_px), turn.std_px, turn.chance) for turn in turns])
+    turns = [moved_back(*PAIR, believed(d, "right")).moves for d in degrees]
+    told, std, chance = np.transpose([(abs(turn.turn_px), turn.turn_std_px, turn.chance) for turn in turns])
     true = np.radians(degrees) * box_scenes.instrument().rectified.f_px
     assert chance[0] == 0 and chance[-1] > 0.99 and abs(told[-1] - true[-1]) < 3 * std[-1]
     assert (np.abs(np.diff(told)) < 1.2 * np.maximum(std[1:], std[:-1]) + 1e-3).all()
@@ -91,9 +91,9 @@ def test_the_correction_grows_without_a_step_from_nothing_to_all_of_it():
 def test_a_calibration_that_is_less_sure_than_the_rows_tells_no_turn(side):
     """Where its own errors let rows drift apart as far, the sizes stay those of the rig as it was calibrated."""
     instrument = believed(0.2, side, unsure=30.0)
-    now = turned_back(*PAIR, instrument)
-    assert now.turn.chance < 0.1 and now.rectified.f_px == instrument.rectified.f_px
-    assert now.turn.seen_px > 5
+    now = moved_back(*PAIR, instrument)
+    assert now.moves.chance < 0.1 and now.rectified.f_px == instrument.rectified.f_px
+    assert now.moves.seen_px > 5
 
 
 def test_a_rig_whose_calibration_tells_no_deviations_is_taken_as_it_is():
@@ -102,7 +102,7 @@ def test_a_rig_whose_calibration_tells_no_deviations_is_taken_as_it_is():
         Instrument(rectified),
         replace(believed(0.5, "right"), uncertainty=Instrument(rectified).uncertainty),
     ):
-        assert turned_back(*PAIR, instrument) is instrument
+        assert moved_back(*PAIR, instrument) is instrument
         assert see_pair(*PAIR, instrument)[1] is instrument
 
 
@@ -121,7 +121,7 @@ def test_what_is_left_open_of_a_turn_is_in_the_deviations(monkeypatch):
     instrument, ends = believed(0.5, "right"), recordings_ends()
     depth = measure_depth(*PAIR, instrument)
     left_open = depth.instrument.turn_std_px
-    without = replace(depth, instrument=replace(depth.instrument, turn=None))
+    without = replace(depth, instrument=replace(depth.instrument, moves=None))
     d, there = depth.match.estimate.disparity_px, np.isfinite(depth.std_mm) & np.isfinite(without.std_mm)
     more = depth.std_mm[there] ** 2 - without.std_mm[there] ** 2
     np.testing.assert_allclose(more, (depth.depth_mm[there] * left_open / d[there]) ** 2, rtol=2e-2)
@@ -164,23 +164,52 @@ def moved(instrument, *, rise_mm=0.0, ahead_mm=0.0, tilt_deg=0.0, k1=(0.0, 0.0))
 def test_what_else_moves_passes_for_no_turn(how, number):
     """Each lets rows disagree, too, and some of it towards the corners: of boxes that stand out from their floor."""
     shot, known = case("undisturbed", number, box_scenes.shoot)
-    turn = see_pair(shot.left, shot.right, moved(known, **how))[1].turn
-    assert turn is None or abs(turn.offset_px) < 0.5
+    moves = see_pair(shot.left, shot.right, moved(known, **how))[1].moves
+    assert moves is None or (abs(moves.turn_px) < 0.5 and ("rise_mm" in how or abs(moves.rise_mm) < 0.5))
 
 
-def test_the_deviation_is_that_of_a_turn_and_of_none_together():
-    rng = np.random.default_rng(1)
+@pytest.mark.parametrize("rise_mm", [-3.0, -0.8, 0.8, 3.0])
+@pytest.mark.parametrize("number", [1005, 1007])
+def test_a_right_camera_that_rose_is_told_and_corrected(number, rise_mm):
+    shot, known = case("undisturbed", number, box_scenes.shoot)
+    instrument = moved(known, rise_mm=-rise_mm)
+    views, now = see_pair(shot.left, shot.right, instrument)
+    assert now.moves.rise_mm == pytest.approx(rise_mm, abs=0.6)  # the calibration errs, too
+    taken_as_it_was = Views.of(shot.left, shot.right, instrument.rectified)
+    apart, before = (np.percentile(np.abs(each.rows.cells.offset_px), 75) for each in (views, taken_as_it_was))
+    assert apart < 0.25 and apart < before * (1 if abs(rise_mm) < 1 else 0.7)
+    found = measure_objects(shot.left, shot.right, None, instrument)
+    off = box_scenes.errors(box_scenes.the_box(found, shot.truth), shot.truth)
+    assert len(off) > 1 and "height" in off and all(abs(pct) < 2 and abs(z) < 3.5 for pct, z in off.values())
+    (said,) = [text for text in found.warnings if "of a right camera that" in text]
+    assert f" {'rose' if rise_mm > 0 else 'sank'} by about {abs(now.moves.rise_mm):.1f} mm " in said
+
+
+def test_a_rise_is_corrected_without_a_step_by_more_than_shows():
+    shot, known = case("undisturbed", 1007, box_scenes.shoot)
+    rises_mm = np.linspace(0.0, 0.8, 33)
+    told = [moved_back(shot.left, shot.right, moved(known, rise_mm=-mm)).moves.rise_mm for mm in rises_mm]
+    in_rows_px = known.rectified.f_px / 5 / known.rectified.baseline_mm  # of what stands five baselines away
+    assert (
+        told[0] == 0 and (np.abs(np.diff(told)) * in_rows_px < 0.5).all() and told[-1] == pytest.approx(0.8, abs=0.25)
+    )
+
+
+def test_the_deviation_is_that_of_a_move_and_of_none_together():
+    rng, priors = np.random.default_rng(1), 760 * np.array([np.radians(0.5), 0.03 / 5])
     for k in (0.0, 1.2, 1.5, 1.8, 4.0):
-        turn = _likely(k, 0.4, 760.0)
-        s, t = 0.4**2 + 0.05**2, (760 * np.radians(0.5)) ** 2
-        drawn = rng.normal(k * t / (s + t), np.sqrt(s * t / (s + t)), 400_000) * (rng.random(400_000) < turn.chance)
-        assert (turn.offset_px, turn.std_px) == pytest.approx((drawn.mean(), drawn.std()), rel=0.02, abs=1e-3)
-    assert _likely(0.0, 0.4, 760.0).chance == 0 and _likely(4.0, 0.4, 760.0).chance > 0.99
+        told = np.transpose(_likely(np.full(2, k), np.full(2, 0.4**2), 760.0)[:3])
+        for t, (mean, std, chance) in zip(priors**2, told, strict=True):
+            s = 0.4**2 + 0.05**2
+            drawn = rng.normal(k * t / (s + t), np.sqrt(s * t / (s + t)), 400_000) * (rng.random(400_000) < chance)
+            assert (mean, std) == pytest.approx((drawn.mean(), drawn.std()), rel=0.02, abs=1e-3)
+    assert (_likely(np.zeros(2), np.full(2, 0.4**2), 760.0)[2] == 0).all()
+    assert (_likely(np.full(2, 4.0), np.full(2, 0.4**2), 760.0)[2] > 0.99).all()
 
 
-def test_a_rig_that_was_turned_back_already_stays_so():
-    now = turned_back(*PAIR, believed(0.5, "right"))
-    assert turned_back(*PAIR, now) is now and see_pair(*PAIR, now)[1] is now
+def test_a_rig_that_was_moved_back_already_stays_so():
+    now = moved_back(*PAIR, believed(0.5, "right"))
+    assert moved_back(*PAIR, now) is now and see_pair(*PAIR, now)[1] is now
 
 
 def recordings_ends():

@@ -8,7 +8,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from stereolib.base import Float64, UInt8, clustered_covariance, median
+from stereolib.base import Float64, Ints, UInt8, clustered_covariance, median
 from stereolib.calibration import DisparityErrors
 from stereolib.matching import RowCells, RowOffset, find_rows
 from stereolib.measurement.instrument import CameraMoves, Instrument
@@ -101,8 +101,9 @@ def _settled(
         except np.linalg.LinAlgError:  # all that tells it stands in one place
             break
         told_px, std_px, chance, shows_px = _likely(*found, f_px, chance)
-        turn, rise_px = [each[0] for each in (told_px, std_px, chance, shows_px)], told_px[1]
-        moves = CameraMoves(*map(float, (*turn, rise_px * _NEAREST * baseline_mm / f_px)))
+        turn = [each[0] for each in (told_px, std_px, chance, shows_px)]
+        rise_mm = [each[1] * _NEAREST * baseline_mm / f_px for each in (told_px, std_px)]
+        moves = CameraMoves(*map(float, (*turn, *rise_mm)))
         if (np.abs(told_px - before_px) < _LEAST_PX).all():
             return seen, replace(now, moves=moves)
         now = instrument.moved_back(moves)
@@ -137,16 +138,22 @@ def _keystone(cells: RowCells, errors: DisparityErrors, before_px: Float64) -> t
         off = (rest / max(_TUKEY * median(np.abs(rest)), _LEAST_OFF_PX)) ** 2
         root = np.maximum(1 - off, 0)
         weight, bend = root**2 * cells.weight, root * (1 - 5 * off) * cells.weight
-        free = every[:, :4]
-        scatter = clustered_covariance(free, rest, weight, cells.block, bend)[3, 3]
-        weight = weight * np.linalg.inv((free.T * weight) @ free)[3, 3] / scatter  # now of variances
+        turned, risen = (_scatter(every[:, :k], rest, weight, cells.block, bend) for k in (4, 5))
+        weight = weight / turned  # now of variances
         covariance = np.linalg.inv((every.T * weight) @ every + known)
         gain = covariance @ (every.T * weight)
         rest = offset_px - every @ (gain @ offset_px)
     gain, variance = gain[3:5], np.diag(covariance)[3:5]
     by_rig = gain @ errors.of_rows(in_left, v, np.maximum(in_left - u, _LEAST_DISPARITY_PX))
     told = np.maximum(1 - variance / prior, _LEAST_SHARE)  # by the rows alone: without what is known before
-    return gain @ offset_px / told, variance / told + (by_rig**2).sum(axis=1) / told**2
+    rougher = np.array([1.0, max(risen / turned, 1.0)])  # errors of rows may clump as a rise, and not as a turn
+    return gain @ offset_px / told, rougher * variance / told + (by_rig**2).sum(axis=1) / told**2
+
+
+def _scatter(x: Float64, rest: Float64, weight: Float64, block: Ints, bend: Float64) -> float:
+    """Variance of the last coefficient of a fit as blocks of errors tell it, over that by its weights alone."""
+    by_blocks = clustered_covariance(x, rest, weight, block, bend)[-1, -1]
+    return float(by_blocks / np.linalg.inv((x.T * weight) @ x)[-1, -1])
 
 
 def _prior_px(f_px: float) -> Float64:

@@ -146,8 +146,8 @@ class CameraMoves:
         Probability that they were turned at all, as far as the pair makes it likelier than one in ten.
     seen_px : float
         A turn by more is taken as one in 39 of 40 pairs; what is less may show in nothing.
-    rise_mm : float
-        By how much the right camera stands higher.
+    rise_mm, rise_std_mm : float
+        By how much the right camera rose against the left one, and the standard deviation of what that leaves.
     """
 
     turn_px: float
@@ -155,6 +155,7 @@ class CameraMoves:
     chance: float
     seen_px: float
     rise_mm: float = 0.0
+    rise_std_mm: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,10 +197,11 @@ class Instrument:
                 f"their calibration: {how}. {again}"
             )
         if self.moves is not None and abs(self.moves.rise_mm) > _TOLD_RISE * self.rectified.baseline_mm:
-            how = "rose" if self.moves.rise_mm > 0 else "sank"
+            how = f"{'rose' if self.moves.rise_mm > 0 else 'sank'} by {abs(self.moves.rise_mm):.1f}"
             said.append(
                 "rows disagree the more the nearer something is, as of a right camera that "
-                f"{how} by about {abs(self.moves.rise_mm):.1f} mm since the calibration. {again}"
+                f"{how} ± {self.moves.rise_std_mm:.1f} mm against the left one since the calibration, or of things "
+                f"that moved between the two pictures. {again}"
             )
         if (apart_mm := self.rectified.baseline_mm) < _CENTIMETRES_MM:
             why = "if the board's squares were told in centimetres, all sizes are; calibrate again with millimetres"
@@ -212,7 +214,7 @@ class Instrument:
         return 0.0 if self.moves is None else self.moves.turn_std_px
 
     def moved_back(self, moves: CameraMoves) -> Instrument:
-        """Turn both cameras back, each by half, about the upright axis of the rectified pictures; and a rise likewise.
+        """Turn both cameras back, each by half, about the upright axis; and both by a rise, about the optical one.
 
         Parameters
         ----------
@@ -222,18 +224,19 @@ class Instrument:
         -------
         Instrument
             Whose rows lie along a baseline that rises with the right camera, and that may point half a turn ahead or
-            back: nobody knows which of the cameras was turned.
+            back: nobody knows which of the cameras was turned. Nor whether a rise made it longer, or turned it.
         """
         rectified, errors = self.rectified, self.uncertainty.errors
         half = cv2.Rodrigues(np.array([0.0, moves.turn_px / rectified.f_px / 2, 0.0]))[0]
-        level = cv2.Rodrigues(np.array([0.0, 0.0, np.arctan(moves.rise_mm / rectified.baseline_mm)]))[0]
+        rise_rad = np.arctan(moves.rise_mm / rectified.baseline_mm)
+        level = cv2.Rodrigues(np.array([0.0, 0.0, rise_rad]))[0]
         R1, R2 = level @ half @ rectified.R1, level @ half.T @ rectified.R2
         rig = replace(rectified.rig, R=R2.T @ R1, T=-rectified.baseline_mm * R2[0])
         rectified = replace(rectified, rig=rig, R1=R1, R2=R2)
         if errors is not None:
-            ahead = np.zeros(len(errors.covariance))
-            ahead[-3:] = rectified.baseline_mm * half[0, 2] * R2[2]
-            errors = DisparityErrors(rectified, errors.covariance + np.outer(ahead, ahead))
+            open_mm = np.zeros((2, len(errors.covariance)))  # ahead; and along
+            open_mm[:, -3:] = rectified.baseline_mm * np.array([half[0, 2] * R2[2], rise_rad**2 / 2 * R2[0]])
+            errors = DisparityErrors(rectified, errors.covariance + open_mm.T @ open_mm)
         return replace(self, rectified=rectified, uncertainty=replace(self.uncertainty, errors=errors), moves=moves)
 
     def turned_unseen(self, depth_mm: float, *, is_opposed: bool = False) -> str:

@@ -133,7 +133,23 @@ def _keystone(cells: RowCells, errors: DisparityErrors, before_px: Float64) -> t
     prior = _prior_px(f_px) ** 2
     known = np.diag(np.r_[np.zeros(3), 1 / prior, np.ones(besides.shape[1])])
     offset_px = cells.offset_px + moved @ before_px
-    rest = offset_px - every @ np.linalg.lstsq(every, offset_px, rcond=None)[0]
+    # Few columns at first keep errors of rows from passing for a turn, but leave out what a rise alone explains.
+    as_if_turned, as_it_is = (_fit(every, known, offset_px, cells, first) for first in (every[:, :4], every))
+    gain = np.stack([as_if_turned[0][3], as_it_is[0][4]])
+    variance, rougher = np.array([as_if_turned[1][3], as_it_is[1][4]]), np.array([1.0, max(as_it_is[2], 1.0)])
+    by_rig = gain @ errors.of_rows(in_left, v, np.maximum(in_left - u, _LEAST_DISPARITY_PX))
+    told = np.maximum(1 - variance / prior, _LEAST_SHARE)  # by the rows alone: without what is known before
+    return gain @ offset_px / told, rougher * variance / told + (by_rig**2).sum(axis=1) / told**2
+
+
+def _fit(
+    every: Float64, known: Float64, offset_px: Float64, cells: RowCells, first: Float64
+) -> tuple[Float64, Float64, float]:
+    """What turns offsets into coefficients, (k, N); their variances; how much more errors clump as a rise than a turn.
+
+    Tukey's weights begin with what these columns `first` leave.
+    """
+    rest = offset_px - first @ np.linalg.lstsq(first, offset_px, rcond=None)[0]
     for _ in range(_ROUNDS):
         off = (rest / max(_TUKEY * median(np.abs(rest)), _LEAST_OFF_PX)) ** 2
         root = np.maximum(1 - off, 0)
@@ -143,11 +159,7 @@ def _keystone(cells: RowCells, errors: DisparityErrors, before_px: Float64) -> t
         covariance = np.linalg.inv((every.T * weight) @ every + known)
         gain = covariance @ (every.T * weight)
         rest = offset_px - every @ (gain @ offset_px)
-    gain, variance = gain[3:5], np.diag(covariance)[3:5]
-    by_rig = gain @ errors.of_rows(in_left, v, np.maximum(in_left - u, _LEAST_DISPARITY_PX))
-    told = np.maximum(1 - variance / prior, _LEAST_SHARE)  # by the rows alone: without what is known before
-    rougher = np.array([1.0, max(risen / turned, 1.0)])  # errors of rows may clump as a rise, and not as a turn
-    return gain @ offset_px / told, rougher * variance / told + (by_rig**2).sum(axis=1) / told**2
+    return gain, np.diag(covariance), risen / turned
 
 
 def _scatter(x: Float64, rest: Float64, weight: Float64, block: Ints, bend: Float64) -> float:

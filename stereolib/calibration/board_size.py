@@ -178,8 +178,7 @@ def board_stretch(views: BoardViews, fitted: RigFit) -> tuple[float, float] | No
 
 def _spans(grid: Floats) -> float:
     """Sum over the rows of the distance between the first and the last known corner."""
-    length = 0.0
-    for row in grid:
-        known = row[np.isfinite(row).all(axis=1)]
-        length += float(np.linalg.norm(known[-1] - known[0])) if len(known) > 1 else 0.0
-    return length
+    known = np.isfinite(grid).all(axis=2)
+    first, last = known.argmax(axis=1), known.shape[1] - 1 - known[:, ::-1].argmax(axis=1)
+    row = np.flatnonzero(known.any(axis=1))
+    return float(np.linalg.norm(grid[row, last[row]] - grid[row, first[row]], axis=1).sum())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import cv2
@@ -55,7 +56,7 @@ class Checkerboard:
     def points_mm(self) -> Float32:
         """Corners on the board, row by row from the upper left. (columns * rows, 3) float32, mm, z = 0."""
         width = 2 * self.square_mm / (1 + self.aspect)
-        return _grid(self.columns, self.rows, width, width * self.aspect)
+        return _grid(self.columns, self.rows, width, width * self.aspect).copy()
 
 
 @dataclass(frozen=True)
@@ -102,7 +103,7 @@ class Charuco:
     @property
     def points_mm(self) -> Float32:
         """Corners on the board, row by row from the upper left. (columns * rows, 3) float32, mm, z = 0."""
-        return _grid(self.columns, self.rows, self.square_mm, self.square_mm)
+        return _grid(self.columns, self.rows, self.square_mm, self.square_mm).copy()
 
     @property
     def _number(self) -> int:
@@ -135,6 +136,7 @@ def _check_edge(edge_mm: float, what: str) -> None:
         raise ValueError(f"the {what}'s edge was given as {edge_mm:g}, but millimetres are expected: {meant}")
 
 
+@lru_cache(maxsize=32)
 def _grid(columns: int, rows: int, width_mm: float, height_mm: float) -> Float32:
     grid = np.zeros((columns * rows, 3), np.float32)
     grid[:, :2] = np.mgrid[:columns, :rows].T.reshape(-1, 2) * (width_mm, height_mm)

@@ -52,8 +52,9 @@ and for all of them:
                            the floor below its left camera and where that looks, counter-clockwise from x
 Without poses the first station with a scan is the origin, and the others are placed where their scans fit; given
 poses are taken as known to 50 mm and 3 degrees and refined by the scans. Who has neither pose nor scan, fits in
-several places, has a scan that shows other things than its pictures, or a file that cannot be read, is left out and
-named. Take stations a metre or so apart, each with a look at what the last one saw.
+several places, or has a scan that shows other things than its pictures, is left out and named; of a pair and a scan
+one of which cannot be read, the other is mapped. Take stations a metre or so apart, each with a look at what the last
+one saw.
 
 written:
 """ + "\n".join(f"  {name:12} {what}" for name, what in _FILES.items()) + """

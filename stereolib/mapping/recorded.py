@@ -145,7 +145,8 @@ def map_recordings(
     Raises
     ------
     ValueError
-        If no station has files that can be read and fit the calibration; one whose own do not is left out.
+        If no station has files that can all be read and fit the calibration. One that has some is mapped from the
+        scan alone, or from the pair; one that has none is left out.
     NothingToMap
         If no station shows an object or a wall; the text says what each one says.
     """
@@ -158,18 +159,19 @@ def map_recordings(
 def _map(stations: Sequence[RecordedStation], instrument: Instrument, bar: tqdm[Any]) -> RecordedMap:
     """The same, with a bar that is told of each station."""
     size = instrument.rectified.size
-    measured, left_out, unfit = dict[str, Measurement](), dict[str, str](), list[str]()
+    measured, left_out, unfit = dict[str, Measurement](), dict[str, str](), dict[str, str]()
     for each in stations:
         try:
-            measured[each.name] = measure_station(each.read_pair(size), each.read_scan(), instrument)
+            pair, scan, unread = _read(each, size)
+            unfit |= {each.name: unread} if unread else {}
+            measured[each.name] = measure_station(pair, scan, instrument)
         except CannotMeasure as error:
             left_out[each.name] = str(error)
         except ValueError as error:  # of its own files, as one cut short or a pair exchanged: the others may do
-            left_out[each.name] = str(error)
-            unfit.append(f"station {each.name}: {error}")
+            left_out[each.name] = unfit[each.name] = str(error)
         bar.update()
-    if unfit and not measured:
-        raise ValueError(unfit[0])
+    if unfit and not measured.keys() - unfit.keys():
+        raise ValueError("station {}: {}".format(*next(iter(unfit.items()))))
     bar.set_description("placing")
     known = {each.name: each.pose for each in stations if each.pose is not None}
     somewhere = [_station(it, known.get(name, (0.0, 0.0, 0.0)), name) for name, it in measured.items()]
@@ -181,9 +183,13 @@ def _map(stations: Sequence[RecordedStation], instrument: Instrument, bar: tqdm[
     again = "see the first warning" if turned else "take both again, at one place and moment"
     lost = f"{_OPPOSED}, and nothing tells where it stood: {again}, or give its pose"
     left_out |= placing.left_out | dict.fromkeys(opposed & placing.left_out.keys(), lost)
+    left_out |= {name: f"{unfit[name]}; {left_out[name]}" for name in unfit.keys() & measured.keys() & left_out.keys()}
     bare = [station.name for station in placing.stations if station.name in opposed]
     warnings = *placing.warnings, *(f"station {name}: {_OPPOSED}; the scan is left out of the map" for name in bare)
     warnings = (_TURNED, *warnings) if turned else warnings
+    warnings += tuple(
+        f"station {name}: {why}; mapped without it" for name, why in unfit.items() if name not in left_out
+    )
     try:
         room = merge_stations(placing.stations, rng=np.random.default_rng(_SEED))
     except NothingToMap as error:
@@ -192,6 +198,22 @@ def _map(stations: Sequence[RecordedStation], instrument: Instrument, bar: tqdm[
     placed = {s.name: measured[s.name] for s in room.stations}
     apart = {name: it for name, it in measured.items() if name not in placed and it.objects}
     return RecordedMap(room, placed, left_out, warnings, apart)
+
+
+def _read(station: RecordedStation, size: tuple[int, int]) -> tuple[tuple[UInt8, UInt8] | None, LaserScan | None, str]:
+    """A station's pair and scan; where one of them cannot be read the other alone, and what is wrong."""
+    pair, scan, wrong = None, None, list[str]()
+    try:
+        pair = station.read_pair(size)
+    except ValueError as error:
+        wrong.append(str(error))
+    try:
+        scan = station.read_scan()
+    except ValueError as error:
+        wrong.append(str(error))
+    if wrong and pair is None and scan is None:
+        raise ValueError("; ".join(wrong))
+    return pair, scan, "; ".join(wrong)
 
 
 def _station(measured: Measurement, pose: tuple[float, float, float], name: str) -> Station:

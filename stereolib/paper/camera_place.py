@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import math
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -132,9 +134,12 @@ def rig_pose(rectified: RectifiedRig, pitch_rad: float, camera_height_mm: float,
     >>> (np.linalg.inv(pose)[:3, 3].round(6) + 0.0).tolist()
     [0.0, 0.0, 85.0]
     """
-    roll = cv2.Rodrigues(np.array([0.0, 0.0, roll_rad]))[0]
-    pose: Float64 = rigid(rectified.R1.T @ roll, np.zeros(3)) @ pose_left_world(pitch_rad, camera_height_mm)
-    return pose
+    return np.asarray(_turn(rectified, roll_rad) @ pose_left_world(pitch_rad, camera_height_mm))
+
+
+def _turn(rectified: RectifiedRig, roll_rad: float) -> Float64:
+    """From a rolled rectified camera into the left camera, (4, 4)."""
+    return rigid(rectified.R1.T @ cv2.Rodrigues(np.array([0.0, 0.0, roll_rad]))[0], np.zeros(3))
 
 
 def cube_view(
@@ -169,28 +174,45 @@ def cube_view(
     """
     height = setup.camera_height_mm if camera_height_mm is None else camera_height_mm
     pose = rig_pose(rectified, pitch_rad, height, roll_rad=roll_rad)
-    half = setup.side_mm / np.sqrt(2)  # of the diagonal
+    return _views(rectified, setup.side_mm, [_Placed(pitch_rad, height, setup.distance_mm, pose)])[0]
+
+
+class _Placed(NamedTuple):
+    """Where a camera stands before the cube."""
+
+    pitch_rad: float
+    camera_height_mm: float
+    distance_mm: float
+    T_left_world: Float64
+
+
+def _views(rectified: RectifiedRig, side_mm: float, placed: Sequence[_Placed]) -> list[CubeView]:
+    """What each camera sees of the cube, as `cube_view`."""
+    half = side_mm / np.sqrt(2)  # of the diagonal
     ground = [[0, 0], [half, half], [half, -half], [2 * half, 0]]
-    corners = np.array([[setup.distance_mm + x, y, z] for z in (0, setup.side_mm) for x, y in ground])
-    points = (corners @ pose[:3, :3].T + pose[:3, 3]) @ rectified.R1.T
-    if not (points[:, 2] > 0).all():
-        raise ValueError(f"part of the cube is behind a camera pitched {np.degrees(pitch_rad):.1f} deg")
-    u, v = (points @ rectified.P1[:, :3].T)[:, :2].T / points[:, 2]
-    disparity = rectified.f_px * rectified.baseline_mm / points[:, 2]
-    return CubeView(
-        pitch_rad=pitch_rad,
-        camera_height_mm=height,
-        foot_row=float(v[0]),
-        top_row=float(v[4]),
-        column=float(u[0]),
-        constant_rows=float(rectified.size[1] - v[0]),
-        width_px=float(np.ptp(u)),
-        depth_side_mm=float(points[u.argmax(), 2]),
-        depth_side_end_mm=float(np.roll(points, 4, axis=0)[u.argmax(), 2]),  # the four feet, then the four tops
-        disparity_foot_px=float(disparity[0]),
-        disparity_top_px=float(disparity[4]),
-        T_left_world=pose,
-    )
+    cube = np.array([[x, y, z] for z in (0, side_mm) for x, y in ground])  # the four feet, then the four tops
+    pose = np.array([each.T_left_world for each in placed])
+    corners = cube + np.array([[[each.distance_mm, 0, 0]] for each in placed])
+    points = (corners @ pose[:, :3, :3].swapaxes(1, 2) + pose[:, None, :3, 3]) @ rectified.R1.T
+    for each, in_front in zip(placed, (points[..., 2] > 0).all(axis=1), strict=True):
+        if not in_front:
+            raise ValueError(f"part of the cube is behind a camera pitched {np.degrees(each.pitch_rad):.1f} deg")
+    u, v = np.moveaxis(points @ rectified.P1[:2, :3].T, -1, 0) / points[..., 2]
+    disparity = rectified.f_px * rectified.baseline_mm / points[..., 2]
+    which, side = np.arange(len(placed)), u.argmax(axis=1)
+    found = {
+        "foot_row": v[:, 0], "top_row": v[:, 4], "column": u[:, 0], "constant_rows": rectified.size[1] - v[:, 0],
+        "width_px": np.ptp(u, axis=1), "depth_side_mm": points[which, side, 2],
+        "depth_side_end_mm": points[which, (side + 4) % 8, 2],
+        "disparity_foot_px": disparity[:, 0], "disparity_top_px": disparity[:, 4],
+    }  # fmt: skip
+    rows = zip(*(values.tolist() for values in found.values()), strict=True)
+    return [
+        CubeView(
+            each.pitch_rad, each.camera_height_mm, T_left_world=each.T_left_world, **dict(zip(found, row, strict=True))
+        )
+        for each, row in zip(placed, rows, strict=True)
+    ]
 
 
 def solve_pitch(rectified: RectifiedRig, setup: CubeSetup) -> CubeView:
@@ -318,15 +340,15 @@ def setup_family(
     (8.27, -8.01)
     """
     below_axis = (rectified.size[1] - setup.constant_rows - rectified.P1[1, 2]) / rectified.P1[1, 1] / np.cos(roll_rad)
-    views = []
+    turn, placed = _turn(rectified, roll_rad), list[_Placed]()
     for height in camera_heights_mm:
         above = max(0.0, height - setup.side_mm) if to_point else 0.0
         if above >= setup.distance_mm:
             raise ValueError(f"a camera {height:g} mm up is farther from the cube than {setup.distance_mm:g} mm")
-        near = replace(setup, distance_mm=float(np.sqrt(setup.distance_mm**2 - above**2)))
-        pitch_rad = float(np.arctan(below_axis) - np.arctan2(height, near.distance_mm))
-        views.append(cube_view(rectified, near, pitch_rad=pitch_rad, camera_height_mm=height, roll_rad=roll_rad))
-    return views
+        near_mm = math.sqrt(setup.distance_mm**2 - above**2)
+        pitch_rad = math.atan(below_axis) - math.atan2(height, near_mm)
+        placed.append(_Placed(pitch_rad, height, near_mm, turn @ pose_left_world(pitch_rad, height)))
+    return _views(rectified, setup.side_mm, placed) if placed else []
 
 
 def _solve(rectified: RectifiedRig, setup: CubeSetup, name: str, span: tuple[float, float]) -> CubeView:

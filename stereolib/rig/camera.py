@@ -90,7 +90,7 @@ class Camera:
         points = as_rows(points_mm, 3, "points_mm")
         with np.errstate(divide="ignore", invalid="ignore"):
             xy = np.where(points[:, 2:] > 0, points[:, :2] / points[:, 2:], np.nan)
-        distorted, _ = distort(xy, self.dist)
+        distorted, *_ = _image(*xy.T, _coefficients(self.dist))
         return np.asarray(_tilted(distorted, self.dist) @ self.K[:2, :2].T + self.K[:2, 2])
 
     def rays(self, pixels: ArrayLike, *, clamp: bool = False) -> Float64:
@@ -146,7 +146,9 @@ class Camera:
 
     def _missed(self, xy: Float64, target: Float64) -> Bools:
         """Which ideal coordinates the lens does not map to their target."""
-        return np.asarray(~(np.abs(distort(xy, self.dist)[0] - target).max(axis=1, initial=0.0) < _MISS))
+        return np.asarray(
+            ~(np.abs(_image(*xy.T, _coefficients(self.dist))[0] - target).max(axis=1, initial=0.0) < _MISS)
+        )
 
     @cached_property
     def fold_radius(self) -> float:
@@ -194,21 +196,41 @@ def distort(xy: ArrayLike, dist: ArrayLike) -> tuple[Float64, Float64]:
     >>> distorted
     array([[0.5125, 0.    ]])
     """
-    k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4 = np.pad(np.ravel(np.asarray(dist, float)), (0, 14))[:12]
     x, y = as_rows(xy, 2, "xy").T
-    r2 = x * x + y * y
-    over = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
-    under = 1 + r2 * (k4 + r2 * (k5 + r2 * k6))
-    g = over / under
-    dg = ((k1 + r2 * (2 * k2 + 3 * r2 * k3)) - g * (k4 + r2 * (2 * k5 + 3 * r2 * k6))) / under
-    xd = x * g + 2 * p1 * x * y + p2 * (r2 + 2 * x * x) + r2 * (s1 + s2 * r2)
-    yd = y * g + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y + r2 * (s3 + s4 * r2)
-    prism_x, prism_y = 2 * (s1 + 2 * s2 * r2), 2 * (s3 + 2 * s4 * r2)
+    k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4 = coefficients = _coefficients(dist)
+    value, r2, g, under = _image(x, y, coefficients)
+    dg = k1 + r2 * (2 * k2 + 3 * r2 * k3)
+    if k4 or k5 or k6:
+        dg = (dg - g * (k4 + r2 * (2 * k5 + 3 * r2 * k6))) / under
     cross = 2 * x * y * dg + 2 * p1 * x + 2 * p2 * y
-    along_x = g + 2 * x * x * dg + 2 * p1 * y + 6 * p2 * x + x * prism_x
-    along_y = g + 2 * y * y * dg + 6 * p1 * y + 2 * p2 * x + y * prism_y
-    jacobian = np.stack([along_x, cross + y * prism_x, cross + x * prism_y, along_y])
-    return np.column_stack([xd, yd]), jacobian
+    along_x = g + 2 * x * x * dg + 2 * p1 * y + 6 * p2 * x
+    along_y = g + 2 * y * y * dg + 6 * p1 * y + 2 * p2 * x
+    if not (s1 or s2 or s3 or s4):
+        return value, np.stack([along_x, cross, cross, along_y])
+    prism_x, prism_y = 2 * (s1 + 2 * s2 * r2), 2 * (s3 + 2 * s4 * r2)
+    along_x, along_y = along_x + x * prism_x, along_y + y * prism_y
+    return value, np.stack([along_x, cross + y * prism_x, cross + x * prism_y, along_y])
+
+
+def _coefficients(dist: ArrayLike) -> list[float]:
+    """The twelve of the model, without the tilt; those that a shorter one lacks are 0."""
+    given = np.ravel(np.asarray(dist, float))[:12].tolist()
+    return [*given, *[0.0] * (12 - len(given))]
+
+
+def _image(x: Float64, y: Float64, coefficients: list[float]) -> tuple[Float64, Float64, Float64, Float64 | float]:
+    """The lens's image (N, 2) of ideal coordinates, and ``r2``, ``g`` and the divisor of `distort`, each (N,)."""
+    k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4 = coefficients
+    r2 = x * x + y * y
+    g, under = 1 + r2 * (k1 + r2 * (k2 + r2 * k3)), 1.0
+    if k4 or k5 or k6:  # most lenses have none of these, and no prism: what is zero need not be computed
+        under = 1 + r2 * (k4 + r2 * (k5 + r2 * k6))
+        g = g / under
+    xd = x * g + 2 * p1 * x * y + p2 * (r2 + 2 * x * x)
+    yd = y * g + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y
+    if s1 or s2 or s3 or s4:
+        xd, yd = xd + r2 * (s1 + s2 * r2), yd + r2 * (s3 + s4 * r2)
+    return np.column_stack([xd, yd]), r2, g, under
 
 
 def _in_parts(rows: Float64) -> list[Float64]:

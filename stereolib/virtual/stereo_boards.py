@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-import numpy as np
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
 
-from stereolib.base import Float64
+import numpy as np
+from numpy.typing import ArrayLike
+
+from stereolib.base import Bools, Float64
 from stereolib.calibration import Checkerboard
 from stereolib.paper import paper_rig
-from stereolib.rig import Camera, StereoRig, rigid
+from stereolib.rig import StereoRig, rigid
 
 DISTANCES_MM = (480.0, 600.0, 740.0, 900.0)  # in turn, each varied by 8 %
 _VARIED = (0.92, 1.08)
@@ -15,6 +19,7 @@ _MOST_TILT_RAD = np.array([0.7, 0.7, 0.35])  # about x, y and z: 40 degrees, and
 _RIM = 6.0 / 640  # kept clear of the image's border, share of its width
 _INSISTS = 4000  # tries at a pose's own distance, before all distances are tried in turn
 _TRIES = 2000  # of a pose, beyond these
+_AT_ONCE = 64  # tries that are held against the images together
 _OTHER_REGION_EVERY = 40  # tries, where two cameras cannot share a region at that distance
 
 
@@ -70,25 +75,60 @@ def draw_board_poses(
     ) as bar:
         while (k := len(poses)) < count:
             own = k % len(DISTANCES_MM)
-            in_turn = np.array([k % 3, k // 3 % 3])  # a 3 x 3 grid of regions
-            cell = in_turn if attempt % _OTHER_REGION_EVERY else rng.integers(0, 3, 2)
-            ray = rig.left.rays((cell + rng.uniform(0, 1, 2)) / 3 * rig.left.size, clamp=True)[0]
-            facing = _euler(*rng.uniform(-_MOST_TILT_RAD, _MOST_TILT_RAD)) @ np.diag([1.0, -1.0, -1.0])
-            at = (own + misses) % len(DISTANCES_MM) if own in given_up else own
-            T = rigid(facing, ray * DISTANCES_MM[at] * rng.uniform(*_VARIED))
-            views = (c.project((M @ rim)[:3].T) for c, M in ((rig.left, T), (rig.right, rigid(rig.R, rig.T) @ T)))
-            attempt += 1
-            if all(_inside(pixels, rig.left) for pixels in views):
-                poses.append(T)
-                misses = 0
+            most = _INSISTS if misses < _INSISTS else _INSISTS + _TRIES
+            tries = list[_Try]()
+            for more in range(min(_AT_ONCE, most - misses)):
+                at = (own + misses + more) % len(DISTANCES_MM) if own in given_up else own
+                cell = rng.integers(0, 3, 2) if (attempt + more) % _OTHER_REGION_EVERY == 0 else (k % 3, k // 3 % 3)
+                tries.append(_Try.draw(rng, cell, DISTANCES_MM[at]))
+            if (inside := np.flatnonzero(_are_inside(_poses(tries, rig), rim, rig))).size:
+                first = int(inside[0])
+                rng.bit_generator.state = tries[first].then  # as if the rest had not been drawn
+                poses.extend(_poses(tries[first : first + 1], rig))
+                attempt, misses = attempt + first + 1, 0
                 bar.update()
                 continue
-            misses += 1
+            attempt, misses = attempt + len(tries), misses + len(tries)
             if misses == _INSISTS:
                 given_up.add(own)
             elif misses == _INSISTS + _TRIES:
                 raise ValueError(_too_large(target, rig, k, count))
     return poses
+
+
+class _Try(NamedTuple):
+    """A pose that may do: where in the image (shares of its sides), how turned, how far; and the generator after it."""
+
+    place: Float64
+    turns_rad: Float64
+    distance_mm: float
+    varied: float
+    then: Mapping[str, Any]
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator, cell: ArrayLike, distance_mm: float) -> _Try:
+        """Draw one in a cell of the 3 x 3 grid of regions."""
+        place = (np.asarray(cell) + rng.uniform(0, 1, 2)) / 3
+        turns_rad = rng.uniform(-_MOST_TILT_RAD, _MOST_TILT_RAD)
+        return cls(place, turns_rad, distance_mm, rng.uniform(*_VARIED), rng.bit_generator.state)
+
+
+def _poses(tries: Sequence[_Try], rig: StereoRig) -> Float64:
+    """Their ``T_left_board``, (N, 4, 4)."""
+    rays = rig.left.rays(np.array([each.place for each in tries]) * rig.left.size, clamp=True)
+    facing = [_euler(*each.turns_rad) @ np.diag([1.0, -1.0, -1.0]) for each in tries]
+    at = (ray * each.distance_mm * each.varied for ray, each in zip(rays, tries, strict=True))
+    return np.array([rigid(*pose) for pose in zip(facing, at, strict=True)])
+
+
+def _are_inside(T_left_board: Float64, rim: Float64, rig: StereoRig) -> Bools:
+    """Which boards, of (4, N) points `rim`, lie inside both images."""
+    inside = np.ones(len(T_left_board), bool)
+    for camera, T in ((rig.left, T_left_board), (rig.right, rigid(rig.R, rig.T) @ T_left_board)):
+        pixels = camera.project(np.moveaxis((T @ rim)[:, :3], 1, 2).reshape(-1, 3)).reshape(len(T), -1, 2)
+        rim_px = _RIM * rig.left.size[0]
+        inside &= ((pixels > rim_px) & (pixels < np.array(rig.left.size) - 1 - rim_px)).all(axis=(1, 2))
+    return inside
 
 
 def _too_large(target: Checkerboard, rig: StereoRig, found: int, count: int) -> str:
@@ -109,8 +149,3 @@ def _euler(x: float, y: float, z: float) -> Float64:
     turn_y = np.array([[cy, 0, sy], [0, 1, 0], [-sy, 0, cy]])
     turn_z = np.array([[cz, -sz, 0], [sz, cz, 0], [0, 0, 1]])
     return np.asarray(turn_z @ turn_y @ turn_x)
-
-
-def _inside(pixels: Float64, camera: Camera) -> bool:
-    rim_px = _RIM * camera.size[0]
-    return bool(((pixels > rim_px) & (pixels < np.array(camera.size) - 1 - rim_px)).all())

@@ -224,8 +224,8 @@ def test_bad_input_is_named_and_nothing_is_written(made, tmp_path, capsys, name,
     assert message in said and not (tmp_path / "out").exists()
 
 
-def test_what_cannot_be_read_leaves_out_its_own_station(made, tmp_path, capsys):
-    """All files are named, those of the other stations make the map; where there are none, nothing is written."""
+def test_what_cannot_be_read_is_named_and_the_rest_is_mapped(made, tmp_path, capsys):
+    """A scan alone has a place in the map, a pair alone none; where all stations lack a file, nothing is written."""
     for path in data_path("virtual/room/1_scan.bin").parent.iterdir():
         shutil.copy(path, tmp_path)
     shutil.copy(made / "walk" / "calibration.json", tmp_path)
@@ -240,10 +240,14 @@ def test_what_cannot_be_read_leaves_out_its_own_station(made, tmp_path, capsys):
         (tmp_path / name).write_bytes(data)
     assert run("map", tmp_path, "--output", tmp_path / "out", "--json") == 0
     facts = json.loads(capsys.readouterr().out)
-    assert [each["name"] for each in facts["stations"]] == ["1"] and facts["objects"]
-    assert list(facts["left_out"]) == [name[0] for name in spoilt] and "Python" not in str(facts["left_out"])
+    assert [each["name"] for each in facts["stations"]] == ["1", "3"] and facts["objects"]
+    assert sorted(facts["left_out"]) == ["2", "4", "5"]
+    said = {name: facts["left_out"].get(name[0]) for name in spoilt}
+    (said["3_left.jpg"],) = (text for text in facts["warnings"] if text.startswith("station 3: "))
     for name, (_, why) in spoilt.items():
-        assert str(tmp_path / name) in facts["left_out"][name[0]] and why in facts["left_out"][name[0]]
+        assert str(tmp_path / name) in said[name] and why in said[name] and "Python" not in said[name]
+    assert said["3_left.jpg"].endswith("; mapped without it")
+    assert all(said[f"{k}_scan.bin"].endswith("; it has no scan to be placed by: give its pose") for k in "24")
     for path in tmp_path.glob("1_*"):
         path.unlink()
     assert run("map", tmp_path, "--output", tmp_path / "new") == 2

@@ -178,7 +178,7 @@ def board_stretch(views: BoardViews, fitted: RigFit) -> tuple[float, float] | No
 
 def _spans(grid: Floats) -> float:
     """Sum over the rows of the distance between the first and the last known corner."""
-    known = np.isfinite(grid).all(axis=2)
+    known = np.asarray(np.isfinite(grid).all(axis=2))
     first, last = known.argmax(axis=1), known.shape[1] - 1 - known[:, ::-1].argmax(axis=1)
     row = np.flatnonzero(known.any(axis=1))
     return float(np.linalg.norm(grid[row, last[row]] - grid[row, first[row]], axis=1).sum())

@@ -90,7 +90,7 @@ class Camera:
         points = as_rows(points_mm, 3, "points_mm")
         with np.errstate(divide="ignore", invalid="ignore"):
             xy = np.where(points[:, 2:] > 0, points[:, :2] / points[:, 2:], np.nan)
-        distorted, *_ = _image(*xy.T, _coefficients(self.dist))
+        distorted, *_ = _image(xy[:, 0], xy[:, 1], _coefficients(self.dist))
         return np.asarray(_tilted(distorted, self.dist) @ self.K[:2, :2].T + self.K[:2, 2])
 
     def rays(self, pixels: ArrayLike, *, clamp: bool = False) -> Float64:
@@ -147,7 +147,7 @@ class Camera:
     def _missed(self, xy: Float64, target: Float64) -> Bools:
         """Which ideal coordinates the lens does not map to their target."""
         return np.asarray(
-            ~(np.abs(_image(*xy.T, _coefficients(self.dist))[0] - target).max(axis=1, initial=0.0) < _MISS)
+            ~(np.abs(_image(xy[:, 0], xy[:, 1], _coefficients(self.dist))[0] - target).max(axis=1, initial=0.0) < _MISS)
         )
 
     @cached_property
@@ -222,7 +222,8 @@ def _image(x: Float64, y: Float64, coefficients: list[float]) -> tuple[Float64, 
     """The lens's image (N, 2) of ideal coordinates, and ``r2``, ``g`` and the divisor of `distort`, each (N,)."""
     k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4 = coefficients
     r2 = x * x + y * y
-    g, under = 1 + r2 * (k1 + r2 * (k2 + r2 * k3)), 1.0
+    g: Float64 = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
+    under: Float64 | float = 1.0
     if k4 or k5 or k6:  # most lenses have none of these, and no prism: what is zero need not be computed
         under = 1 + r2 * (k4 + r2 * (k5 + r2 * k6))
         g = g / under

@@ -114,8 +114,9 @@ def setup() -> None:
     made = subprocess.call([base, "-m", "venv", "--clear", str(VENV)], env=ENVIRON) == 0
     if not (made and install("-r", "requirements.txt") and install("--no-deps", "--no-build-isolation", "-e", ".")):
         raise SystemExit("stereolib: .venv could not be made; " + why())
-    if not shutil.which("uv"):  # which leaves compiling to who imports; pip would do it on one core
-        subprocess.call([str(PYTHON), "-m", "compileall", "-qq", "-j", "0", str(VENV / "lib")], env=ENVIRON)
+    if not shutil.which("uv"):  # which leaves compiling to who imports; pip would do it on one core, and all tests, too
+        compiling = [str(PYTHON), "-m", "compileall", "-qq", "-j", "0", "-x", r"[\\/]tests?[\\/]", str(VENV / "lib")]
+        subprocess.call(compiling, env=ENVIRON)
     STAMP.write_text(stamp())
 
 

@@ -61,6 +61,7 @@ OPENCV_REPEATED = [
     "calibration/test_laser_pose.py",
     "evidence/test_laser.py",
     "mapping/test_placing.py",
+    "mapping/test_scan_matching.py",
     "mapping/test_walls.py",
     "measurement/test_hypotheses.py",
     "measurement/test_measured_object.py",

@@ -47,6 +47,18 @@ def test_boards_are_the_same_for_the_same_seed(poses):
     assert not np.allclose(draw_board_poses(1, np.random.default_rng(31), recordings.BOARD)[0], poses[0])
 
 
+def test_tries_held_against_the_images_together_draw_what_single_ones_draw(monkeypatch):
+    """To the last bit, and the generator goes on from the same place; also where a distance is given up."""
+    monkeypatch.setattr(stereo_boards, "_INSISTS", 60)
+    drawn = []
+    for at_once in (64, 1):
+        monkeypatch.setattr(stereo_boards, "_AT_ONCE", at_once)
+        rng = np.random.default_rng(5)
+        drawn.append([T.tobytes() for T in draw_board_poses(2, rng, recordings.BOARD, staged_rig(31))])
+        drawn[-1].append(rng.random())
+    assert drawn[0] == drawn[1]
+
+
 def test_board_too_large_for_the_image(monkeypatch):
     monkeypatch.setattr(stereo_boards, "_INSISTS", 100)
     monkeypatch.setattr(stereo_boards, "_TRIES", 400)

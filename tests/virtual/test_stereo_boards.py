@@ -53,7 +53,7 @@ def test_tries_held_against_the_images_together_draw_what_single_ones_draw(monke
     drawn = []
     for at_once in (64, 1):
         monkeypatch.setattr(stereo_boards, "_AT_ONCE", at_once)
-        rng = np.random.default_rng(5)
+        rng = np.random.default_rng(1)
         drawn.append([T.tobytes() for T in draw_board_poses(2, rng, recordings.BOARD, staged_rig(31))])
         drawn[-1].append(rng.random())
     assert drawn[0] == drawn[1]

@@ -8,7 +8,6 @@ import os
 import re
 import sys
 from collections.abc import Sequence
-from functools import cache
 from typing import Any, NoReturn
 
 from stereolib import __version__
@@ -76,9 +75,8 @@ def _add(commands: Sequence[Command], parser: argparse.ArgumentParser) -> None:
             child.set_defaults(run=command.run, interrupted=command.interrupted, parser=child)
 
 
-@cache
 def make_parser() -> argparse.ArgumentParser:
-    """Make the parser of the whole command line from `COMMANDS`, once in a process.
+    """Make the parser of the whole command line from `COMMANDS`.
 
     Returns
     -------

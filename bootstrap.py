@@ -114,9 +114,9 @@ def setup() -> None:
     made = subprocess.call([base, "-m", "venv", "--clear", str(VENV)], env=ENVIRON) == 0
     if not (made and install("-r", "requirements.txt") and install("--no-deps", "--no-build-isolation", "-e", ".")):
         raise SystemExit("stereolib: .venv could not be made; " + why())
-    if not shutil.which("uv"):  # which leaves compiling to who imports; pip would do it on one core, and all tests, too
-        compiling = [str(PYTHON), "-m", "compileall", "-qq", "-j", "0", "-x", r"[\\/]tests?[\\/]", str(VENV / "lib")]
-        subprocess.call(compiling, env=ENVIRON)
+    if not shutil.which("uv"):  # which leaves compiling to who imports; pip would do it on one core, tests and all
+        words = ["-m", "compileall", "-qq", "-x", r"[\\/]tests?[\\/]", "-j", "0", str(VENV / "lib")]
+        subprocess.call([str(PYTHON), *words], env=ENVIRON)
     STAMP.write_text(stamp())
 
 
@@ -126,8 +126,7 @@ def install(*wanted: str) -> bool:
         wanted = ("--no-index", "--find-links", "wheels", *wanted)
     pip = [str(PYTHON), "-m", "pip", "install", "--quiet", *([] if STAMP.exists() else ["--no-compile"])]
     uv = [shutil.which("uv") or "", "pip", "install", "--quiet", "--python", str(PYTHON)]
-    installers = [uv, pip] if uv[0] else [pip]
-    return any(subprocess.call([*i, *wanted], cwd=str(ROOT), env=ENVIRON) == 0 for i in installers)
+    return any(subprocess.call([*i, *wanted], cwd=str(ROOT), env=ENVIRON) == 0 for i in ([uv, pip] if uv[0] else [pip]))
 
 
 def add(name: str) -> None:

@@ -146,10 +146,10 @@ def test_readme_names_the_two_commands_and_ci_runs_the_second() -> None:
     assert "make reproduce" in readme and "make test" in readme
     script = (ROOT / ".ci" / "run").read_text(encoding="utf-8")
     # every session of `make test`, and what it leaves out
-    ran = " ".join(re.findall(r"^nox -s ([\w -]+?)(?: \|\|.*| >.*)?$", script, re.MULTILINE)).split()
+    ran = " ".join(re.findall(r"^ *nox -s ([\w -]+?) \|\| failed=1$", script, re.MULTILINE)).split()
     assert sorted(ran) == sorted(noxfile.nox.options.sessions) == sorted(bootstrap.COMMANDS["test"][3:-1])
-    assert "\nmake setup\nget_chromium &" in script
-    assert '{ make site && wait "$chromium" && make test-browser; }' in script
+    assert "\nmake setup\n" in script and "\n    wait\n    { make site && make test-browser; } || failed=1\n" in script
+    assert 'beside >"$told" 2>&1 &\nother=$!' in script and 'wait "$other" || failed=1' in script
     assert os.name == "nt" or os.access(ROOT / ".ci" / "run", os.X_OK)
 
 

@@ -68,7 +68,6 @@ def test_it_holds_the_library_and_what_it_reads(wheel: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(600)
 def test_it_works_away_from_the_repository(wheel: Path, tmp_path: Path) -> None:
     subprocess.run([sys.executable, "-m", "venv", "--without-pip", tmp_path / "venv"], check=True)
     python = tmp_path / "venv" / ("Scripts/python.exe" if sys.platform == "win32" else "bin/python")
@@ -86,4 +85,4 @@ def test_it_works_away_from_the_repository(wheel: Path, tmp_path: Path) -> None:
     borrowed = dict.fromkeys(str(Path(str(distribution(name).locate_file("")))) for name in brought)
     (own / "borrowed.pth").write_text("\n".join([*borrowed, "import hidden", ""]), encoding="utf-8")
     (tmp_path / "work").mkdir()
-    subprocess.run([python, "-I", TRY, tmp_path / "work"], check=True, timeout=500)  # some 15 s on an idle machine
+    subprocess.run([python, "-I", TRY, tmp_path / "work"], check=True)

@@ -159,19 +159,20 @@ def map_recordings(
 def _map(stations: Sequence[RecordedStation], instrument: Instrument, bar: tqdm[Any]) -> RecordedMap:
     """The same, with a bar that is told of each station."""
     size = instrument.rectified.size
-    measured, left_out, unfit = dict[str, Measurement](), dict[str, str](), dict[str, str]()
+    measured, left_out, unread, unfit = dict[str, Measurement](), dict[str, str](), dict[str, str](), dict[str, str]()
     for each in stations:
         try:
-            pair, scan, unread = _read(each, size)
-            unfit |= {each.name: unread} if unread else {}
+            pair, scan, wrong = _read(each, size)
+            unread |= {each.name: wrong} if wrong else {}
             measured[each.name] = measure_station(pair, scan, instrument)
         except CannotMeasure as error:
             left_out[each.name] = str(error)
         except ValueError as error:  # of its own files, as one cut short or a pair exchanged: the others may do
             left_out[each.name] = unfit[each.name] = str(error)
         bar.update()
-    if unfit and not measured.keys() - unfit.keys():
-        raise ValueError("station {}: {}".format(*next(iter(unfit.items()))))
+    if (unread or unfit) and not measured.keys() - unread.keys():
+        name = next(each.name for each in stations if each.name in unread.keys() | unfit.keys())
+        raise ValueError(f"station {name}: {unread.get(name) or unfit[name]}")
     bar.set_description("placing")
     known = {each.name: each.pose for each in stations if each.pose is not None}
     somewhere = [_station(it, known.get(name, (0.0, 0.0, 0.0)), name) for name, it in measured.items()]
@@ -183,12 +184,12 @@ def _map(stations: Sequence[RecordedStation], instrument: Instrument, bar: tqdm[
     again = "see the first warning" if turned else "take both again, at one place and moment"
     lost = f"{_OPPOSED}, and nothing tells where it stood: {again}, or give its pose"
     left_out |= placing.left_out | dict.fromkeys(opposed & placing.left_out.keys(), lost)
-    left_out |= {name: f"{unfit[name]}; {left_out[name]}" for name in unfit.keys() & measured.keys() & left_out.keys()}
+    left_out |= {name: f"{why}; {left_out[name]}" for name, why in unread.items() if name in left_out}
     bare = [station.name for station in placing.stations if station.name in opposed]
     warnings = *placing.warnings, *(f"station {name}: {_OPPOSED}; the scan is left out of the map" for name in bare)
     warnings = (_TURNED, *warnings) if turned else warnings
     warnings += tuple(
-        f"station {name}: {why}; mapped without it" for name, why in unfit.items() if name not in left_out
+        f"station {name}: {why}; mapped without it" for name, why in unread.items() if name not in left_out
     )
     try:
         room = merge_stations(placing.stations, rng=np.random.default_rng(_SEED))

@@ -178,6 +178,17 @@ def test_a_pair_that_does_not_fit_leaves_out_its_own_station(walked):
         mapped(walked)
 
 
+def test_a_station_without_a_floor_whose_scan_cannot_be_read_says_both(walked):
+    remove(walked, *(f"{k}_{part}" for k in "345" for part in ("left.jpg", "right.jpg", "scan.bin")))
+    for side in ("left", "right"):
+        cv2.imwrite(str(walked / f"2_{side}.jpg"), np.full((480, 640, 3), 90, np.uint8))
+    (walked / "2_scan.bin").write_bytes(b"no laser" * 99)
+    recorded = mapped(walked)
+    assert [s.name for s in recorded.room.stations] == ["1"] and list(recorded.left_out) == ["2"]
+    assert "2_scan.bin (792 bytes) is no XV-11 recording" in recorded.left_out["2"]
+    assert "; no floor" in recorded.left_out["2"] and not any("2_scan" in text for text in recorded.warnings)
+
+
 def test_nothing_to_map_is_said_with_its_reasons(tmp_path):
     grey = np.full((480, 640, 3), 90, np.uint8)
     for side in ("left", "right"):

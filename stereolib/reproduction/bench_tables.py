@@ -11,7 +11,8 @@ from typing import Any, NamedTuple
 from stereolib.base import read_json, read_text, repository
 from stereolib.reproduction.code_hash import code_sha256
 
-_OLDER = "measured with older code"
+_OLDER, _MISSED = "measured with older code", ", **missed**"
+_BENCH_HEAD = ("measured", "value", "goal")
 _HOLE = re.compile(r"{([\w.]+)}")
 _BY_CHANCE = 0.01  # a share of intervals misses its goal where chance alone is less probable than this
 _SIZES = ("length", "width", "height", "volume")
@@ -27,35 +28,42 @@ class Line(NamedTuple):
     goal: str
 
 
+class _Row(NamedTuple):
+    """A row of the README's table, and whether its goal is met, where it has one."""
+
+    text: str
+    is_met: bool | None
+
+
 @cache
 def _quoted() -> dict[str, Any]:
     """What ``benchmarks/readme.toml`` says."""
     return tomllib.loads(read_text(repository() / "benchmarks" / "readme.toml"))
 
 
-def bench_lines() -> tuple[Line, ...]:
-    """List what the README quotes of the benchmarks, in its order.
+def bench_topics() -> dict[str, tuple[Line, ...]]:
+    """List what the README quotes of the benchmarks, by topics, in its order.
 
     Returns
     -------
-    tuple of Line
+    dict of str to tuple of Line
 
     Examples
     --------
-    >>> bench_lines()[0].goal
+    >>> bench_topics()["Calibration"][0].goal
     'at most 0.1'
     """
-    return tuple(Line(*line) for line in _quoted()["lines"])
+    return {topic["title"]: tuple(Line(*line) for line in topic["lines"]) for topic in _quoted()["topics"]}
 
 
 def bench_table(results: Path) -> str:
-    """What the benchmarks wrote, as Markdown; what was not measured yet is left out.
+    """What the benchmarks wrote, as Markdown: the goals missed, then all by topics, folded.
 
     Parameters
     ----------
     results : Path
         Folder of the benchmarks' JSON files. Where the ``code`` of one has another hash than the same rooms have
-        today, or none, its rows say that they were measured with older code.
+        today, or none, its rows say that they were measured with older code. What was not measured yet is left out.
 
     Returns
     -------
@@ -63,20 +71,28 @@ def bench_table(results: Path) -> str:
 
     Examples
     --------
-    >>> print(bench_table(Path("no/results/yet")))
-    | measured | value | goal |
-    |---|---|---|
+    >>> bench_table(Path("no/results/yet"))
+    ''
     """
-    lines = ["| measured | value | goal |", "|---|---|---|"]
-    found = {name: _result(results, name) for name in {line.file for line in bench_lines()}}
-    older = {name: f", {_OLDER}" * (not _is_of_today(result)) for name, result in found.items()}
-    for label, name, key, unit, goal in bench_lines():
-        value = _look_up(found[name], key)
-        if value is not None:
-            label, unit = (_fill_in(text, found[name]) for text in (label, unit))
-            missed = ", **missed**" * (not meets(value, goal))
-            lines.append(f"| {label} | {value:g} {unit}{older[name]} | {goal}{missed} |")
-    return "\n".join(lines)
+    folded, all_rows = [], []
+    for title, lines in bench_topics().items():
+        rows = [row for line in lines if (row := _bench_row(line, _result(results, line.file)))]
+        aimed = [row for row in rows if row.is_met is not None]
+        title = f"{title}: {sum(bool(row.is_met) for row in aimed)} of {len(aimed)} goals met"
+        folded += [_folded(title, _table(_BENCH_HEAD, [row.text for row in rows]))] if rows else []
+        all_rows += aimed
+    missed = [row.text for row in all_rows if not row.is_met]
+    return _missed_first("goals are met", len(all_rows), _BENCH_HEAD, missed, folded)
+
+
+def _bench_row(line: Line, result: dict[str, Any]) -> _Row | None:
+    value = _look_up(result, line.key)
+    if value is None:
+        return None
+    label, unit = (_fill_in(text, result) for text in (line.label, line.unit))
+    older = f", {_OLDER}" * (not _is_of_today(result))
+    is_met = meets(value, line.goal) if line.goal else None
+    return _Row(f"| {label} | {value:g} {unit}{older} | {_marked(line.goal, is_met is False)} |", is_met)
 
 
 def rigs_table(results: Path) -> str:
@@ -107,7 +123,7 @@ def rigs_table(results: Path) -> str:
         "median error of length / width / height / volume, %", "95th percentile of all, %",
         f"in the 95 % interval, % ({inside})", "inside ± σ, %", f"wrong, unsaid ({silent})",
     )  # fmt: skip
-    lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
+    rows, missed = [], []
     for name, row in found["rows"].items():
         medians = " / ".join(f"{row[size]['median_pct']:.2g}" if row[size]["told"] else "-" for size in _SIZES)
         off_goal = not meets(row.get("within_2_sigma_pct", 95.0), inside) and row["binomial_p"] < _BY_CHANCE
@@ -122,12 +138,35 @@ def rigs_table(results: Path) -> str:
             f"{row.get('within_1_sigma_pct', '-')}",
             _marked(f"{row['silent']} beyond {row['silent_beyond_pct']:g} %", not meets(row["silent"], silent)),
         )  # fmt: skip
-        lines.append("| " + " | ".join(cells) + " |")
-    return "\n".join([*lines, *([] if _is_of_today(found) else ["", f"All of it {_OLDER}."])])
+        rows.append(f"| {' | '.join(cells)} |")
+        told = [
+            f"{title}: {cell.removesuffix(_MISSED)}"
+            for title, cell in zip(head, cells, strict=True)
+            if cell.endswith(_MISSED)
+        ]
+        missed += [f"| {row['about']} | {'; '.join(told)} |"] if told else []
+    older = [] if _is_of_today(found) else [f"All of it {_OLDER}."]
+    rest = [*older, _folded("All rows", _table(head, rows))]
+    return _missed_first("rows meet all their goals", len(rows), ("what is wrong", "goals missed"), missed, rest)
+
+
+def _missed_first(what: str, of: int, head: tuple[str, ...], missed: list[str], rest: list[str]) -> str:
+    """How many goals are met, then those that are not, then the rest; nothing where nothing was measured."""
+    shown = [f"Missed:\n\n{_table(head, missed)}"] if missed else []
+    return "\n\n".join([f"**{of - len(missed)} of {of} {what}.**", *shown, *rest]) if rest else ""
+
+
+def _table(head: tuple[str, ...], rows: list[str]) -> str:
+    return "\n".join([f"| {' | '.join(head)} |", "|" + "---|" * len(head), *rows])
+
+
+def _folded(title: str, block: str) -> str:
+    title = re.sub("`([^`]+)`", r"<code>\1</code>", title)  # no Markdown is read there
+    return f"<details><summary>{title}</summary>\n\n{block}\n\n</details>"
 
 
 def _marked(text: str, missed: bool) -> str:
-    return f"{text}, **missed**" if missed else text
+    return f"{text}{_MISSED}" if missed else text
 
 
 def _result(results: Path, name: str) -> dict[str, Any]:

@@ -350,9 +350,15 @@ def measured(state: State) -> Measurement | str:
         return str(error)
 
 
+def without_laser(state: State) -> Measurement | str:
+    """All objects from the pair alone, or why there are none."""
+    return measured(replace(state, laser=False))
+
+
 _TWO = ThreadPoolExecutor(2, "chain")
 _LOOK_UP_S = 0.02
-_LONG = ((taken, known, scan), (quality, measured, ground_plane, rows))  # those of a row need nothing of each other
+#: Two are under way at a time: what others need comes first.
+_LONG = (taken, scan, known, measured, quality, rows, ground_plane, without_laser)
 
 
 def is_made(state: State, is_old: Callable[[], bool]) -> bool:
@@ -369,14 +375,13 @@ def is_made(state: State, is_old: Callable[[], bool]) -> bool:
     bool
         Whether all were taken.
     """
-    for together in _LONG:
-        made = [_TWO.submit(one, state) for one in together]
-        while wait(made, _LOOK_UP_S).not_done and not is_old():
-            pass
-        if is_old():
-            for one in made:
-                one.cancel()
-            return False
+    made = [_TWO.submit(one, state) for one in _LONG]
+    while wait(made, _LOOK_UP_S).not_done and not is_old():
+        pass
+    if is_old():
         for one in made:
-            one.result()
+            one.cancel()
+        return False
+    for one in made:
+        one.result()
     return True

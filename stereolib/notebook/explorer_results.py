@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from dataclasses import replace
 from html import escape
 
 import numpy as np
@@ -148,7 +147,7 @@ def _rows_warning(state: State) -> str:
 
 def _laser_adds(state: State, measured: Measurement) -> str:
     """What the laser changes in the nearest object; empty where there is no scan, or no size."""
-    without = chain.measured(replace(state, laser=False))
+    without = chain.without_laser(state)
     if chain.scan(state) is None or not (isinstance(without, Measurement) and measured.objects and without.objects):
         return ""
     both, alone = measured.objects[0], without.objects[0]

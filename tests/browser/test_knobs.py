@@ -80,6 +80,6 @@ def test_state_is_refused_with_its_reason(bench: Page) -> None:
     for text, reason in (("distance=800", 'there is no knob "distance"'), ("source=mars", 'nothing called "mars"')):
         field.fill(text)
         field.press("Enter")
-        bench.page.locator(".stereolib-said", has_text=reason).wait_for(timeout=5000)
+        bench.page.locator(".stereolib-said", has_text=reason).wait_for()
     bench.restore("distance_mm=850")
     assert bench.text("said") == ""

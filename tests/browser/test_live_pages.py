@@ -42,7 +42,7 @@ def command(*words: object) -> Iterator[tuple[subprocess.Popen[str], str]]:
     finally:
         if child.poll() is None:
             child.terminate()
-        child.wait(30)
+        child.wait(90)
         if rest.ident is not None:
             rest.join(30)
         child.stderr.close()
@@ -92,7 +92,7 @@ def test_a_capture_is_watched_ended_by_its_button_and_its_verdict_read(browser: 
             text = page.locator(".stereolib-said").inner_text()
             assert re.search(r"^good ", text, re.MULTILINE) and "calibration.json" in text
             assert not besides_the_end(problems)
-        assert child.wait(30) == 0
+        assert child.wait(90) == 0
         assert child.stdout is not None and text.strip() in child.stdout.read()
 
 
@@ -111,8 +111,8 @@ def test_a_page_that_is_loaded_again_goes_on_with_the_same_capture(browser: Any,
         with opened(browser, address) as (page, _):
             assert "1 of 2 pairs taken" in page.locator(".stereolib-said").inner_text()
             page.get_by_role("button", name="take this pair").click()
-            page.wait_for_selector(".stereolib-ended", timeout=30_000)
-        assert child.wait(30) == 0
+            page.wait_for_selector(".stereolib-ended", timeout=90_000)
+        assert child.wait(90) == 0
     assert sorted(path.name for path in (tmp_path / "left").iterdir()) == ["01.png", "02.png"]
 
 
@@ -132,6 +132,6 @@ def test_the_laser_turns_in_the_browser_until_its_button_is_pressed(browser: Any
             assert re.search(r"(29|30)\d rpm, [\d.]+ turns a second, [1-9]\d* packets lost", said)
             page.screenshot(path=str(tmp_path / "laser.png"))
             page.get_by_role("button", name="end").click()
-            page.wait_for_selector(".stereolib-ended", timeout=30_000)
+            page.wait_for_selector(".stereolib-ended", timeout=90_000)
             assert not besides_the_end(problems)
-        assert child.wait(30) == 0
+        assert child.wait(90) == 0

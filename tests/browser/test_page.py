@@ -123,7 +123,7 @@ def test_turning_a_knob_looks_the_same_pixel_up_again(bench: Page) -> None:
     before = clicked(bench, 1, 300, 250)
     bench.restore("baseline_mm=120")
     bench.page.wait_for_function(
-        "before => document.querySelector('.stereolib-found').innerText !== before", arg=before, timeout=10_000
+        "before => document.querySelector('.stereolib-found').innerText !== before", arg=before
     )
     first, second = (float(re.findall(r"disparity ([\d.]+)", text)[0]) for text in (before, bench.text("found")))
     assert second / first == pytest.approx(120 / 93.1, rel=0.01)  # the left camera stays where it was
@@ -151,7 +151,7 @@ def test_the_keyboard_alone_is_enough(bench: Page) -> None:
     assert bench.page.locator(".stereolib-words input").input_value() == "distance_mm=710"
     tab_to(".stereolib-scene canvas")
     page.keyboard.press("ArrowDown")
-    page.locator(".stereolib-found", has_text="column 320, row 242").wait_for(timeout=5000)
+    page.locator(".stereolib-found", has_text="column 320, row 242").wait_for()
     page.keyboard.press("Enter")
     page.keyboard.press("Shift+ArrowRight")
     page.locator(
@@ -192,7 +192,7 @@ def test_code_is_whole_and_copied(bench: Page) -> None:
     bench.restore("source=conditions/texture; filter=median")
     bench.page.context.grant_permissions(["clipboard-read", "clipboard-write"])
     code = python_code.of(from_text("source=conditions/texture; filter=median"))
-    bench.page.locator(".stereolib-code pre", has_text="median").wait_for(timeout=5000)
+    bench.page.locator(".stereolib-code pre", has_text="median").wait_for()
     bench.page.locator(".stereolib-code button").click()
     bench.page.get_by_text("copied", exact=True).wait_for()
     assert bench.page.evaluate("navigator.clipboard.readText()") == code
@@ -203,7 +203,7 @@ def test_files_to_take_away(bench: Page) -> None:
     bench.open_group("Keep")
     bench.page.get_by_role("button", name="prepare files").click()
     links = bench.page.locator("a[download]")
-    links.first.wait_for(timeout=10_000)
+    links.first.wait_for()
     assert links.evaluate_all("links => links.map(link => link.download)") == [
         "left.png", "disparity.png", "disparity.npy", "points.ply",
     ]  # fmt: skip
@@ -214,7 +214,7 @@ def test_a_dead_kernel_is_told_and_a_reload_begins_again(opened: Opened, bench: 
     page = opened(1280, 1000)
     (kernel,) = (process for process in page.kernels() if process.pid not in others)
     kernel.kill()
-    page.page.locator(".stereolib-bench.jupyter-widgets-disconnected").wait_for(timeout=20_000)
+    page.page.locator(".stereolib-bench.jupyter-widgets-disconnected").wait_for()
     said = "getComputedStyle(document.querySelector('.stereolib-bench'), '::before').content"
     assert "Reload the page" in page.page.evaluate(said)
     page.page.reload()

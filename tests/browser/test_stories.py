@@ -17,7 +17,7 @@ STORY = {story.name: story for story in STORIES}
 def begin(bench: Page, story: Story) -> None:
     bench.page.get_by_role("button", name=story.name, exact=True).click()
     bench.wait_for(to_text(story.state))
-    bench.page.wait_for_function("!document.querySelector('.stereolib-said').innerText.includes('…')", timeout=20_000)
+    bench.page.wait_for_function("!document.querySelector('.stereolib-said').innerText.includes('…')")
 
 
 def results(bench: Page) -> str:

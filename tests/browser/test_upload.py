@@ -76,9 +76,9 @@ def wait_until_empty(bench: Page, timeout_ms: int) -> None:
 def test_what_cannot_be_used_is_said(bench: Page, files: dict[str, Path], wrong: dict[str, str], reason: str) -> None:
     chosen = {"left": files["left"], "right": files["right"]} | {name: files[bad] for name, bad in wrong.items()}
     upload(bench, **chosen)
-    bench.page.locator(".stereolib-upload", has_text="Not used").wait_for(timeout=10_000)
+    bench.page.locator(".stereolib-upload", has_text="Not used").wait_for()
     bench.page.wait_for_function(
-        "reason => document.querySelector('.stereolib-upload').innerText.includes(reason)", arg=reason, timeout=10_000
+        "reason => document.querySelector('.stereolib-upload').innerText.includes(reason)", arg=reason
     )
     assert OWN not in bench.page.locator(".stereolib-stories select option").all_inner_texts()
     assert "Traceback" not in bench.text("upload") and "/" not in bench.text("upload")  # no folder of ours

@@ -20,6 +20,7 @@ from stereolib.base import ROOT
 from stereolib.notebook.knobs import knobs
 
 NO_CHROMIUM = "no Chromium: install it (Debian: apt-get install chromium), or name one in the variable CHROMIUM"
+_PATIENCE_MS = 90_000  # a machine may be slow, and busy beside
 _NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
 _WATCH = """() => {
   window.painted = []; window.keyed = 0;
@@ -45,6 +46,7 @@ class Page:
     def __init__(self, page: Any, server: subprocess.Popen[str], address: str) -> None:
         self.page, self.problems, self.asked = page, [], []
         self._server = server
+        page.set_default_timeout(_PATIENCE_MS)
         page.on("console", lambda m: self.problems.append(m.text) if m.type == "error" else None)
         page.on("pageerror", lambda error: self.problems.append(str(error)))
         page.on("request", lambda r: self._note(r.url))
@@ -53,7 +55,7 @@ class Page:
 
     def wait_until_painted(self) -> None:
         """Wait for the first full picture, and watch those that come."""
-        self.page.wait_for_selector(".stereolib-scene .stereolib-pictures[data-quality=full]", timeout=90_000)
+        self.page.wait_for_selector(".stereolib-scene .stereolib-pictures[data-quality=full]")
         self.page.evaluate(_WATCH)
 
     def _note(self, url: str) -> None:
@@ -90,9 +92,7 @@ class Page:
     def wait_for(self, text: str) -> None:
         """Wait for the full pictures of a state, as `to_text` writes it."""
         grid = "document.querySelector('.stereolib-scene .stereolib-pictures').dataset"
-        self.page.wait_for_function(
-            f"text => {grid}.about === text && {grid}.quality === 'full'", arg=text, timeout=30_000
-        )
+        self.page.wait_for_function(f"text => {grid}.about === text && {grid}.quality === 'full'", arg=text)
 
     def words(self) -> str:
         """The state, as the page writes it."""
@@ -129,13 +129,13 @@ class Page:
     def painted_after(self, at_ms: float, quality: str) -> float:
         """When the first picture of this quality was painted after a moment, ms."""
         found = f"(window.painted.find(p => p.at > {at_ms} && p.quality == '{quality}') || {{}}).at"
-        return float(self.page.wait_for_function(found, timeout=20_000).json_value())
+        return float(self.page.wait_for_function(found).json_value())
 
     def shown_after(self, at_ms: float, label: str) -> float:
         """When the value that a slider has now was first on the page, ms; at once if it was before `at_ms`."""
         name = next(name for name, knob in knobs().items() if knob.label == label)
         handle = self.slider(label)
-        self.page.wait_for_function(f"window.painted.some(p => p.at > {at_ms} && p.quality == 'full')", timeout=20_000)
+        self.page.wait_for_function(f"window.painted.some(p => p.at > {at_ms} && p.quality == 'full')")
         value = float(handle.get_attribute("aria-valuenow"))
         painted = self.page.evaluate("window.painted")
         for one in painted:

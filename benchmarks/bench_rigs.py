@@ -12,14 +12,15 @@ import hashlib
 import json
 import os
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import asdict
+from multiprocessing import Pool
 from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
 from common import PAPER_RIG, RESULTS, chance_outside, loaded, save
-from joblib import Parallel, delayed
 from support.box_scenes import CACHE, NAMES
 from support.disturbances import ROWS, SCENES, Told, case, tell
 from tqdm.auto import tqdm
@@ -31,12 +32,29 @@ SCENES_A_ROW, QUICK = 160, 20  # of rows with `Row.times` so many times as many
 ROOMS = ("base", "rig", "laser", "calibration", "matching", "measurement", *PAPER_RIG, "virtual")
 INTERVAL_STDS = 1.96  # of a 95 % interval
 Kept = dict[tuple[str, int], Told]  # by row and scene
+Work = tuple[tuple[str, ...], int]  # rows, and the scene
 
 
 def of_scene(rows: tuple[str, ...], number: int) -> tuple[dict[str, Told], set[str]]:
     """Measure one scene with each disturbance, and tell which modules that took."""
     cv2.setNumThreads(1)
     return {row: tell(*case(row, number), of_pair=ROWS[row].of_pair) for row in rows}, loaded(ROOMS)
+
+
+def of_scenes(work: list[Work], jobs: int) -> Iterator[tuple[dict[str, Told], set[str]]]:
+    """Measure scenes in processes that live as long as the run does: each makes its rigs and patterns once.
+
+    joblib's would end again and again, since what they keep looks like a leak to it.
+    """
+    if jobs == 1:
+        yield from (of_scene(*one) for one in work)
+        return
+    with Pool(jobs) as pool:
+        yield from pool.imap(_of_scene, work)
+
+
+def _of_scene(one: Work) -> tuple[dict[str, Told], set[str]]:
+    return of_scene(*one)
 
 
 def summary(told: list[Told], silent_pct: float) -> dict[str, Any]:
@@ -89,10 +107,9 @@ def run(rows: list[str], scenes: int, jobs: int) -> tuple[dict[str, dict[str, An
     many = {row: scenes * ROWS[row].times for row in rows}
     all_of = [(group, number) for group in groups if group for number in range(max(many[row] for row in group))]
     work = [(left, n) for group, n in all_of if (left := tuple(r for r in group if n < many[r] and (r, n) not in told))]
-    running = Parallel(n_jobs=jobs, return_as="generator")(delayed(of_scene)(*one) for one in work)
     file.parent.mkdir(exist_ok=True)
     with file.open("a", encoding="utf-8") as keep:
-        bar = tqdm(running, "scenes", len(all_of), unit="scene", initial=len(all_of) - len(work))
+        bar = tqdm(of_scenes(work, jobs), "scenes", len(all_of), unit="scene", initial=len(all_of) - len(work))
         for (_, number), (of_rows, took) in zip(work, bar, strict=True):
             for row, one in of_rows.items():
                 told[row, number] = one

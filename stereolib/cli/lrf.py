@@ -14,12 +14,13 @@ from typing import Any
 from stereolib.base import check_target, counted, read_bytes
 from stereolib.cli.command import Command
 from stereolib.cli.errors import DONE, INTERRUPTED, REFUSED
-from stereolib.cli.lrf_live import EXPORT, LIVE, NO_LASER
+from stereolib.cli.lrf_live import EXPORT, LIVE, NO_LASER, combined
 from stereolib.cli.outputs import check_ending, check_outputs, default_name
 from stereolib.cli.ranges import FOR_EVER, number, whole
 from stereolib.cli.staging import SCENES_TOLD, add_scene, place_folder, place_number, staged, truth, try_line
 
 _LEAST_PARTS = 3  # turns that lack packets, from which map makes a scan where none is whole
+_LOSSY = 0.05  # share of the packets; then hardly a turn is whole
 _TOO_SHORT = "nothing can use it: a turn takes the sensor 0.2 s; record for a second or longer"
 #: Fact of a recording -> what it is called for people.
 _TOLD = {
@@ -27,7 +28,7 @@ _TOLD = {
     "skipped_bytes": "bytes that are of no packet", "index_jumps": "gaps where packets are missing",
     "turns": "whole turns", "partial_turns": "turns that lack packets", "rpm_min": "slowest, turns a minute",
     "rpm_median": "median, turns a minute", "rpm_max": "fastest, turns a minute",
-    "invalid_share": "readings without a distance",
+    "lost_share": "packets that are missing", "invalid_share": "readings without a distance",
 }  # fmt: skip
 _SECONDS = 3  # of a recording that is proposed: 15 turns
 _EMULATE_NOTES = f"""it prints a port, which the other commands take, and plays when that is opened, until Ctrl-C.
@@ -52,6 +53,9 @@ def _info(arguments: argparse.Namespace) -> int:
     else:
         width = max(map(len, _TOLD.values()))
         print(*(f"{what:{width}}  {_in_words(name, facts[name])}" for name, what in _TOLD.items()), sep="\n")
+    if facts["damage"]:
+        print(f"{arguments.file}: {facts['damage']}", file=sys.stderr)
+        return REFUSED
     if not facts["turns"] and facts["partial_turns"] < _LEAST_PARTS:
         print(f"{arguments.file} holds no whole turn, and {_TOO_SHORT}", file=sys.stderr)
         return REFUSED
@@ -82,7 +86,7 @@ def _configure_show(parser: argparse.ArgumentParser) -> None:
 
 
 def _show(arguments: argparse.Namespace) -> int:
-    from stereolib import laser, plotting
+    from stereolib import plotting
     from stereolib.base import write_atomic
 
     _check_no_table(Path(arguments.source))
@@ -90,8 +94,7 @@ def _show(arguments: argparse.Namespace) -> int:
     output = arguments.output or default_name(Path(f"{stem}.png"), force=arguments.force)
     check_ending(output, ".png", "the picture")
     check_outputs([output], force=arguments.force, option="--output")
-    scans = laser.take_scans(arguments.source, arguments.turns)
-    scan = laser.average(scans, complete_only=any(turn.complete for turn in scans))
+    scan = combined(arguments.source, arguments.turns)
     figure, ax = plotting.panels(1, width_in=7, aspect=1.0, subplot_kw={"projection": "polar"})
     title = f"{plotting.as_written(name)}: median of {counted(scan.n_turns, 'turn')}, mm"
     plotting.plot_scan_polar(scan.angles_rad, scan.ranges_mm, ax[0], title)
@@ -123,9 +126,9 @@ def _record(arguments: argparse.Namespace) -> int:
     from stereolib import laser
 
     def live(state: dict[str, Any]) -> None:
-        speed = (
-            "no packets yet" if state["rpm"] is None else f"{state['rpm']:.0f} rpm, {state['valid_share']:.0%} valid"
-        )
+        speed = "no packets yet"
+        if state["rpm"] is not None:
+            speed = f"{state['rpm']:.0f} rpm, {state['valid_share']:.0%} valid, {state['lost_share']:.0%} lost"
         line = f"{state['seconds']:6.1f} s  {state['turns']} turns  {state['bytes']} bytes  {speed}"
         print(f"\r{line:70}", end="", file=sys.stderr, flush=True)
 
@@ -143,6 +146,12 @@ def _record(arguments: argparse.Namespace) -> int:
     if notes["failed"]:
         raise laser.LidarError(f"{notes['ended']}; kept in {file}: {notes['bytes']} bytes")
     print(f"{file}: {notes['bytes']} bytes; ended: {notes['ended']}")
+    if notes["lost_share"] is None or notes["lost_share"] > _LOSSY:
+        told = (
+            "no packet came" if notes["lost_share"] is None else f"{notes['lost_share']:.0%} of the packets were lost"
+        )
+        advice = f"see to cable, plug and port, and record again; stereolib lrf info {file} says more"
+        print(f"warning: {told} or damaged on the line: {advice}", file=sys.stderr)
     return DONE
 
 
@@ -226,7 +235,7 @@ _COMMANDS = (
         "stereolib lrf info walk/1_scan.bin",
         _info,
         _configure_info,
-        notes="exit code: 0 it can be used, 1 it holds too little, 2 wrong input",
+        notes="exit code: 0 it can be used, 1 it holds too little or most of it is damaged, 2 wrong input",
         before=("stereolib data walk walk",),
     ),
     Command(

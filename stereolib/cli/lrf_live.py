@@ -18,7 +18,7 @@ from stereolib.cli.outputs import check_outputs
 from stereolib.cli.ranges import MM, number
 
 if TYPE_CHECKING:
-    from stereolib.laser import LaserScan
+    from stereolib.laser import AveragedScan, LaserScan
 
 _DRAWN = 5  # turns in the picture
 _SAY_EVERY_S = 1.0
@@ -88,9 +88,29 @@ def _configure_export(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--force", action="store_true", help="replace the file if it is there")
 
 
-def _export(arguments: argparse.Namespace) -> int:
+def combined(source: str, turns: int) -> AveragedScan:
+    """Take some turns of a recording or a port and combine them; say it where none was whole.
+
+    Parameters
+    ----------
+    source : str
+    turns : int
+
+    Returns
+    -------
+    AveragedScan
+    """
     from stereolib import laser
 
+    scans = laser.take_scans(source, turns)
+    is_whole = any(scan.complete for scan in scans)
+    if not is_whole:
+        advice = "packets are lost on the line: see to cable, plug and port"
+        print(f"warning: no turn came whole, {len(scans)} with gaps are combined; {advice}", file=sys.stderr)
+    return laser.average(scans, complete_only=is_whole)
+
+
+def _export(arguments: argparse.Namespace) -> int:
     output, ending = arguments.output, arguments.output.suffix.lower()
     if ending not in (".csv", ".ply"):
         raise ValueError(f"a scan is written as .csv or .ply: name it so, not {output}")
@@ -100,8 +120,7 @@ def _export(arguments: argparse.Namespace) -> int:
     if ending == ".csv" and (arguments.pose or arguments.height_mm):
         raise ValueError("--pose and --height-mm are for a .ply: a table has the sensor's own angles")
     pose = _pose(arguments.pose)
-    scans = laser.take_scans(arguments.source, arguments.turns)
-    scan = laser.average(scans, complete_only=any(one.complete for one in scans))
+    scan = combined(arguments.source, arguments.turns)
     count = _write_table(output, scan) if ending == ".csv" else _write_points(output, scan, pose, arguments.height_mm)
     print(f"{output}: {count} of 360 beams with a reading, median of {counted(scan.n_turns, 'turn')}")
     return DONE

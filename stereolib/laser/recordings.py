@@ -11,7 +11,7 @@ from stereolib.base import read_bytes
 from stereolib.laser.framing import PACKET_BYTES
 from stereolib.laser.scans import check_firmware, turns
 from stereolib.laser.text_streams import read_text_stream
-from stereolib.laser.xv11 import Readings, decode
+from stereolib.laser.xv11 import PACKETS_PER_TURN, Readings, decode
 
 _LEAST_SHARE = 0.05  # of a file's bytes in intact packets; by chance it is 1e-5, spoilt recordings keep far more
 
@@ -69,6 +69,14 @@ def decode_recording(data: bytes, source: str) -> Readings:
     ValueError: zeros.bin (1000 bytes) is no XV-11 recording: intact packets hold only 0 of its bytes. It is another \
 file, or was recorded at a wrong baud rate (not 115200)
     """
+    readings = _decoded(data, source)
+    if damage := most_is_damaged(len(readings), readings.bad_checksum):
+        raise ValueError(f"{source}: {damage}")
+    return readings
+
+
+def _decoded(data: bytes, source: str) -> Readings:
+    """Decode a recording, however damaged, and refuse what is none."""
     if not data:
         raise ValueError(f"{source} is empty: check the sensor's power and wiring, that its motor turns; record again")
     readings = decode(data)
@@ -84,11 +92,23 @@ file, or was recorded at a wrong baud rate (not 115200)
         why = f"intact packets hold only {within} of its bytes"
         advice = "It is another file, or was recorded at a wrong baud rate (not 115200)"
         raise ValueError(f"{source} ({len(data)} bytes) is no XV-11 recording: {why}. {advice}")
-    if readings.bad_checksum > len(readings):
-        share = f"{readings.bad_checksum} of {readings.bad_checksum + len(readings)} packets are damaged"
-        raise ValueError(f"{source}: {share}: see to cable, plug and port, and record again")
     check_firmware(readings, source)
     return readings
+
+
+def most_is_damaged(intact: int, bad_checksum: int) -> str:
+    """Why a stream of so many packets is not to be used, with the remedy; "" where half of them are intact."""
+    if bad_checksum <= intact:
+        return ""
+    return (
+        f"{bad_checksum} of {bad_checksum + intact} packets are damaged: see to cable, plug and port, and record again"
+    )
+
+
+def lost_packets(readings: Readings, before: int = -1) -> int:
+    """Packets that are missing between those of some readings, and the one of index `before`, by their indices."""
+    index = readings.index.astype(int)
+    return int(((np.diff(index if before < 0 else np.append(before, index)) - 1) % PACKETS_PER_TURN).sum())
 
 
 def recording_info(path: str | PathLike[str]) -> dict[str, Any]:
@@ -102,14 +122,17 @@ def recording_info(path: str | PathLike[str]) -> dict[str, Any]:
     -------
     dict
         ``firmware, packets, bad_checksums, skipped_bytes, index_jumps, turns`` (complete ones),
-        ``partial_turns, rpm_min, rpm_median, rpm_max`` (None if unknown), ``invalid_share`` (0..1).
+        ``partial_turns, rpm_min, rpm_median, rpm_max`` (None if unknown), ``invalid_share`` (0..1 of the readings that
+        arrived), ``lost_share`` (0..1 of the packets, by the gaps between their indices), ``damage`` (why nothing will
+        use the recording; empty where half of its packets are intact).
 
     Raises
     ------
     ValueError
-        As `read_recording`.
+        As `read_recording`, but for damage, which it tells.
     """
-    readings = read_recording(path)
+    readings = _decoded(read_bytes(path), str(path))
+    lost = lost_packets(readings)
     complete = [scan.complete for scan in turns(readings)]
     rpm = readings.speed_rpm[np.isfinite(readings.speed_rpm)]
     speeds = np.percentile(rpm, (0, 50, 100)).tolist() if rpm.size else [None] * 3
@@ -123,4 +146,6 @@ def recording_info(path: str | PathLike[str]) -> dict[str, Any]:
         "partial_turns": len(complete) - sum(complete),
         **dict(zip(("rpm_min", "rpm_median", "rpm_max"), speeds, strict=True)),
         "invalid_share": float(np.isnan(readings.distance_mm).mean()) if len(readings) else None,
+        "lost_share": lost / (lost + len(readings)) if len(readings) else None,
+        "damage": most_is_damaged(len(readings), readings.bad_checksum),
     }

@@ -23,7 +23,7 @@ import numpy as np
 
 from stereolib.base import check_target, write_atomic
 from stereolib.laser.framing import PACKET_BYTES
-from stereolib.laser.recordings import read_recording
+from stereolib.laser.recordings import lost_packets, most_is_damaged, read_recording
 from stereolib.laser.scans import LaserScan, turns
 from stereolib.laser.text_streams import read_text_stream
 from stereolib.laser.xv11 import BAUD, PACKETS_PER_TURN, RPM_LIMITS, Decoder, Readings, decode, join_readings
@@ -34,6 +34,7 @@ _CHUNK_BYTES = 4096  # what a port delivers in 0.36 s: more than it holds at a p
 _REPORT_S = 0.5  # between two reports of a recording's progress
 _START_S, _LONGEST_TURN_S = 10.0, 1.0  # to wait for the first turn, and for each: a sensor needs 0.2 s
 _LEAST_PARTS = 3  # turns that lack packets, which together may make a whole one
+_JUDGED_PACKETS = 450  # five turns: then a line of which most is damaged is given up
 _GIVE_UP_BYTES = 8000  # without one packet in so many bytes (0.8 s) it is no XV-11
 
 
@@ -64,7 +65,7 @@ def open_lidar(
     Raises
     ------
     LidarError
-        If the port is missing, busy, forbidden, silent or unplugged, or sends no XV-11 packets.
+        If the port is missing, busy, forbidden, silent or unplugged, or sends no XV-11 packets, or most are damaged.
 
     Warns
     -----
@@ -80,6 +81,7 @@ def open_lidar(
                 return
             heard = (heard + chunk)[-_CHUNK_BYTES:]
             check_packets(port, decoder.totals, heard)
+            _check_damage(port, decoder.totals)
             ends = np.flatnonzero(np.diff(pending.index.astype(int)) <= 0) + 1
             if not len(ends):
                 continue
@@ -232,6 +234,13 @@ def check_packets(port: str, totals: dict[str, int], heard: bytes) -> None:
         raise LidarError(f"{port} sends bytes but no XV-11 packet in {wrong} of them: {why}. {_ports_found()}")
 
 
+def _check_damage(port: str, totals: dict[str, int]) -> None:
+    intact, damaged = totals["good"] + PACKETS_PER_TURN * totals["old_turns"], totals["bad_checksum"]
+    damage = most_is_damaged(intact, damaged)
+    if damage and intact + damaged >= _JUDGED_PACKETS:
+        raise LidarError(f"{port}: {damage.replace('record', 'try')}")
+
+
 def record_port(
     port: str,
     path: str | PathLike[str],
@@ -244,7 +253,8 @@ def record_port(
 
     Each chunk is handed to the system at once: killed at any moment, the file lacks at most the
     last 100 ms. The sidecar ``FILE.json`` tells start time and port from the beginning, and how it
-    ended, whether the sensor failed, the number of bytes and their sha256 at the close.
+    ended, whether the sensor failed, the share of packets that was lost or damaged on the line, the number of bytes and
+    their sha256 at the close.
 
     Parameters
     ----------
@@ -257,13 +267,13 @@ def record_port(
     seconds : float
         Stop after this time, s.
     progress : callable, optional
-        Called twice a second with ``seconds, bytes, turns, rpm, valid_share`` (of the time since
+        Called twice a second with ``seconds, bytes, turns, rpm, valid_share, lost_share`` (of the time since
         the last call; None before the first packet).
 
     Returns
     -------
     dict
-        What the sidecar says.
+        What the sidecar says; its ``lost_share`` is None where no packet came.
 
     Raises
     ------
@@ -285,7 +295,7 @@ def record_port(
         chunk = next(chunks)
         digest, live = hashlib.sha256(), _Live(progress)
         about: dict[str, Any] = {"start": datetime.now(UTC).isoformat(), "port": port, "baud": BAUD}
-        about |= {"bytes": None, "sha256": None, "ended": None, "failed": None}
+        about |= dict.fromkeys(("bytes", "sha256", "ended", "failed", "lost_share"))
         with open(path, "wb" if force else "xb", buffering=0) as file:  # grows as the bytes come: no write_atomic
             write_atomic(notes, json.dumps(about, indent=2) + "\n")
             try:
@@ -301,7 +311,11 @@ def record_port(
             except LidarError as error:
                 about |= {"ended": str(error), "failed": True}
             finally:
-                about |= {"bytes": live.bytes, "sha256": digest.hexdigest()}
+                about |= {
+                    "bytes": live.bytes,
+                    "sha256": digest.hexdigest(),
+                    "lost_share": live.lost_share(live.packets),
+                }
                 write_atomic(notes, json.dumps(about, indent=2) + "\n")
     return about
 
@@ -310,24 +324,33 @@ class _Live:
     """Counts what a recording gets, and reports it twice a second."""
 
     def __init__(self, progress: Callable[[dict[str, Any]], None] | None) -> None:
-        self.progress, self.decoder, self.recent = progress, Decoder(), list[Readings]()
-        self.bytes, self.packets, self.start_s = 0, 0, time.monotonic()
-        self.reported_s = self.start_s
+        self.progress, self.decoder, self.recent, self.last_index = progress, Decoder(), list[Readings](), -1
+        self.bytes, self.packets, self.lost, self.start_s = 0, 0, 0, time.monotonic()
+        self.reported_s, self.lost_before = self.start_s, 0
 
     def update(self, chunk: bytes) -> float:
         """Count a chunk; returns the time since the first one, s."""
-        now_s = time.monotonic()
+        now_s, new = time.monotonic(), self.decoder.feed(chunk)
         self.bytes += len(chunk)
+        self.packets += len(new)
+        self.lost += lost_packets(new, self.last_index)
+        self.last_index = int(new.index[-1]) if len(new) else self.last_index
         if self.progress is not None:
-            self.recent.append(self.decoder.feed(chunk))
-            self.packets += len(self.recent[-1])
+            self.recent.append(new)
             if now_s - self.reported_s >= _REPORT_S:
                 self.progress({"seconds": now_s - self.start_s, "bytes": self.bytes} | self._report())
-                self.recent, self.reported_s = [], now_s
+                self.recent, self.reported_s, self.lost_before = [], now_s, self.lost
         return now_s - self.start_s
+
+    def lost_share(self, arrived: int, lost_before: int = 0) -> float | None:
+        """Share of the packets that were lost since some had been, so many having arrived since."""
+        lost = self.lost - lost_before
+        return lost / (lost + arrived) if arrived else None
 
     def _report(self) -> dict[str, Any]:
         new = join_readings(self.recent)
         rpm = float(np.median(new.speed_rpm)) if len(new) else None
         valid_share = float(np.isfinite(new.distance_mm).mean()) if len(new) else None
-        return {"turns": self.packets // PACKETS_PER_TURN, "rpm": rpm, "valid_share": valid_share}
+        lost_share = self.lost_share(len(new), self.lost_before)
+        turned = self.packets // PACKETS_PER_TURN
+        return {"turns": turned, "rpm": rpm, "valid_share": valid_share, "lost_share": lost_share}

@@ -297,8 +297,9 @@ def _absent(
 ) -> Iterator[str]:
     """What is not there, and what is left out for it."""
     if not boards:
-        without = "" if calibrated else f", and without {CALIBRATION} no lengths either"
-        yield f"nothing in {places['boards']}: no calibration and no verdict{without}"
+        without = f"its {CALIBRATION} is taken as it is, without a verdict"
+        nothing = f"no calibration and no verdict, and without {CALIBRATION} no lengths either"
+        yield f"nothing in {places['boards']}: {without if calibrated else nothing}"
     if not any(station.left for station in stations):
         yield f"nothing in {places['pairs']}: no sizes, and no depth but that of a board"
     if not any(station.scan for station in stations):

@@ -15,6 +15,7 @@ import pytest
 from stereolib import laser, plotting
 from stereolib.base import data_path
 from stereolib.cli import commands, lrf
+from stereolib.laser import serial_port
 from stereolib.virtual import emulator, recordings
 
 ROOM = str(data_path("virtual/lrf/room.bin"))
@@ -36,7 +37,7 @@ def test_info_tells_every_fact_in_words_with_its_unit(capsys: pytest.CaptureFixt
     facts = json.loads(capsys.readouterr().out)
     assert commands.main(["lrf", "info", ROOM]) == 0
     told = dict(re.split(r"\s{2,}", line) for line in capsys.readouterr().out.splitlines())
-    assert len(told) == len(facts) and not any("_" in what for what in told)
+    assert not facts.pop("damage") and len(told) == len(facts) and not any("_" in what for what in told)
     assert told["packets"] == "450" and told["whole turns"] == "5"
     assert told["median, turns a minute"] == f"{facts['rpm_median']:.4g}"
     assert told["readings without a distance"] == f"{100 * facts['invalid_share']:.1f} %"
@@ -49,6 +50,41 @@ def test_a_recording_that_nothing_can_use_is_told_so(tmp_path: Path, capsys: pyt
     assert f"{short} holds no whole turn, and nothing can use it: a turn takes" in capsys.readouterr().err
     short.write_bytes(sent[: 22 * 100])
     assert commands.main(["lrf", "info", str(short)]) == 0 and not capsys.readouterr().err
+    spoilt = bytearray(sent)
+    spoilt[10 : 22 * 250 : 22] = bytes(byte ^ 1 for byte in spoilt[10 : 22 * 250 : 22])
+    short.write_bytes(spoilt)
+    assert commands.main(["lrf", "info", str(short)]) == 1
+    told = capsys.readouterr()
+    assert re.search(r"packets with a wrong checksum +250\n", told.out)  # the whole table, though most is damaged
+    assert f"{short}: 250 of 450 packets are damaged: see to cable" in told.err
+
+
+def test_record_says_that_the_line_loses_packets(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    sound = list(emulator.replay(recordings.load_laser("lrf/room")))
+    lossy = [entry for k, entry in enumerate(sound) if k % 10]
+    for schedule, share in ((sound, 0.0), (lossy, 0.1)):
+        target = tmp_path / f"{share}.bin"
+        with emulator.serve(schedule, "socket") as served:
+            words = ["lrf", "record", served.port, str(target), "--seconds", "0.7"]
+            assert commands.main(words) == 0
+        notes, told = json.loads(Path(f"{target}.json").read_text()), capsys.readouterr().err
+        assert notes["lost_share"] == pytest.approx(share, abs=0.02)
+        assert f"valid, {share:.0%} lost" in told
+        assert ("warning: 10% of the packets were lost or damaged" in told) == bool(share)
+
+
+def test_turns_with_gaps_are_combined_and_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(serial_port, "_START_S", 0.5)
+    monkeypatch.setattr(serial_port, "_LONGEST_TURN_S", 0.1)
+    lossy = [entry for k, entry in enumerate(emulator.replay(recordings.load_laser("lrf/room"))) if k % 50]
+    for words in (["show"], ["export"]):
+        target = tmp_path / ("room.png" if words == ["show"] else "room.csv")
+        named = ["--output", str(target)] if words == ["show"] else [str(target)]
+        with emulator.serve(lossy, "socket") as served:
+            assert commands.main(["lrf", *words, served.port, *named]) == 0
+        assert "warning: no turn came whole, " in capsys.readouterr().err and target.is_file()
 
 
 @pytest.mark.parametrize(

@@ -56,7 +56,13 @@ def test_files_that_are_no_recordings(tmp_path):
     spoilt[10 : 22 * 50 : 22] = bytes(byte ^ 1 for byte in spoilt[10 : 22 * 50 : 22])
     path.write_bytes(spoilt)
     with pytest.raises(ValueError, match=r"scan.bin: 50 of 90 packets are damaged: see to cable"):
-        laser.recording_info(path)
+        laser.read_recording(path)
+    about = laser.recording_info(path)
+    assert about["bad_checksums"] == 50 and about["damage"].startswith("50 of 90 packets are damaged: see to cable")
+    assert about["lost_share"] == 0 and about["packets"] == 40  # at its end none is missing between two others
+    path.write_bytes(laser.encode(packets(30)) + laser.encode(packets(50, 40)))
+    about = laser.recording_info(path)
+    assert about["lost_share"] == pytest.approx(10 / 90) and not about["damage"]
     path.write_bytes(encode_turns(packets(180)))
     about = laser.recording_info(path)
     assert about["turns"] == 2 and about["rpm_median"] is None

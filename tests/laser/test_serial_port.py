@@ -289,6 +289,22 @@ def test_a_lossy_line_gives_what_came(monkeypatch):
     assert (laser.average(scans, complete_only=False).count > 0).mean() > 0.95
 
 
+def test_a_line_of_which_most_is_damaged_is_refused_as_its_recording_is():
+    """Of three packets in five the checksum is wrong: after five turns it is given up, with the remedy."""
+    damaged = bytearray(turning(8))
+    for packet in range(len(damaged) // 22):
+        damaged[22 * packet + 10] ^= packet % 5 < 3
+    with emulator.serve(emulator.replay(turning(8))) as served:
+        assert len(laser.take_scans(served.port, 2)) == 2
+    packets = [bytes(damaged[at : at + 22]) for at in range(0, len(damaged), 22)]
+    schedule = [(0.001 * k, packet) for k, packet in enumerate(packets)]
+    with (
+        emulator.serve(schedule) as served,
+        pytest.raises(laser.LidarError, match=r"packets are damaged: .* try again"),
+    ):
+        laser.take_scans(served.port, 2)
+
+
 def test_a_line_too_slow_for_a_turn_ends(monkeypatch):
     monkeypatch.setattr(serial_port, "_START_S", 0.5)
     monkeypatch.setattr(serial_port, "_LONGEST_TURN_S", 0.1)

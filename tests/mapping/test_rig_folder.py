@@ -152,7 +152,7 @@ def test_a_calibration_in_the_folder_tells_lengths(folder):
     own = load_rig_folder(folder)
     found = own.instrument(own.calibrate())
     assert isinstance(found, Instrument) and found.rectified.baseline_mm == pytest.approx(paper_rig().baseline_mm)
-    assert own.absent[0] == "nothing in boards: no calibration and no verdict"
+    assert own.absent[0] == "nothing in boards: its calibration.json is taken as it is, without a verdict"
 
 
 def test_the_calibration_of_the_boards_keeps_where_the_laser_stands(folder):

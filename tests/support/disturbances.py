@@ -308,7 +308,10 @@ ROWS: dict[str, Row] = {
         "right lens focused otherwise than when calibrated: its picture 0.5 % larger or smaller",
         right_moved(zoom_pct=0.5),
     ),
-    "zoom_2": Row("the same by 2 %", right_moved(zoom_pct=2.0)),
+    "zoom_2": Row(
+        "right lens focused otherwise than when calibrated: its picture 2 % larger or smaller",
+        right_moved(zoom_pct=2.0),
+    ),
     "columns_1": Row(
         "right picture shifted since the calibration, as by a lens: 1 px left or right", right_moved(columns_px=1.0)
     ),
@@ -360,7 +363,9 @@ ROWS: dict[str, Row] = {
     "white_cartons": Row("printed cartons on terrazzo, before walls that show nothing", untouched, "white_cartons"),
     "neighbour": Row("a second box stands up to 150 mm beside the first one", untouched, "neighbour"),
     "neighbour_cartons": Row("a second printed carton beside the first one", untouched, "neighbour_cartons"),
-    "neighbour_white": Row("the same before walls that show nothing", untouched, "neighbour_white"),
+    "neighbour_white": Row(
+        "a second printed carton beside the first one, before walls that show nothing", untouched, "neighbour_white"
+    ),
     "held": Row("a carton held 20 to 150 mm in the air, which has to be refused", untouched, "held", silent_pct=3.0),
     "leaning": Row(
         "a carton that leans by 5 to 20 degrees, which has to be refused", untouched, "leaning", silent_pct=3.0

@@ -146,7 +146,7 @@ def rigs_table(results: Path) -> str:
         ]
         missed += [f"| {row['about']} | {'; '.join(told)} |"] if told else []
     older = [] if _is_of_today(found) else [f"All of it {_OLDER}."]
-    rest = [*older, _folded("All rows", _table(head, rows))]
+    rest = [*older, _folded(f"All {len(rows)} rows", _table(head, rows))]
     return _missed_first("rows meet all their goals", len(rows), ("what is wrong", "goals missed"), missed, rest)
 
 

@@ -146,12 +146,12 @@ def _record(arguments: argparse.Namespace) -> int:
     if notes["failed"]:
         raise laser.LidarError(f"{notes['ended']}; kept in {file}: {notes['bytes']} bytes")
     print(f"{file}: {notes['bytes']} bytes; ended: {notes['ended']}")
-    if notes["lost_share"] is None or notes["lost_share"] > _LOSSY:
-        told = (
-            "no packet came" if notes["lost_share"] is None else f"{notes['lost_share']:.0%} of the packets were lost"
-        )
-        advice = f"see to cable, plug and port, and record again; stereolib lrf info {file} says more"
-        print(f"warning: {told} or damaged on the line: {advice}", file=sys.stderr)
+    more = f"stereolib lrf info {file} says more"
+    if (lost := notes["lost_share"]) is None:
+        print(f"warning: no XV-11 packet is in it: {more}", file=sys.stderr)
+    elif lost > _LOSSY:
+        advice = "see to cable, plug and port, and record again"
+        print(f"warning: {lost:.0%} of the packets were lost or damaged on the line: {advice}; {more}", file=sys.stderr)
     return DONE
 
 

@@ -73,6 +73,15 @@ def test_record_says_that_the_line_loses_packets(tmp_path: Path, capsys: pytest.
         assert ("warning: 10% of the packets were lost or damaged" in told) == bool(share)
 
 
+def test_record_says_that_no_packet_came(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A board's text, too, which `lrf info` reads: nothing is said of the cable."""
+    text = [(0.01 * k, b"a board that prints text\r\n") for k in range(100)]
+    with emulator.serve(text, "socket") as served:
+        assert commands.main(["lrf", "record", served.port, str(tmp_path / "text.bin"), "--seconds", "0.3"]) == 0
+    assert "warning: no XV-11 packet is in it: stereolib lrf info " in capsys.readouterr().err
+    assert json.loads((tmp_path / "text.bin.json").read_text())["lost_share"] is None
+
+
 def test_turns_with_gaps_are_combined_and_told(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

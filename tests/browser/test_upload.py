@@ -100,6 +100,7 @@ def test_files_are_named_and_can_be_taken_out_again(bench: Page, files: dict[str
     names = bench.page.locator(".stereolib-file")
     assert names.all_inner_texts() == ["left.png", "right.png", "calibration.json", "no file"]
     clear(bench)
+    assert names.all_inner_texts() == ["no file"] * 4
     upload(bench, left=files["left"], right=files["right"])
     bench.page.locator(".stereolib-results", has_text="needs a calibration").wait_for()
     bench.page.locator(".stereolib-said", has_text="no calibration, no scan").wait_for()

@@ -103,6 +103,14 @@ def _heard():
     signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 
+def _runs(process):
+    """Whether a process runs still; it may end between two questions of it."""
+    try:
+        return process.is_running() and process.status() != psutil.STATUS_ZOMBIE
+    except psutil.NoSuchProcess:
+        return False
+
+
 @pytest.mark.skipif(os.name != "posix", reason="signals")
 @pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP", "SIGKILL"])
 def test_the_server_ends_with_the_command_however_that_ends(tmp_path, name):
@@ -123,9 +131,9 @@ def test_the_server_ends_with_the_command_however_that_ends(tmp_path, name):
     assert os.getsid(server.pid) != os.getsid(command.pid), "Ctrl-C in the terminal is the command's"
     command.send_signal(getattr(signal, name))
     until_s = time.monotonic() + 20
-    while server.is_running() and server.status() != psutil.STATUS_ZOMBIE and time.monotonic() < until_s:
+    while _runs(server) and time.monotonic() < until_s:
         time.sleep(0.02)
-    is_left = server.is_running() and server.status() != psutil.STATUS_ZOMBIE
+    is_left = _runs(server)
     if is_left:
         server.kill()
     told = command.communicate(timeout=20)[1]

@@ -119,7 +119,7 @@ class Page:
     def kernels(self) -> list[psutil.Process]:
         """The kernels behind all pages of this server."""
         family = psutil.Process(self._server.pid).children(recursive=True)
-        return [process for process in family if "ipykernel" in " ".join(process.cmdline())]
+        return [process for process in family if "ipykernel" in _command(process)]
 
     def press(self, handle: Any, key: str) -> float:
         """Press a key on a handle; when the page felt it, ms."""
@@ -147,6 +147,14 @@ class Page:
     def kernel_memory_mb(self) -> float:
         """Memory of the kernel behind the page."""
         return sum(process.memory_info().rss for process in self.kernels()) / 2**20
+
+
+def _command(process: psutil.Process) -> str:
+    """The command line of a process, empty once it has ended."""
+    try:
+        return " ".join(process.cmdline())
+    except psutil.NoSuchProcess:
+        return ""
 
 
 @contextmanager

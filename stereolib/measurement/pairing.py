@@ -128,7 +128,8 @@ def pair_up(
     Two are one object if their distances differ by less than a quarter and their bearings overlap, give or take what
     the laser may have moved. Of all such pairs that which differs least, ``distance / 25 % + bearing / slack``, is
     taken first. Where nothing stands alone nothing is said, nor of an outline that is an object of the pictures: what
-    these show behind or above it the scan cannot see. A piece of such an outline is no object of its own; a box is a
+    these show behind or above it the scan cannot see; nor of what the pictures do not show as a box: it may be matched
+    by chance. A piece of such an outline is no object of its own; a box is a
     piece only of what the pictures show as a box, too.
     """
     scanned = [Place.of(laser.points_mm(footprint.segment.points_mm)) for footprint in footprints]
@@ -141,7 +142,8 @@ def pair_up(
     is_box = [True] * len(pictured) if boxes is None else boxes
     alone = [i for i in range(len(pictured)) if i not in {a for a, _ in both}]
     rest = [j for j in range(len(scanned)) if j not in {b for _, b in both}]
-    warnings = [_said_of(pictured[i], scanned[j]) for i, j in all_pairs if j in rest] if alone else []
+    sure = [(i, j) for i, j in all_pairs if alone and is_box[i] and j in rest]
+    warnings = [_said_of(pictured[i], scanned[j]) for i, j in sure]
     may_be = [(i, j) for i in alone for whole, j in both if is_box[whole] or not is_box[i]]
     pieces = [(i, j) for i, j in may_be if _is_piece(pictured[i], scanned[j])]
     alone = [i for i in alone if i not in {piece for piece, _ in pieces}]

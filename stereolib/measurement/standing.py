@@ -49,7 +49,8 @@ class Standing:
     boxes : tuple of Pictured or CannotMeasure
         Each region as a box, or why it is none.
     said : tuple of str
-        That the pictures show another floor than the one that was given, or none.
+        That the pictures show another floor than the one that was given, or none. Where they show another, `floor` is
+        the given one, as uncertain as both differ.
     """
 
     views: Views
@@ -84,8 +85,10 @@ def see_standing(views: Views, instrument: Instrument, *, floor: Floor | None = 
     """
     if floor is not None and floor.rectified is not instrument.rectified:  # its cameras were turned back
         floor = floor.seen_by(instrument.rectified)
-    no_floor, regions, given = None, list[ObjectRegion](), floor
+    no_floor, regions, said = None, list[ObjectRegion](), ()
     views = replace(views, pair=replace(views.pair, errors=instrument.uncertainty.errors))
+    if floor is not None:
+        floor, said = _against_pictures(floor, views)
     try:
         floor = floor or find_floor(views, instrument.rectified)
         regions = find_objects(views.disparity_px, floor)
@@ -93,30 +96,31 @@ def see_standing(views: Views, instrument: Instrument, *, floor: Floor | None = 
         no_floor = error
     priors = scene_priors(views, instrument, floor or _floor_below(instrument), regions)
     boxes = tuple(_box(views, priors, region) for region in regions)
-    said = () if given is None else _against_pictures(given, views)
     return Standing(views, instrument, priors, floor, no_floor, tuple(regions), boxes, said)
 
 
-def _against_pictures(given: Floor, views: Views) -> tuple[str, ...]:
-    """That the pictures show another floor than the one given, or none."""
+def _against_pictures(given: Floor, views: Views) -> tuple[Floor, tuple[str, ...]]:
+    """The given floor, and that the pictures show another one, from which it is a standard deviation then, or none."""
     try:
         seen = find_floor(views, given.rectified)
     except CannotMeasure:
         if views.rows.is_known:
-            return ("the pictures do not show whether the given floor is right: heights are as true as it is",)
+            text = "the pictures do not show whether the given floor is right: heights are as true as it is"
+            return given, (f"{text}, and where its pitch is wrong, what stands upright seems to lean",)
         text = "rows of the two pictures that belong together are not found: what is measured is left to chance"
-        return (f"{text}. See that both are of this rig and moment, left and right; else calibrate again",)
+        return given, (f"{text}. See that both are of this rig and moment, left and right; else calibrate again",)
     off = seen.plane - given.plane
     known = seen.covariance + given.covariance + np.diag([0.0, 0.0, _COMMON_PX**2])
     if off @ np.linalg.solve(known, off) < _OTHER_FLOOR:
-        return ()
+        return given, ()
     text = f"the given floor contradicts the pictures: they show a floor {_told(seen)}; given is {_told(given)}"
     text += ". Leave it away, or correct it"
     if given.pitch_rad * seen.pitch_rad < 0:
         text += "; is its pitch's sign right?"
     if abs(np.log(seen.camera_height_mm / given.camera_height_mm)) > np.log(_MOST_TIMES):
-        raise ValueError(f"{text}: millimetres are asked for")
-    return (text,)
+        raise ValueError(f"{text}{'' if text.endswith('?') else '.'} Its height is asked for in millimetres, its pitch in degrees")
+    text += ". Until then all that hangs on it is as uncertain as both differ"
+    return replace(given, covariance=given.covariance + np.outer(off, off)), (text,)
 
 
 def _told(floor: Floor) -> str:

@@ -95,7 +95,7 @@ def test_a_floor_by_hand_that_the_pictures_contradict_is_said(files, capsys):
         assert any("the given floor contradicts the pictures" in text for text in warnings) is said
     assert run(files, f"--floor={height / 5:.1f},{pitch:.2f}", "--force") == 2
     said = capsys.readouterr().err
-    assert "millimetres are asked for" in said and f"{height / 5:.1f} mm below" in said and "degrees up" in said
+    assert "is asked for in millimetres" in said and f"{height / 5:.1f} mm below" in said and "degrees up" in said
 
 
 def test_where_nothing_can_be_measured_the_code_says_so(files, capsys):

@@ -323,13 +323,15 @@ def test_a_calibration_in_centimetres_is_told():
     assert not any("mm apart" in text for text in measure_objects(*pair, None, Instrument(RECT)).warnings)
 
 
-@pytest.mark.parametrize(("higher_mm", "told"), [(0.0, False), (5.0, True)])
-def test_a_given_floor_that_is_not_the_one_seen_is_told(higher_mm, told):
+@pytest.mark.parametrize(("higher_mm", "told"), [(0.0, False), (5.0, True), (-5.0, True)])
+def test_a_given_floor_that_is_not_the_one_seen_is_told_and_no_height_is_sure(higher_mm, told):
     pair = recordings.load_pair("conditions/texture")
     seen = measure_objects(*pair, None, INSTRUMENT).floor
     pose = rig_pose(RECT, pitch_rad=seen.pitch_rad, camera_height_mm=seen.camera_height_mm + higher_mm)
     found = measure_objects(*pair, None, INSTRUMENT, floor=floor_from_pose(RECT, pose))
     assert any("the given floor contradicts the pictures" in text for text in found.doubts) == told
+    height_mm, std_mm = found.objects[0].size_mm[2], found.objects[0].std_mm[2]
+    assert abs(height_mm - 300) < 2 * std_mm and (std_mm > 4) == told
 
 
 def test_what_is_no_scan_or_no_instrument_is_refused_at_once():

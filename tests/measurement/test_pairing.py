@@ -74,6 +74,11 @@ def test_two_distances_in_one_direction_are_not_combined():
     assert "at 1100 mm and the pair at 700 mm" in text and "same time" in text
 
 
+def test_of_what_is_no_box_in_the_pictures_no_other_moment_is_said():
+    found = paired([outline(700, 0)], [outline(1100, 0)], boxes=[False])
+    assert found.pictured == (0,) and found.scanned == (0,) and found.warnings == ()
+
+
 def test_a_piece_of_an_outline_is_no_second_object():
     whole = outline(700, 0, width=400)
     found = paired([outline(700, -6, width=230), outline(705, 12, width=80)], [whole])

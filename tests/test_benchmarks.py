@@ -166,13 +166,13 @@ def test_the_bench_of_rigs_goes_on_where_it_was_interrupted(bench, tmp_path, mon
 
     monkeypatch.setattr(rigs, "of_scene", of_scene)
     monkeypatch.setattr(rigs, "CACHE", tmp_path)
-    first = rigs.run(["cartons"], 2, 1)
+    first = rigs.run(["cartons"], 50, 2, 1)
     (file,) = tmp_path.iterdir()
     file.write_text(file.read_text() + '\n{"row": "car')
-    assert rigs.run(["cartons"], 2, 1) == first and asked == [(("cartons",), 0), (("cartons",), 1)]
-    more, _ = rigs.run(["cartons", "cartons_rows_1"], 3, 1)
+    assert rigs.run(["cartons"], 50, 2, 1) == first and asked == [(("cartons",), 50), (("cartons",), 51)]
+    more, _ = rigs.run(["cartons", "cartons_rows_1"], 50, 3, 1)
     both = ("cartons", "cartons_rows_1")
-    assert asked[2:] == [(("cartons_rows_1",), 0), (("cartons_rows_1",), 1), (both, 2)]
+    assert asked[2:] == [(("cartons_rows_1",), 50), (("cartons_rows_1",), 51), (both, 52)]
     assert more["cartons"]["height"]["told"] == 3 and rigs.kept(file)[1] == {"base/files.py"}
     monkeypatch.setattr(rigs, "code_sha256", lambda rooms: "another")
-    assert rigs.run(["cartons"], 2, 1) == first and len(asked) == 7
+    assert rigs.run(["cartons"], 50, 2, 1) == first and len(asked) == 7

@@ -40,7 +40,8 @@ _NOTES = """\
 A box shows two faces: length, width, height. A face shows one: its width, as its depth is hidden. Round things have a
 diameter. Irregular ones and pieces of wall have no sizes. Deviations (±) are one standard deviation: the truth lies
 within twice that in 19 of 20 cases. Places are told from the floor below the left camera: ahead along its axis, and to
-the left; turned: the direction of the length (of a face: of the face), counter-clockwise from ahead.
+the left; turned: the direction of the length (of a face: of the face), counter-clockwise from ahead. Several pairs with
+their scans, taken in one place after the other, are one map: stereolib map FOLDER.
 exit code: 0 something was measured, 1 nothing was, 2 wrong input"""
 
 

@@ -85,7 +85,7 @@ def see_standing(views: Views, instrument: Instrument, *, floor: Floor | None = 
     """
     if floor is not None and floor.rectified is not instrument.rectified:  # its cameras were turned back
         floor = floor.seen_by(instrument.rectified)
-    no_floor, regions, said = None, list[ObjectRegion](), ()
+    no_floor, regions, said = None, list[ObjectRegion](), ()  # type: CannotMeasure | None, list[ObjectRegion], tuple[str, ...]
     views = replace(views, pair=replace(views.pair, errors=instrument.uncertainty.errors))
     if floor is not None:
         floor, said = _against_pictures(floor, views)
@@ -118,7 +118,9 @@ def _against_pictures(given: Floor, views: Views) -> tuple[Floor, tuple[str, ...
     if given.pitch_rad * seen.pitch_rad < 0:
         text += "; is its pitch's sign right?"
     if abs(np.log(seen.camera_height_mm / given.camera_height_mm)) > np.log(_MOST_TIMES):
-        raise ValueError(f"{text}{'' if text.endswith('?') else '.'} Its height is asked for in millimetres, its pitch in degrees")
+        raise ValueError(
+            f"{text}{'' if text.endswith('?') else '.'} Its height is asked for in millimetres, its pitch in degrees"
+        )
     text += ". Until then all that hangs on it is as uncertain as both differ"
     return replace(given, covariance=given.covariance + np.outer(off, off)), (text,)
 

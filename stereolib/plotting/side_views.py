@@ -110,9 +110,9 @@ def plot_face_end(setup: CubeSetup, axes: Any, *, turned_deg: float = 0.0) -> No
         for side in (-1, 1):
             ax.plot([0, side * 1.2 * half], [near, near + 1.2 * half], color=TRUTH, lw=1.2, ls="--", zorder=3)
         ax.plot(*points[meets].T, "o", color=LASER, ms=5, zorder=4)
-        ax.set(aspect="equal", xlabel="to the right (mm)")
+        ax.set(aspect="equal", xlabel="to the right (mm)", ylabel="forward (mm)")
     axes[0].plot(0, 0, "^", color=TRUTH, ms=8)
-    axes[0].set(xlim=(-350, 350), ylim=(-60, near + 2 * half + 30), ylabel="forward (mm)", title="the beams")
+    axes[0].set(xlim=(-350, 350), ylim=(-60, near + 2 * half + 30), title="the beams")
     middle = (last + missing) / 2
     axes[1].plot(*missing, "o", mfc="white", mec=LASER, ms=7, zorder=4)
     axes[1].plot(*middle, "D", color=OURS, ms=7, zorder=4)

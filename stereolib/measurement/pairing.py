@@ -129,8 +129,8 @@ def pair_up(
     the laser may have moved. Of all such pairs that which differs least, ``distance / 25 % + bearing / slack``, is
     taken first. Where nothing stands alone nothing is said, nor of an outline that is an object of the pictures: what
     these show behind or above it the scan cannot see; nor of what the pictures do not show as a box: it may be matched
-    by chance. A piece of such an outline is no object of its own; a box is a
-    piece only of what the pictures show as a box, too.
+    by chance. A piece of such an outline is no object of its own; a box is a piece only of what the pictures show as a
+    box, too.
     """
     scanned = [Place.of(laser.points_mm(footprint.segment.points_mm)) for footprint in footprints]
     all_pairs = [(i, j) for i in range(len(pictured)) for j in range(len(scanned))]

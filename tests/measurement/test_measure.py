@@ -210,9 +210,9 @@ def test_a_known_floor_is_taken():
     found = measured(floor=floor)
     assert found.floor is floor
     np.testing.assert_allclose(the_cube(found).size_mm, 300, atol=2)
-    lower = recordings.setup() @ rigid(np.eye(3), [0.0, 0.0, -12.0])  # it is believed: heights grow with it
-    found = measured(floor=floor_from_pose(RECT, lower))
-    np.testing.assert_allclose(the_cube(found).size_mm[2], 312, atol=2)
+    lower = recordings.setup() @ rigid(np.eye(3), [0.0, 0.0, -6.0])  # it is believed as far as the pictures let it
+    cube = the_cube(measured(floor=floor_from_pose(RECT, lower)))
+    assert 301 < cube.size_mm[2] < 308 and cube.size_mm[2] - 300 < 2 * cube.std_mm[2]
 
 
 def test_what_lies_beside_the_picture_is_told_from_the_scan():

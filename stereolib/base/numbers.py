@@ -69,7 +69,7 @@ def rounded(value: float, decimals: int = 0) -> str:
 
 
 def plus_minus(value: float, std: float) -> str:
-    """Write a value with its standard deviation, the deviation to two digits and the value to as many decimals.
+    """Write a value with its standard deviation: this to two digits, or whole, and the value to as many decimals.
 
     Parameters
     ----------
@@ -84,12 +84,13 @@ def plus_minus(value: float, std: float) -> str:
 
     Examples
     --------
-    >>> plus_minus(299.634, 0.1234), plus_minus(12345.6, 78.9), plus_minus(2.5, 0), plus_minus(float("nan"), 1)
-    ('299.63 ± 0.12', '12346 ± 79', '2.5', '?')
+    >>> plus_minus(299.634, 0.1234), plus_minus(12.34, 9.96), plus_minus(2.5, 0), plus_minus(float("nan"), 1)
+    ('299.63 ± 0.12', '12 ± 10', '2.5', '?')
     """
     if not math.isfinite(value):
         return "?"
     if not (math.isfinite(std) and std > 0):
         return f"{value:.6g}"
-    decimals = min(max(1 - math.floor(math.log10(std)), 0), 9)
+    exponent = int(f"{std:.1e}".partition("e")[2])  # of what it is rounded to
+    decimals = min(max(1 - exponent, 0), 9)
     return f"{rounded(value, decimals)} ± {std:.{decimals}f}"

@@ -20,7 +20,6 @@ import numpy.typing as npt
 
 from stereolib.base import Float32, UInt8
 from stereolib.matching.compiled import compiled
-from stereolib.matching.levels import shrunk
 from stereolib.matching.paths import aggregate, read_off
 from stereolib.rig import check_pair, to_grey
 
@@ -282,7 +281,8 @@ def _coarse_cost(left: UInt8, right: UInt8, params: CensusSGM, halvings: int) ->
         _count_differing(bits, others[max(by * times - d, 0)], d, by, cost)
         cost[:, d, :by] = cost[:, d, by : by + 1]  # some disparities see a part of such a column
     if halvings < params.halvings:
-        share = _coarse_share(shrunk(left, times).mean(axis=2), params, halvings)
+        grey = sums.astype(np.float32) / (times**2 * np.atleast_3d(left).shape[2])
+        share = _coarse_share(grey, params, halvings)
         _mix(_coarse_cost(left, right, params, halvings + 1), share, cost)
     return cost
 

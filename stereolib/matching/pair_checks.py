@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 
 from stereolib.base import Float32, Float64, UInt8
+from stereolib.matching.levels import halved
 from stereolib.matching.sgbm import SGBMParams, match_pair
 from stereolib.rig import check_pair, to_grey
 
@@ -167,7 +168,7 @@ def check_sides(left: UInt8, right: UInt8, exchanged: tuple[UInt8, UInt8] | None
     ValueError
         If left and right are exchanged.
     """
-    ways = [[_half_size(image) for image in way] for way in ((left, right), exchanged or (right, left))]
+    ways = [[halved(image) for image in way] for way in ((left, right), exchanged or (right, left))]
     width = ways[0][0].shape[1]
     params = SGBMParams(num_disparities=max(16, width // 5 // 16 * 16))
     if width < 2 * params.num_disparities:
@@ -196,7 +197,7 @@ def _matched_points(left: UInt8, right: UInt8) -> tuple[Float64, Float64, Float6
     moved. Too few on the plane are none at all.
     """
     sift, none = cv2.SIFT.create(nfeatures=_KEYPOINTS), (np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0))
-    points, looks = zip(*(sift.detectAndCompute(_half_size(to_grey(i)), None) for i in (left, right)), strict=True)
+    points, looks = zip(*(sift.detectAndCompute(halved(to_grey(i)), None) for i in (left, right)), strict=True)
     if min(map(len, points)) < _LEAST_MATCHES:
         return none
     pairs = cv2.BFMatcher(cv2.NORM_L2, crossCheck=True).match(*looks)
@@ -211,7 +212,3 @@ def _matched_points(left: UInt8, right: UInt8) -> tuple[Float64, Float64, Float6
             return none  # chance matches prove nothing
         plane = np.linalg.lstsq(at[kept], offset[kept], rcond=None)[0]
     return a[likely], b[likely], (offset - at @ plane)[likely]
-
-
-def _half_size(image: UInt8) -> UInt8:
-    return np.asarray(cv2.resize(image, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA))

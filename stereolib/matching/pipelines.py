@@ -23,6 +23,7 @@ from stereolib.matching.even_pair import EvenPair, even_out
 from stereolib.matching.fill_around import fill_from_around
 from stereolib.matching.filling import fill_background, remove_speckles
 from stereolib.matching.filters import dilate
+from stereolib.matching.levels import halved
 from stereolib.matching.plane_smoothing import smooth_by_planes
 from stereolib.matching.rows import find_rows
 from stereolib.matching.sgbm import SGBMParams, check_window
@@ -253,7 +254,7 @@ def _fast(left: UInt8, right: UInt8, num_disparities: int) -> DisparityEstimate:
     check_pair(left, right)
     height, width = left.shape[:2]
     check_window(SGBMParams(num_disparities, 11), width // 2 * 2)  # said in pixels of the whole picture
-    half = [cv2.resize(to_grey(i), None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA) for i in (left, right)]
+    half = [halved(to_grey(i)) for i in (left, right)]
     params = SGBMParams(num_disparities // 2, 5, mode="3way", uniqueness_ratio=0, speckle_window_size=0)
     matched = compute_disparity(half[0], half[1], params, whole=True)
     mirrored = compute_disparity(half[1][:, ::-1], half[0][:, ::-1], params, whole=True)[:, ::-1]

@@ -23,7 +23,7 @@ from stereolib.base import (
     median,
     set_frozen,
 )
-from stereolib.matching.levels import levelled
+from stereolib.matching.levels import halved, levelled
 from stereolib.matching.row_cells import RowCells
 from stereolib.matching.sgbm import SGBMParams, match_pair
 from stereolib.rig import check_pair, to_grey
@@ -231,7 +231,7 @@ def find_rows(left: UInt8, right: UInt8) -> tuple[RowOffset, Float32]:
     check_pair(left, right)
     grey = to_grey(left), to_grey(right)
     if min(left.shape[:2]) < _LEAST_SIDE_PX:
-        return _unknown(left.shape), np.full(_halved(grey[0]).shape, np.nan, np.float32)
+        return _unknown(left.shape), np.full(halved(grey[0]).shape, np.nan, np.float32)
     rows, half_px, is_alike = _search(*grey)
     if is_alike:
         return rows, half_px
@@ -264,10 +264,10 @@ def _is_followed(left: UInt8, right: UInt8, rows: RowOffset) -> bool:
 
 def _search(left: UInt8, right: UInt8) -> tuple[RowOffset, Float32, bool]:
     """Rows and disparities in half size of grey pictures, and whether both sizes were matched alike."""
-    first, second = (_even(_halved(_halved(image))) for image in (left, right))
+    first, second = (_even(halved(halved(image))) for image in (left, right))
     roughly = match_pair(first, second, _narrow(_QUARTER, first), whole=True)
     rough = replace(measure_rows(first, second, roughly).doubled().doubled(), is_rough=True)
-    first, second = (_even(_halved(image)) for image in (left, rough.correct(right)))
+    first, second = (_even(halved(image)) for image in (left, rough.correct(right)))
     small = match_pair(first, second, _narrow(_window(roughly), first), whole=True)
     rows = measure_rows(first, second, small).doubled().after(rough)
     return rows, _moved(small, rough.warp[0] - rows.warp[0]), _are_alike(roughly, small)
@@ -358,10 +358,6 @@ def _narrow(params: SGBMParams, image: UInt8) -> SGBMParams:
     """The same with a window that a small picture holds."""
     most = (image.shape[1] - params.block_size) // 16 * 16
     return replace(params, num_disparities=max(16, min(params.num_disparities, most)))
-
-
-def _halved(image: UInt8) -> UInt8:
-    return np.asarray(cv2.resize(image, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA))
 
 
 def _even(image: UInt8) -> UInt8:

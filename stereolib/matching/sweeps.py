@@ -243,9 +243,12 @@ class _Results:
             raise ValueError(f"{self.path} holds the results of another study: {why}")
         rows = text[len(self.head) : text.rfind("\n") + 1]
         scores: dict[tuple[str, str], dict[str, list[float]]] = {}
-        for row in csv.DictReader(io.StringIO(rows), self.columns):
+        for at, row in enumerate(csv.DictReader(io.StringIO(rows), self.columns), 1 + self.head.count("\n")):
             regions = scores.setdefault((row["key"], row["view"]), {})
-            regions[row["where"]] = [float(row[name]) for name in METRICS]
+            try:
+                regions[row["where"]] = [float(row[name]) for name in METRICS]
+            except (TypeError, ValueError):  # too few columns, or no number
+                raise ValueError(f"{self.path}: line {at} is damaged: delete it, and its match is done again") from None
         whole = ((key, each) for (key, view), each in scores.items() if list(each) == self.regions.get(view))
         done = {key: list(each.values()) for key, each in whole}
         self.kept = [line for line in rows.splitlines(keepends=True) if line.split(",", 1)[0] in done]

@@ -19,6 +19,7 @@ SHARP_PX = 0.5
 #: An interval over its standard deviation.
 UNIFORM = float(np.sqrt(12.0))
 _SPAN_PX = 1.5  # lines are compared at this distance from each other: the width of a webcam's edge
+_SAMPLES = 96  # of each line
 _GROUPS = 8  # of samples, each located by itself: their scatter is the edge's
 _LEAST_SAMPLES = 8
 _APART, _BESIDE = 6, 16  # which is looked at so many lines from it, over so many
@@ -93,9 +94,7 @@ class Powers(NamedTuple):
     step: float
 
 
-def locate_edge(
-    light: Light, lines: ParallelLines, belief: Float64, powers: Powers, *, samples: int = 96
-) -> Peak | None:
+def locate_edge(light: Light, lines: ParallelLines, belief: Float64, powers: Powers) -> Peak | None:
     """Find the one of many parallel lines along which the pictures have an edge.
 
     Parameters
@@ -106,8 +105,6 @@ def locate_edge(
     belief : (lines,) float64
         How likely each of them is the edge, before the pictures are looked at.
     powers : Powers
-    samples : int
-        Points of each line.
 
     Returns
     -------
@@ -131,7 +128,7 @@ def locate_edge(
     itself, from the edge's width, and from rival peaks.
     """
     half = max(1, round(_SPAN_PX / 2 / STEP_PX))
-    seen = _light_along(light, lines, samples)
+    seen = _light_along(light, lines)
     if not seen:
         return None
     groups = _differences(seen, half)
@@ -158,9 +155,9 @@ def locate_edge(
     return Peak(float(in_light + in_grey) / 2, std, contrast, others, log_odds, is_outermost)
 
 
-def _light_along(light: Light, lines: ParallelLines, samples: int) -> list[Float32]:
+def _light_along(light: Light, lines: ParallelLines) -> list[Float32]:
     """Light at places along the lines, in either picture that shows them: (lines, values) each."""
-    share = ((np.arange(samples, dtype=np.float32) + 0.5) / samples)[None]
+    share = ((np.arange(_SAMPLES, dtype=np.float32) + 0.5) / _SAMPLES)[None]
 
     def along(ends: Float64) -> Float32:
         a, b = ends.astype(np.float32).T[..., None]
@@ -177,7 +174,7 @@ def _light_along(light: Light, lines: ParallelLines, samples: int) -> list[Float
         inside = np.all((np.minimum(first, last) > 1) & (np.maximum(first, last) < limits), axis=0)
         if (count := np.count_nonzero(inside)) < _LEAST_SAMPLES:
             continue
-        mine, y = (x, v) if count == samples else (x[:, inside], v[:, inside])
+        mine, y = (x, v) if count == _SAMPLES else (x[:, inside], v[:, inside])
         found.append(light_at(picture, mine, y).reshape(len(x), -1))
     return found
 

@@ -185,7 +185,7 @@ class BoxFacts:
     doubt: Float64 = field(default_factory=lambda: np.zeros((len(Own), len(Own))))
 
 
-def from_box(solution: Solution, box: int, facts: BoxFacts, *, worst_std: float = WORST_STD) -> MeasuredObject:
+def from_box(solution: Solution, box: int, facts: BoxFacts) -> MeasuredObject:
     """Make a measured object of one box of a solution.
 
     Parameters
@@ -194,8 +194,6 @@ def from_box(solution: Solution, box: int, facts: BoxFacts, *, worst_std: float 
     box : int
         Its number.
     facts : BoxFacts
-    worst_std : float
-        A size whose standard deviation is a larger share of it is not reported.
 
     Returns
     -------
@@ -217,7 +215,7 @@ def from_box(solution: Solution, box: int, facts: BoxFacts, *, worst_std: float 
     at, J = derivatives(_sizes_and_places, x)
     spread = J @ C @ J.T
     sizes, std = at[:3], np.sqrt(np.diag(spread)[:3])
-    reasons = {k: why for k in range(3) if (why := _why(k, facts, sizes[k], std[k], worst_std))}
+    reasons = {k: why for k in range(3) if (why := _why(k, facts, sizes[k], std[k]))}
     sides = sorted({0, 1} - set(reasons), key=lambda k: -sizes[k])
     whole, named = len(sides) == 2, _named(sides)
     known = [name for name, k in enumerate(named) if k not in reasons]
@@ -252,12 +250,12 @@ def _named(sides: list[int]) -> Ints:
     return np.array([first, second, 2])
 
 
-def _why(size: int, facts: BoxFacts, value: float, std: float, worst_std: float) -> Why | None:
+def _why(size: int, facts: BoxFacts, value: float, std: float) -> Why | None:
     """Why a size (0 right side, 1 left side, 2 height) is not told; None if it is."""
     past, whole = facts.past, facts.reasons.get("object")
     if facts.doubtful:
         return Why(Reason.CONTRADICTION, f"{value:.0f} mm")
-    if std < worst_std * value and (whole is None or whole.reason.leaves_the_pair):
+    if std < WORST_STD * value and (whole is None or whole.reason.leaves_the_pair):
         return None
     side = None if size == len(_SIDES) else _SIDES[size]
     ends = {side.end, side.other.back} & set(past) if side else set()
@@ -334,14 +332,12 @@ def from_scan(footprint: Footprint, laser: LaserOnFloor, height: Height, reasons
     )
 
 
-def from_region(region: ObjectRegion, height: Height, reasons: dict[str, Why]) -> MeasuredObject:
-    """Make an object of what the picture shows without a straight face: its place, and a height where there is one.
+def from_region(region: ObjectRegion, reasons: dict[str, Why]) -> MeasuredObject:
+    """Make an object of what the picture shows without a straight face: its place.
 
     Parameters
     ----------
     region : ObjectRegion
-    height : (mm, standard deviation)
-        NaN if unknown.
     reasons : dict
         Why something is unknown, so far.
 
@@ -349,7 +345,7 @@ def from_region(region: ObjectRegion, height: Height, reasons: dict[str, Why]) -
     -------
     MeasuredObject
     """
-    size, covariance = _with_height(height)
+    size, covariance = np.full(3, np.nan), np.full((3, 3), np.nan)
     place, why = np.array(region.position_mm), Why(Reason.NO_FACE)
     reasons, spread = {**reasons, "length": why, "width": why}, np.full((2, 2), np.nan)
     return MeasuredObject(

@@ -7,9 +7,9 @@ from enum import Enum
 import cv2
 import numpy as np
 
-from stereolib.base import UInt8
+from stereolib.base import Float32, UInt8
 from stereolib.matching import SGBMParams, compute_disparity
-from stereolib.measurement.floor import Floor, FloorLimits, fit_floor
+from stereolib.measurement.floor import Floor, fit_floor
 from stereolib.measurement.plane_alignment import CannotMeasure
 from stereolib.measurement.views import Views
 from stereolib.rig import RectifiedRig, to_grey
@@ -48,15 +48,13 @@ class NoFloor(Enum):
     )
 
 
-def find_floor(views: Views, rectified: RectifiedRig, *, limits: FloorLimits | None = None) -> Floor:
+def find_floor(views: Views, rectified: RectifiedRig) -> Floor:
     """Find the floor of a pair, or say why there is none.
 
     Parameters
     ----------
     views : Views
     rectified : RectifiedRig
-    limits : FloorLimits, optional
-        How the camera may stand; by default `FloorLimits()`.
 
     Returns
     -------
@@ -68,7 +66,7 @@ def find_floor(views: Views, rectified: RectifiedRig, *, limits: FloorLimits | N
         "no floor", with its cause and the remedy.
     """
     try:
-        return fit_floor(views.disparity_px, rectified, pair=views.pair, limits=limits)
+        return fit_floor(views.disparity_px, rectified, pair=views.pair)
     except CannotMeasure:
         cause, value = why_no_floor(views, rectified)
         raise CannotMeasure("no floor", cause.value.format(value) + FLOOR_BY_HAND) from None
@@ -101,6 +99,8 @@ def why_no_floor(views: Views, rectified: RectifiedRig) -> tuple[NoFloor, float]
         return NoFloor.BRIGHT, np.nan
     quarter = [np.asarray(cv2.resize(image, None, fx=0.25, fy=0.25, interpolation=cv2.INTER_AREA)) for image in grey]
     wide = min(_WIDE, (quarter[0].shape[1] - 8) // 16 * 16)
+    if wide < 16:  # SGBM matches no fewer disparities
+        return NoFloor.UNSEEN, np.nan
     textured = _deviation(quarter[0])[quarter[0].shape[0] // 2 :] > _TEXTURE
     if textured.mean() < _LEAST_TEXTURE:
         return NoFloor.PLAIN, np.nan
@@ -116,13 +116,13 @@ def why_no_floor(views: Views, rectified: RectifiedRig) -> tuple[NoFloor, float]
     return NoFloor.UNSEEN, np.nan
 
 
-def _deviation(grey: UInt8) -> UInt8:
+def _deviation(grey: UInt8) -> Float32:
     """Local standard deviation."""
     mean = cv2.blur(grey.astype(np.float32), (5, 5))
     return np.asarray(np.sqrt(np.maximum(cv2.sqrBoxFilter(grey, cv2.CV_32F, (5, 5)) - mean**2, 0)))
 
 
-def _matched(quarter: list[UInt8], shift: int, wide: int) -> UInt8:
+def _matched(quarter: list[UInt8], shift: int, wide: int) -> Float32:
     """Disparities of the lower half with the right picture's rows shifted up."""
     params = SGBMParams(num_disparities=wide, mode="3way", speckle_window_size=25)
     disparity = compute_disparity(quarter[0], np.roll(quarter[1], -shift, axis=0), params, whole=True)

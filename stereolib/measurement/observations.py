@@ -100,10 +100,6 @@ class PlaneSeen:
         """One a coefficient."""
         return 3
 
-    def residuals(self, world: World, box: Box) -> Numbers:
-        """Predicted minus observed disparity plane, in standard deviations: (..., 3)."""
-        return self.together((self,))(world, box)
-
     @staticmethod
     def together(several: Sequence[PlaneSeen]) -> Residuals:
         """Residuals of many at once."""
@@ -165,10 +161,6 @@ class EdgeSeen:
         """Across it."""
         return 1
 
-    def residuals(self, world: World, box: Box) -> Numbers:
-        """How far the predicted edge passes the point, across it, in standard deviations: (..., 1)."""
-        return self.together((self,))(world, box)
-
     @staticmethod
     def together(several: Sequence[EdgeSeen]) -> Residuals:
         """Residuals of many at once."""
@@ -214,10 +206,6 @@ class RangesSeen:
     def count(self) -> int:
         """One a reading."""
         return len(self.ranges_mm)
-
-    def residuals(self, world: World, box: Box) -> Numbers:
-        """Face minus reading along the beams, in standard deviations: (..., N)."""
-        return self.together((self,))(world, box)
 
     @staticmethod
     def together(several: Sequence[RangesSeen]) -> Residuals:
@@ -319,10 +307,6 @@ class OwnPrior:
     def count(self) -> int:
         """One."""
         return 1
-
-    def residuals(self, world: World, box: Box) -> Numbers:
-        """Parameter minus value, in standard deviations: (..., 1)."""
-        return self.together((self,))(world, box)
 
     @staticmethod
     def together(several: Sequence[OwnPrior]) -> Residuals:

@@ -70,8 +70,8 @@ def edge_direction(edge: Edge, own: Float64, first: Side) -> Float64:
     return step
 
 
-def predicted(edge: Edge, world: World, own: Float64, *, right: bool = False) -> EdgeSeen:
-    """Where the model has an edge.
+def predicted(edge: Edge, world: World, own: Float64) -> EdgeSeen:
+    """Where the model has an edge in the left picture.
 
     Parameters
     ----------
@@ -80,15 +80,13 @@ def predicted(edge: Edge, world: World, own: Float64, *, right: bool = False) ->
         One, real.
     own : (8,) float64
         The box, in the order of `Own`.
-    right : bool
-        In the right picture.
 
     Returns
     -------
     EdgeSeen
         Its middle in the picture, with a standard deviation of 1 px.
     """
-    return EdgeSeen.through(edge, *world.pixels(Box(own).edge(edge), right), right=right)
+    return EdgeSeen.through(edge, *world.pixels(Box(own).edge(edge)))
 
 
 def predicted_stds_px(

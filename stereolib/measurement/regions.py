@@ -19,6 +19,7 @@ STEP = 3
 OBJECTS_WITHIN_MM = 1800.0
 #: What has fewer pixels is no object.
 LEAST_PX = 600
+_LEAST_HEIGHT_MM = 20.0  # what is lower belongs to the floor
 _LEAST_RISE_PX = 1.0  # what rises less above the floor's disparity belongs to the floor: SGBM's own error
 _LEAST_AHEAD = 0.2  # of a ray's depth: steeper ones meet the floor at the rig's feet
 _JUMP_PX, _JUMP = 1.5, 0.02  # neighbours whose disparities differ by more, px and share, are different objects
@@ -60,14 +61,7 @@ class ObjectRegion:
         return float(np.partition(self.height_mm, at)[at])
 
 
-def find_objects(
-    disparity_px: Floats,
-    floor: Floor,
-    *,
-    min_height_mm: float = 20.0,
-    max_distance_mm: float = OBJECTS_WITHIN_MM,
-    least_px: int = LEAST_PX,
-) -> list[ObjectRegion]:
+def find_objects(disparity_px: Floats, floor: Floor) -> list[ObjectRegion]:
     """Separate what stands on the floor, from the floor, from the background and from each other.
 
     Parameters
@@ -75,12 +69,6 @@ def find_objects(
     disparity_px : (H, W) float, px
         Of the rectified left image, NaN where invalid.
     floor : Floor
-    min_height_mm : float
-        What is lower belongs to the floor.
-    max_distance_mm : float
-        What is farther is background.
-    least_px : int
-        What has fewer pixels is no object.
 
     Returns
     -------
@@ -94,10 +82,12 @@ def find_objects(
 
     Notes
     -----
-    Neighbours belong together where their disparities differ by less than 1.5 px and 2 %. What two rows of pixels join,
-    every third one, of objects side by side, is cut apart. So is what joins two parts that are both nearer by 5 %: one
-    box bulges, wherever it is seen from, and between two there is a valley. Of one upright thing are also parts one
-    above the other, as far away to 3 %, between which most pixels were not matched: a plain face is torn.
+    What is lower than 20 mm belongs to the floor, what is farther than `OBJECTS_WITHIN_MM` is background, and what has
+    fewer pixels than `LEAST_PX` is no object. Neighbours belong together where their disparities differ by less than
+    1.5 px and 2 %. What two rows of pixels join, every third one, of objects side by side, is cut apart. So is what
+    joins two parts that are both nearer by 5 %: one box bulges, wherever it is seen from, and between two there is a
+    valley. Of one upright thing are also parts one above the other, as far away to 3 %, between which most pixels were
+    not matched: a plain face is torn.
 
     Examples
     --------
@@ -118,21 +108,21 @@ def find_objects(
     rows, columns = disparity.shape
     u, v = np.arange(columns, dtype=np.float32) * STEP, np.arange(rows, dtype=np.float32)[:, None] * STEP
     ground, ahead = (a * u + (b * v + c) for a, b, c in (floor.plane.tolist(), floor.along[0].tolist()))
-    least_disparity = rectified.f_px * rectified.baseline_mm / max_distance_mm
-    lift = min_height_mm / floor.camera_height_mm
+    least_disparity = rectified.f_px * rectified.baseline_mm / OBJECTS_WITHIN_MM
+    lift = _LEAST_HEIGHT_MM / floor.camera_height_mm
     mask = (ahead > _LEAST_AHEAD) & (disparity > least_disparity * ahead)
     mask &= disparity - ground > np.maximum(lift * disparity, _LEAST_RISE_PX)
     filled = np.where(mask, disparity, 0)
     below, beside = (filled[:-1], filled[1:], mask[:-1]), (filled[:, :-1], filled[:, 1:], mask[:, :-1])
     for first, second, kept in (below, beside):
         kept &= np.abs(second - first) <= _JUMP_PX + _JUMP * first
-    mask = _without_streaks(mask, least_px)
+    mask = _without_streaks(mask)
     _, labels, stats, _ = cv2.connectedComponentsWithStats(mask.view(np.uint8), connectivity=4)
     nearness = filled / ahead
     labels, stats = _joined(labels, stats, np.isfinite(disparity), nearness)
     labels, stats = _cut_in_valleys(labels, stats, nearness)
     regions = []
-    for k in 1 + np.flatnonzero(stats[1:, cv2.CC_STAT_AREA] * STEP**2 >= least_px):
+    for k in 1 + np.flatnonzero(stats[1:, cv2.CC_STAT_AREA] * STEP**2 >= LEAST_PX):
         x, y, w, h, _ = stats[k]
         part = labels[y : y + h, x : x + w] == k
         row, column = np.nonzero(part)
@@ -148,11 +138,11 @@ def find_objects(
     return sorted(regions, key=lambda region: region.position_mm[0])
 
 
-def _without_streaks(mask: Bools, least_px: int) -> Bools:
+def _without_streaks(mask: Bools) -> Bools:
     """Cut, half-way, what joins two parts side by side, each large enough for an object, by a few rows of pixels."""
     core = mask & (cv2.boxFilter(mask.view(np.uint8), -1, (5, 5), normalize=False) >= _CORE)
     _, cores, stats, _ = cv2.connectedComponentsWithStats(core.view(np.uint8), connectivity=4)
-    large = 1 + np.flatnonzero(stats[1:, cv2.CC_STAT_AREA] * STEP**2 >= least_px)
+    large = 1 + np.flatnonzero(stats[1:, cv2.CC_STAT_AREA] * STEP**2 >= LEAST_PX)
     _, whole = cv2.connectedComponents(mask.view(np.uint8), connectivity=4)
     ends, cut = dict[int, int](), mask.copy()
     for k in large[np.argsort(stats[large, cv2.CC_STAT_LEFT])]:

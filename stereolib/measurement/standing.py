@@ -85,7 +85,8 @@ def see_standing(views: Views, instrument: Instrument, *, floor: Floor | None = 
     """
     if floor is not None and floor.rectified is not instrument.rectified:  # its cameras were turned back
         floor = floor.seen_by(instrument.rectified)
-    no_floor, regions, said = None, list[ObjectRegion](), ()  # type: CannotMeasure | None, list[ObjectRegion], tuple[str, ...]
+    no_floor: CannotMeasure | None = None
+    regions, said = list[ObjectRegion](), tuple[str, ...]()
     views = replace(views, pair=replace(views.pair, errors=instrument.uncertainty.errors))
     if floor is not None:
         floor, said = _against_pictures(floor, views)

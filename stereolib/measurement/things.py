@@ -214,7 +214,7 @@ class Scene:
             found = from_scan(thing.footprint, solution.on_floor(self.priors.laser), height, facts.reasons)
         else:
             assert thing.region is not None
-            found = from_region(thing.region, height, facts.reasons)
+            found = from_region(thing.region, facts.reasons)
         return replace(found, common_mm=np.vstack([found.common_mm[:2], common]))
 
     def _as_scan_allows(self, thing: Thing, found: MeasuredObject) -> MeasuredObject:

@@ -16,7 +16,6 @@ from stereolib.measurement.light import RawPicture
 from stereolib.measurement.plane_alignment import AlignedPair
 from stereolib.rig import RectifiedRig, check_pair, to_grey
 
-_CLIPPED = (2, 253)  # grey levels beyond which a pixel tells nothing
 MOST_OFF, _SURE_STDS = 0.006, 5.0  # of the width: rows that are surely off by more are no knock's, but another rig's
 _NOISE_STEP = 3  # every third pixel of every third row tells the noise
 _STD_PER_MEDIAN = 1 / 0.6745  # of a normal distribution: deviation over the median of what it is off by
@@ -35,8 +34,6 @@ class Views:
     pair : AlignedPair
     rows : RowOffset
         What was corrected, and how well it is known.
-    clipped : float
-        Share of pixels that are black or white in one of the pictures: the larger one.
     """
 
     left: UInt8
@@ -44,7 +41,6 @@ class Views:
     disparity_px: Float32
     pair: AlignedPair
     rows: RowOffset
-    clipped: float
 
     @cached_property
     def slope(self) -> Float32:
@@ -123,7 +119,7 @@ class Views:
         right = rows.correct(right)
         disparity = cv2.resize(2 * small, left.shape[1::-1], interpolation=cv2.INTER_NEAREST)
         pair = AlignedPair.of(left, right, rows.covariance)
-        return cls(left, right, np.asarray(disparity), pair, rows, max(map(_clipped, grey)))
+        return cls(left, right, np.asarray(disparity), pair, rows)
 
 
 def _check_rows(rows: RowOffset, width: int) -> None:
@@ -132,8 +128,3 @@ def _check_rows(rows: RowOffset, width: int) -> None:
         seen = f"the rows of right are {abs(off_px):.1f} px too {'low' if off_px > 0 else 'high'}"
         ask = "Is the calibration of these cameras, as they stand now? Are the pictures mirrored, or upside down?"
         raise ValueError(f"{seen}: what is measured would be wrong by more than anyone could tell. {ask}")
-
-
-def _clipped(grey: UInt8) -> float:
-    low, high = _CLIPPED
-    return float(np.count_nonzero((grey < low) | (grey > high)) / grey.size)

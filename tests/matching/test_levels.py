@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from stereolib.matching import find_rows, score
-from stereolib.matching.levels import noise_grey, shaded, shrunk
+from stereolib.matching.levels import noise_grey, shaded
 from stereolib.matching.pipelines import stereo_pipeline
 from stereolib.virtual import recordings
 
@@ -108,17 +108,3 @@ def test_noise_where_nothing_tells_it():
     assert noise_grey(flat, flat, np.full((100, 100), 5, np.float32)) == 0.5  # what rounding leaves
     tiny = flat[:12, :12]
     assert noise_grey(tiny, tiny, np.zeros((6, 6), np.float32)) == 1.0
-
-
-@pytest.mark.parametrize("times", [2, 4, 8])
-def test_a_smaller_picture_is_means_of_squares(times):
-    rng = np.random.default_rng(0)
-    image = rng.integers(0, 256, (16, 32, 3), dtype=np.uint8)
-    expected = image.reshape(16 // times, times, 32 // times, times, 3).mean(axis=(1, 3))
-    np.testing.assert_allclose(shrunk(image, times), expected, atol=1e-3)
-    moved = shrunk(image, times, times - 1)
-    assert moved.shape == expected.shape
-    np.testing.assert_allclose(moved[:, 0, 0], shrunk(image[:, times - 1 :], times)[:, 0, 0], atol=1e-3)
-    odd = shrunk(image[:15, :31], times)
-    assert odd.shape == expected.shape
-    np.testing.assert_allclose(odd[:-1, :-1], expected[:-1, :-1], atol=1e-3)

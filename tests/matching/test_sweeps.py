@@ -171,6 +171,10 @@ def test_results_of_another_study_are_refused(tmp_path: Path):
     with pytest.raises(ValueError, match="holds the results of another study"):
         sweep([small_view()], SETTINGS[:1], results=path, whole=True, progress=False)
     assert path.read_bytes() == before
+    for damage in ("abc", before.decode().splitlines()[-1].rpartition(",")[0] + ",many"):
+        path.write_bytes(before + damage.encode() + b"\n")
+        with pytest.raises(ValueError, match=rf"rows.csv: line {before.count(10) + 1} is damaged: delete it"):
+            sweep([small_view()], SETTINGS[:1], results=path, progress=False)
     path.write_text("a,b\n1,2\n")
     with pytest.raises(ValueError, match="is no results file of a sweep"):
         sweep([small_view()], SETTINGS[:1], results=path, progress=False)

@@ -10,7 +10,6 @@ from stereolib.measurement import (
     AlignedPair,
     CannotMeasure,
     Floor,
-    FloorLimits,
     fit_floor,
     floor_from_pose,
     floor_tolerance_px,
@@ -120,13 +119,14 @@ def test_a_wall_is_no_floor():
         fit_floor(disparity, RECT)
 
 
-def test_a_floor_beyond_its_limits_is_none():
-    floor = floor_from_pose(RECT, rig_pose(RECT, -0.2, 400.0))
-    disparity = floor.disparity(*GRID)
-    assert fit_floor(disparity, RECT).camera_height_mm == pytest.approx(400.0, abs=1e-6)
-    for limits in (FloorLimits(camera_height_mm=399.0), FloorLimits(tilt_rad=0.19)):
-        with pytest.raises(CannotMeasure, match="no floor"):
-            fit_floor(disparity, RECT, limits=limits)
+@pytest.mark.parametrize(("pitch_deg", "height_mm"), [(-49, 400.0), (-51, 400.0), (-10, 990.0), (-10, 1010.0)])
+def test_a_floor_beyond_its_limits_is_none(pitch_deg: float, height_mm: float):
+    disparity = floor_from_pose(RECT, rig_pose(RECT, np.radians(pitch_deg), height_mm)).disparity(*GRID)
+    if pitch_deg >= -50 and height_mm < 1000:
+        assert fit_floor(disparity, RECT).camera_height_mm == pytest.approx(height_mm, abs=1e-5)
+        return
+    with pytest.raises(CannotMeasure, match="no floor"):
+        fit_floor(disparity, RECT)
 
 
 def test_a_floor_of_one_spot_is_none():

@@ -138,14 +138,13 @@ def test_edges_farther_off_than_they_say_widen_the_deviations_and_chance_does_no
     assert least <= rms[0] / rms[1] < most
 
 
-def test_a_height_without_a_face_keeps_its_deviation():
+def test_what_shows_no_face_has_a_place_alone():
     nothing = np.zeros(1)
     region = ObjectRegion(nothing, nothing, nothing, nothing, (800.0, 50.0), (0, 0, 9, 9))
-    thing = from_region(region, (250.0, 3.0), {})
-    assert thing.size_mm[2] == 250.0 and thing.std_mm[2] == 3.0 and np.isnan(thing.std_mm[:2]).all()
-    assert {name: why.reason for name, why in thing.reasons.items()} == dict.fromkeys(
-        ("length", "width"), Reason.NO_FACE
-    )
+    thing = from_region(region, {"height": Why(Reason.LEANS)})
+    assert thing.position_mm.tolist() == [800.0, 50.0] and np.isnan([thing.size_mm, thing.std_mm]).all()
+    reasons = {name: why.reason for name, why in thing.reasons.items()}
+    assert reasons == {"length": Reason.NO_FACE, "width": Reason.NO_FACE, "height": Reason.LEANS}
 
 
 @cache

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from support.disturbed import exposed, noisy, rows_moved
@@ -34,6 +36,13 @@ def test_no_texture():
 def test_rows_that_disagree_by_more_than_can_be_corrected(rows):
     found, value = cause(PAIR[0], rows_moved(PAIR[1], rows))
     assert found is NoFloor.ROWS and value == pytest.approx(rows, abs=4)
+
+
+@pytest.mark.parametrize("width", [20, 90])
+def test_a_picture_too_narrow_to_be_matched(width):
+    small = np.random.default_rng(3).integers(40, 220, (60, width)).astype(np.uint8)
+    views = replace(Views.of_rectified(*PAIR), left=small, right=small)
+    assert why_no_floor(views, RECT)[0] is NoFloor.UNSEEN
 
 
 def test_nearer_than_the_window():

@@ -21,6 +21,10 @@ KINDS = {
 N = len(Shared)
 
 
+def residuals_of(seen, world, box):
+    return seen.together((seen,))(world, box)
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_derivatives_are_those_of_central_differences(kind):
     rng = np.random.default_rng(3)
@@ -28,7 +32,7 @@ def test_derivatives_are_those_of_central_differences(kind):
     x = np.concatenate([STILL, OWN]) + scale * rng.normal(0, 1, N + len(Own))
 
     def residuals(y):
-        return KINDS[kind].residuals(PRIORS.world(y[..., :N]), Box(y[..., N:]))
+        return residuals_of(KINDS[kind], PRIORS.world(y[..., :N]), Box(y[..., N:]))
 
     values, J = derivatives(residuals, x)
     assert values == pytest.approx(residuals(x))
@@ -43,7 +47,7 @@ def test_the_truth_leaves_no_residual():
     for x in (STILL, shared(pitch=0.01, offset=0.3, focal=0.002, laser_x=8.0, laser_yaw=0.05, laser_scale=0.02)):
         world = PRIORS.world(x)
         for seen in everything(world)[7:]:
-            assert np.abs(seen.residuals(world, Box(OWN))).max() < 1e-9
+            assert np.abs(residuals_of(seen, world, Box(OWN))).max() < 1e-9
 
 
 def test_residuals_count_standard_deviations():
@@ -51,25 +55,25 @@ def test_residuals_count_standard_deviations():
     higher[Own.HEIGHT] += 1.0
     top = edges(WORLD, OWN, some=[Edge.TOP_LEFT])[0]
     rise = WORLD.pixels(Box(higher).edge(Edge.TOP_LEFT))[0] - WORLD.pixels(Box(OWN).edge(Edge.TOP_LEFT))[0]
-    off = top.residuals(WORLD, Box(higher))[0] * top.std_px
+    off = residuals_of(top, WORLD, Box(higher))[0] * top.std_px
     assert abs(off) == pytest.approx(abs(rise @ top.across), rel=0.1)
     nearer = OWN.copy()
     nearer[[Own.X, Own.Y]] -= 6.0 * Box(OWN).normal(Side.RIGHT)
     seen = readings(WORLD, OWN)[0]
     along = 6.0 / (seen.beams @ Box(OWN).normal(Side.RIGHT)) / seen.sigma_mm
-    assert -seen.residuals(WORLD, Box(nearer)) == pytest.approx(along)
+    assert -residuals_of(seen, WORLD, Box(nearer)) == pytest.approx(along)
     longer = OWN.copy()
     longer[Own.RIGHT] += GAP_MM / 12**0.5
-    assert ends(WORLD, OWN)[0].residuals(WORLD, Box(longer)) == pytest.approx(1.0)
+    assert residuals_of(ends(WORLD, OWN)[0], WORLD, Box(longer)) == pytest.approx(1.0)
 
 
 def test_a_bias_shifts_all_readings_of_its_face():
     biased = OWN.copy()
     biased[Own.RIGHT_BIAS] = 1.5
     right, left = readings(WORLD, biased)
-    assert np.abs(right.residuals(WORLD, Box(biased))).max() < 1e-9
-    assert -right.residuals(WORLD, Box(OWN)) == pytest.approx(1.5 / right.sigma_mm)
-    assert np.abs(left.residuals(WORLD, Box(OWN))).max() < 1e-9
+    assert np.abs(residuals_of(right, WORLD, Box(biased))).max() < 1e-9
+    assert -residuals_of(right, WORLD, Box(OWN)) == pytest.approx(1.5 / right.sigma_mm)
+    assert np.abs(residuals_of(left, WORLD, Box(OWN))).max() < 1e-9
 
 
 def test_whitening_makes_errors_of_one_sigma():
@@ -98,6 +102,6 @@ def test_many_at_once_are_each_by_itself():
     for y in (x, x + 1j * 1e-30 * np.eye(len(x))):
         world, box = PRIORS.world(y[..., :N]), Box(y[..., N:])
         for kind, some in kinds.items():
-            each = [o.residuals(world, box) for o in some]
+            each = [residuals_of(o, world, box) for o in some]
             assert [r.shape[-1] for r in each] == [o.count for o in some] and len(some) > 1
             assert kind.together(some)(world, box) == pytest.approx(np.concatenate(each, axis=-1), rel=1e-9)

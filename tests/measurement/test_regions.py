@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from support.ground import GRID, RECT
 
-from stereolib.measurement import find_objects, floor_from_pose
+from stereolib.measurement import ObjectRegion, find_objects, floor_from_pose
+from stereolib.measurement.regions import OBJECTS_WITHIN_MM
 from stereolib.paper import rig_pose
 from stereolib.virtual import Scene, box_on_floor, cube_scene, recordings, render_truth, room
 
@@ -123,16 +124,19 @@ def test_integer_disparities_are_refused():
         find_objects(np.ones((480, 640), np.int16), floor_from_pose(RECT, recordings.setup("level")))
 
 
-@pytest.mark.parametrize("pitch_deg", [-25.0, 0.0])
+@pytest.mark.parametrize("pitch_deg", [-15.0, 0.0])
 def test_how_far_is_counted_along_the_floor(pitch_deg):
     """Of a camera that looks down: an upright wall is equally far at its foot and at its top."""
     floor = floor_from_pose(RECT, rig_pose(RECT, np.radians(pitch_deg), 400.0))
     u, v = np.meshgrid(np.arange(640.0), np.arange(480.0))
     ahead = floor.along[0] @ np.stack([u.ravel(), v.ravel(), np.ones(u.size)])
-    wall = (RECT.f_px * RECT.baseline_mm * ahead / 900).reshape(480, 640)  # everywhere 900 mm away
-    disparity = np.where((np.abs(u - 320) < 80) & (wall > floor.disparity(u, v)), wall, floor.disparity(u, v))
-    disparity[:100] = floor.disparity(u, v)[:100]
-    disparity = np.where(disparity > 0, disparity, np.nan)
-    (near,) = find_objects(disparity, floor, max_distance_mm=920)
-    assert near.position_mm[0] == pytest.approx(900, abs=5) and len(near.u) > 1000
-    assert find_objects(disparity, floor, max_distance_mm=880) == []
+
+    def found(away_mm: float) -> list[ObjectRegion]:
+        wall = (RECT.f_px * RECT.baseline_mm * ahead / away_mm).reshape(480, 640)  # everywhere so far
+        disparity = np.where((np.abs(u - 320) < 80) & (wall > floor.disparity(u, v)), wall, floor.disparity(u, v))
+        disparity[:10] = floor.disparity(u, v)[:10]
+        return find_objects(np.where(disparity > 0, disparity, np.nan), floor)
+
+    (near,) = found(OBJECTS_WITHIN_MM - 20)
+    assert near.position_mm[0] == pytest.approx(OBJECTS_WITHIN_MM - 20, abs=5) and len(near.u) > 1000
+    assert found(OBJECTS_WITHIN_MM + 20) == []

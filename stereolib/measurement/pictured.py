@@ -454,15 +454,21 @@ def _looks_down(world: World, own: Float64) -> bool:
 
 
 def _as_high_as_its_ends(views: Views, world: World, rough: _Rough) -> tuple[_Rough, dict[Edge, Expected]]:
-    """A box whose upright ends go straight on beyond its upper edge: that was a line on it, it ends where they do."""
-    tops = [edge for edge in rough.open if edge.is_top]
+    """A box whose upright ends go straight on beyond its upper edge: that was a line on it, it ends where they do.
+
+    So do the edges of a top that the camera looks down on: there the faces themselves must go on.
+    """
+    tops = [side for side in Side if side.top in rough.open]
     ends = [side.end for side in Side if side.end in rough.open]
     found = uprights_beyond(views.pair.pictures, world, rough.own, ends) if tops else None
     if found is None or found[1] < _GOES_ON:
         return rough, {}
+    more_mm = found[0] - float(rough.own[Own.HEIGHT])
+    if sum(shown_beyond(views, world, rough.own, side, side.top, more_mm) for side in tops) < 0:
+        return rough, {}
     own = rough.own.copy()
     own[Own.HEIGHT] = found[0]
-    return replace(rough, own=own), {edge: Expected(_TOP_END_PX) for edge in tops}
+    return replace(rough, own=own), {side.top: Expected(_TOP_END_PX) for side in tops}
 
 
 def _as_far_as_its_top(views: Views, world: World, rough: _Rough) -> tuple[_Rough, dict[Edge, Expected]]:

@@ -76,8 +76,10 @@ def why_it_is_no_box(
     Why or None
         It leans, or was matched nowhere, or is no wider than an edge, or nothing of its outline stands out.
     """
-    leans = _leaning(stretch, tilts, peaks)
-    return leans or _unfollowed(stretch) or _too_narrow(stretch, shown, solution) or _without_edges(shown, peaks)
+    stands = _edges_stand(peaks) or _faces_stand(tilts)
+    leans = _leaning(stretch, tilts, stands=stands)
+    narrow = _unfollowed(stretch) or _too_narrow(stretch, shown, solution)
+    return leans or narrow or _without_edges(shown, peaks, stands=stands)
 
 
 def _unfollowed(stretch: Stretch) -> Why | None:
@@ -121,26 +123,31 @@ def _in_the_air(views: Views, world: World, stretch: Stretch, own: Float64, ends
     return Why(Reason.IN_THE_AIR, f"its face ends {stretch.foot_mm:.0f} mm above the floor")
 
 
-def _leaning(stretch: Stretch, tilts: Sequence[tuple[float, float]], peaks: Mapping[Edge, Peak]) -> Why | None:
+def _leaning(stretch: Stretch, tilts: Sequence[tuple[float, float]], *, stands: bool) -> Why | None:
     """Faces that are not upright (tilts with their deviations, rad), or whose ends are turned."""
     for tilt, std in tilts:
         if abs(tilt) > _LEANING_RAD + _SURE * std:
             return Why(Reason.LEANS, f"tilted by {np.degrees(abs(tilt)):.0f} degrees")
     lean, unfooted = abs(stretch.lean_rad), stretch.low_mm > _gap_mm(stretch)
-    if lean > _LEANING_ASIDE_RAD + (1.0 if unfooted else _SURE) * stretch.lean_std_rad and not _stands(peaks):
+    if lean > _LEANING_ASIDE_RAD + (1.0 if unfooted else _SURE) * stretch.lean_std_rad and not stands:
         return Why(Reason.LEANS, f"tilted to the side by about {np.degrees(lean):.0f} degrees")
     return None
 
 
-def _without_edges(shown: Sequence[Edge], peaks: Mapping[Edge, Peak]) -> Why | None:
+def _without_edges(shown: Sequence[Edge], peaks: Mapping[Edge, Peak], *, stands: bool) -> Why | None:
     """Nothing of its outline stands out: what was followed may be any part of it; or nothing upright does."""
     outer = [edge for edge in shown if edge is not Edge.CORNER]
     if outer and not any(edge in peaks for edge in outer):
         return Why(Reason.NO_EDGE)
-    upright = any(edge.upright for edge in shown) and not _stands(peaks)
-    return Why(Reason.MAY_LEAN, "no upright edge of it stands out") if upright else None
+    may_lean = any(edge.upright for edge in shown) and not stands
+    return Why(Reason.MAY_LEAN, "no upright edge of it stands out") if may_lean else None
 
 
-def _stands(peaks: Mapping[Edge, Peak]) -> bool:
+def _faces_stand(tilts: Sequence[tuple[float, float]]) -> bool:
+    """Two faces were seen, and neither is tilted: what stands at the edge where they meet does not lean to any side."""
+    return len(tilts) > 1 and all(abs(tilt) + _SURE * std < _LEANING_RAD for tilt, std in tilts)
+
+
+def _edges_stand(peaks: Mapping[Edge, Peak]) -> bool:
     """Upright edges were seen all along their lines, together as well as a sharp one."""
     return sum(peak.std_px**-2 for edge, peak in peaks.items() if edge.upright) > SHARP_PX**-2

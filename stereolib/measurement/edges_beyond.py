@@ -253,13 +253,19 @@ def shown_beyond(views: Views, world: World, own: Float64, side: Side, edge: Edg
     -------
     float
         Lines a pixel apart, from the fifth pixel on. Plain ones count for nothing: SGBM takes what is plain beside a
-        surface for that surface.
+        surface for that surface. All differ where they show the top there as well, or better.
     """
     count = int(more_mm / _mm_per_px(world, own, side, edge, more_mm))
     if count <= _SPILL_PX:
         return 0.0
-    along = agreement(views, world, _along(own, side, edge, np.arange(-_INSIDE_PX, count + 1.0) * more_mm / count))
-    return float(along.votes(_INSIDE_PX)[_INSIDE_PX + int(_SPILL_PX) + 1 :].sum())
+    beyond, lines = _INSIDE_PX + int(_SPILL_PX) + 1, np.arange(-_INSIDE_PX, count + 1.0) * more_mm / count
+    points = _along(own, side, edge, lines)
+    along = agreement(views, world, points)
+    if edge.is_top and float(world.camera_height) - own[Own.HEIGHT] > 1.5 * more_mm:  # what lies there may be the top
+        top = agreement(views, world, _on_top(world, own, points[beyond:]))
+        if np.nansum(top.whole) >= np.nansum(along.whole[beyond:]):
+            return -float(len(points) - beyond)
+    return float(along.votes(_INSIDE_PX)[beyond:].sum())
 
 
 def is_matched_otherwise(views: Views, world: World, own: Float64, side: Side, extent_mm: float) -> bool:
@@ -388,6 +394,13 @@ def _along(own: Float64, side: Side, edge: Edge, beyond_mm: Float64) -> Float64:
     ends = Box(own + beyond_mm[:, None] * outwards).edge(edge)
     share = (np.arange(_SAMPLES)[:, None] + 0.5) / _SAMPLES
     return np.asarray(ends[:, :1] + share * (ends[:, 1:] - ends[:, :1]))
+
+
+def _on_top(world: World, own: Float64, points_mm: Float64) -> Float64:
+    """The points of a box's top that the left picture shows where it would show others, above it: (..., 3)."""
+    eye_mm = np.array([0.0, 0.0, float(world.camera_height)])
+    off_mm = points_mm - eye_mm
+    return np.asarray(eye_mm + off_mm * ((own[Own.HEIGHT] - eye_mm[2]) / off_mm[..., 2:]))
 
 
 def _mm_per_px(world: World, own: Float64, side: Side, edge: Edge, beyond_mm: float) -> float:

@@ -3,7 +3,7 @@ from .camera_moves import moved_back
 from .depth_map import DepthMap, measure_depth, whole_mm
 from .disparity_map import add_outliers, check_disparity_map, pixel_rays
 from .faces import Face
-from .floor import Floor, fit_floor, floor_from_pose, floor_tolerance_px
+from .floor import Floor, FloorLimits, fit_floor, floor_from_pose, floor_tolerance_px
 from .height_attempt import HeightAttempt, attempt_height, attempt_standing, corner_width_mm
 from .instrument import CameraMoves, Instrument, SystematicUncertainty, save_laser_pose
 from .laser_on_floor import LaserOnFloor
@@ -32,6 +32,7 @@ __all__ = [
     "DepthMap",
     "Face",
     "Floor",
+    "FloorLimits",
     "HeightAttempt",
     "Instrument",
     "LaserOnFloor",

@@ -26,12 +26,29 @@ _ABOVE = 1.5  # and a pixel so many above it stands on it
 _SPECKS = np.ones((3, 3), np.uint8)  # of the seventh ones: fewer that lie above are wrong matches
 _BESIDE = np.ones((5, 9), np.uint8)  # and so far around the others is not taken for floor
 _GAPS = _BESIDE  # so large are those that a floor of long structures, as planks have them, is matched with
-_MOST_TILT_RAD, _MOST_ROLL_RAD = np.radians(50.0), np.radians(15.0)  # of a camera over a floor; tells walls from it
-_MOST_HEIGHT_MM = 1000.0  # and how high it may stand
 _NO_FLOOR = (
     "no large part of the image fits a plane below the camera. Tilt the camera down or step back, see that "
     "the floor has texture and the pictures are of one moment, left one first; in Python, floor_from_pose gives a floor"
 )
+
+
+@dataclass(frozen=True)
+class FloorLimits:
+    """How a camera may stand over a floor; tells floors from walls and ceilings.
+
+    Attributes
+    ----------
+    tilt_rad : float
+        How steeply it may look up or down.
+    roll_rad : float
+        How far it may lean aside.
+    camera_height_mm : float
+        How high it may stand.
+    """
+
+    tilt_rad: float = float(np.deg2rad(50.0))
+    roll_rad: float = float(np.deg2rad(15.0))
+    camera_height_mm: float = 1000.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -234,6 +251,7 @@ def fit_floor(
     rectified: RectifiedRig,
     *,
     pair: AlignedPair | None = None,
+    limits: FloorLimits | None = None,
 ) -> Floor:
     """Find the floor in a disparity map.
 
@@ -249,6 +267,8 @@ def fit_floor(
     pair : AlignedPair, optional
         The rectified pictures. On a floor seen at a grazing angle block matching errs by a pixel and more, always to
         the same side; alignment does not.
+    limits : FloorLimits, optional
+        How the camera may stand; by default `FloorLimits()`.
 
     Returns
     -------
@@ -277,8 +297,9 @@ def fit_floor(
     (400.0, -0.2)
     """
     disparity = check_disparity_map(disparity_px, rectified)
+    limits = limits or FloorLimits()
     pixels = _Pixels.of(disparity, rectified)
-    plane, weight = pixels.refined(_vote(disparity, rectified), int(_LEAST_SUPPORT * disparity.size / _STEP**2))
+    plane, weight = pixels.refined(_vote(disparity, rectified, limits), int(_LEAST_SUPPORT * disparity.size / _STEP**2))
     if pair is None:
         rest, root = pixels.d - pixels.rays @ plane, np.sqrt(weight)
         bend = root * (5 * root - 4)  # derivative of the weighted residual
@@ -290,7 +311,7 @@ def fit_floor(
         u, v = pixels.of_floor(plane, weight > 0, disparity.shape)
         fit = align(pair, u, v, pixel_rays(u, v, rectified), plane, most=_MOST_PIXELS)
         plane, covariance = fit.parameters, fit.covariance
-    if not _plausible(plane[None], rectified)[0]:
+    if not _plausible(plane[None], rectified, limits)[0]:
         raise CannotMeasure("no floor", _NO_FLOOR)
     back = pixel_rays(np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0]), rectified)
     back = np.stack([back[0] - back[2], back[1] - back[2], back[2]])  # planes per ray -> per pixel
@@ -342,7 +363,7 @@ class _Pixels:
         return u[column].astype(float), v[row].astype(float)
 
 
-def _vote(disparity_px: Floats, rectified: RectifiedRig) -> Float64:
+def _vote(disparity_px: Floats, rectified: RectifiedRig, limits: FloorLimits) -> Float64:
     """The plane (3,), per ray, for which most patches of the map speak; CannotMeasure if there is none."""
     rows, columns = (size // _PATCH_PX * _PATCH_PX for size in disparity_px.shape)
     d = disparity_px[:rows:_FINE, :columns:_FINE].astype(float)
@@ -359,7 +380,7 @@ def _vote(disparity_px: Floats, rectified: RectifiedRig) -> Float64:
     full = np.concatenate([np.full(sums[..., 0, 0].size, side**2), np.full(wide[..., 0, 0].size, 4 * side**2)])
     every = every[every[:, 2, 2] > _MATCHED * full]
     planes = np.linalg.solve(every[:, :3, :3], every[:, :3, 3:])[..., 0]
-    planes = planes[_plausible(planes, rectified)]
+    planes = planes[_plausible(planes, rectified, limits)]
     mean = sums.reshape(-1, 4, 4)[:, 2]
     mean = mean[mean[:, 2] > _MATCHED * side**2]
     if not len(planes) or not len(mean):
@@ -390,10 +411,10 @@ def floor_tolerance_px(disparity_px: Floats) -> Floats:
     return np.asarray(0.4 + 0.015 * disparity_px)
 
 
-def _plausible(planes: Float64, rectified: RectifiedRig) -> Bools:
+def _plausible(planes: Float64, rectified: RectifiedRig, limits: FloorLimits) -> Bools:
     """Which planes (N, 3), per ray, may be a floor: below, not too steep, not too far. (N,) bool."""
     size = np.maximum(np.linalg.norm(planes, axis=1), 1e-9)
     down = planes / size[:, None]
-    allowed = (down[:, 1] > 0) & (np.abs(np.arcsin(down[:, 2])) < _MOST_TILT_RAD)
-    allowed &= np.abs(np.arctan2(down[:, 0], down[:, 1])) < _MOST_ROLL_RAD
-    return np.asarray(allowed & (rectified.f_px * rectified.baseline_mm / size < _MOST_HEIGHT_MM))
+    allowed = (down[:, 1] > 0) & (np.abs(np.arcsin(down[:, 2])) < limits.tilt_rad)
+    allowed &= np.abs(np.arctan2(down[:, 0], down[:, 1])) < limits.roll_rad
+    return np.asarray(allowed & (rectified.f_px * rectified.baseline_mm / size < limits.camera_height_mm))

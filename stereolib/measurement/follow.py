@@ -10,6 +10,7 @@ from stereolib.base import Float64
 from stereolib.measurement.agreement import Agreement, Look, Past, Reach, Samples, agreement
 from stereolib.measurement.box import Box, Own, Side, World
 from stereolib.measurement.faces import Face
+from stereolib.measurement.plane_alignment import CannotMeasure
 from stereolib.measurement.sideways import heights_aside, reach_aside, upright
 from stereolib.measurement.upright_line import UprightLine, face_line, upright_line
 from stereolib.measurement.views import Views
@@ -176,6 +177,11 @@ def follow_face(views: Views, world: World, face: Face, top_mm: float) -> Stretc
     Returns
     -------
     Stretch
+
+    Raises
+    ------
+    CannotMeasure
+        "no texture", if what was matched lies on no upright plane before the camera.
     """
     stretch, f = _upwards(views, world, face, top_mm), float(world.focal)
     line, (a, b) = stretch.line, face.bearing
@@ -205,6 +211,8 @@ def _upwards(views: Views, world: World, face: Face, top_mm: float) -> Stretch:
     line, *_ = upright_line(world, face, 0.5 * top_mm)
     a, b = face.bearing
     ground = line.at(a + (b - a) * np.linspace(*_UPWARDS, _SAMPLES))
+    if not (np.isfinite(ground).all() and (ground[:, 0] > 0).all()):
+        raise CannotMeasure("no texture", "what was matched of the object is no upright face; light or texture it")
     per_px = float(ground[:, 0].mean()) / float(world.focal)
     heights = np.arange(-_BELOW_PX * per_px, _height_at_rim(world, ground.mean(axis=0)), per_px)
     middle = int(np.argmin(np.abs(heights - 0.5 * top_mm)))
@@ -402,6 +410,8 @@ def follow_top(views: Views, world: World, own: Float64, front: Side, height_std
     steps = sorted(range(-most, most + 1), key=abs)  # of equal ones the first is taken: the nearest
     tried = known_mm + step_mm * np.array(steps)
     tried = tried[(tried > 0.0) & (tried < camera_mm - LEAST_ABOVE_MM)]
+    if not len(tried):  # the known one is none of a top either
+        return None
     first = np.stack([_top(world, own, front, height, _FIRST_PX)[1] for height in tried])
     alike = Samples.of(views, world, first).correlations.mean(axis=-1) - _AGREES
     gained = np.cumsum(np.nan_to_num(alike, nan=-_AGREES), axis=1).max(axis=1).clip(0.0, None)

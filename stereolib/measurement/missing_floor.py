@@ -9,7 +9,7 @@ import numpy as np
 
 from stereolib.base import Float32, UInt8
 from stereolib.matching import SGBMParams, compute_disparity
-from stereolib.measurement.floor import Floor, fit_floor
+from stereolib.measurement.floor import Floor, FloorLimits, fit_floor
 from stereolib.measurement.plane_alignment import CannotMeasure
 from stereolib.measurement.views import Views
 from stereolib.rig import RectifiedRig, to_grey
@@ -22,6 +22,7 @@ _LEAST_MATCHED = 0.5  # share of what has texture that both cameras then show al
 _BETTER = 1.3  # so much more is matched with the cause taken away
 _LEAST_NEAR = 0.1  # share of the lower half that is nearer than the window
 _SHIFTS = range(-6, 7)  # rows of the quarter size
+_LIMITS, _HIGHER = FloorLimits(), FloorLimits(camera_height_mm=5000.0)
 _WINDOW, _WIDE = 64, 128  # disparities of the quarter size that `Views` searches, and all that are tried
 
 
@@ -41,10 +42,15 @@ class NoFloor(Enum):
         "the floor has texture, but both cameras see it differently: it shines (take the light away from behind it, or "
         "cover it), or the pictures are not of one moment or not left one first"
     )
+    HIGH = (
+        "the camera stands {:.0f} mm above it: stand it lower, a floor is looked for up to "
+        f"{_LIMITS.camera_height_mm:.0f} mm below"
+    )
     UNSEEN = (
-        "nothing below the camera is a plane: step back or tilt the camera down, until both cameras see a free part of "
-        "the floor; if the pictures are upside down, as of a rig that hangs on its head, turn both by 180 degrees and "
-        "exchange them, those of the boards, too"
+        "nothing below the camera is a plane: step back or tilt the camera down, "
+        f"by {np.degrees(_LIMITS.tilt_rad):.0f} degrees at most, until both cameras see a free part of the floor; if "
+        "the pictures are upside down, as of a rig that hangs on its head, turn both by 180 degrees and exchange them, "
+        "those of the boards, too"
     )
 
 
@@ -84,12 +90,13 @@ def why_no_floor(views: Views, rectified: RectifiedRig) -> tuple[NoFloor, float]
     -------
     cause : NoFloor
     value : float
-        Rows, px, or the nearest distance that can be matched, mm; NaN of the other causes.
+        Rows, px, or the nearest distance that can be matched, mm, or the camera's height, mm; NaN of the other causes.
 
     Notes
     -----
     The first that holds, of the lower half of the pictures: too dark, too bright, plain; then, matched in quarter size,
-    more agrees after a shift of rows; much is nearer than the search window; less than half of what has texture agrees.
+    more agrees after a shift of rows; much is nearer than the search window; less than half of what has texture agrees;
+    there is a floor, but the camera stands too high above it.
     """
     grey = [to_grey(image) for image in (views.left, views.right)]
     below = [image[image.shape[0] // 2 :] for image in grey]
@@ -113,7 +120,10 @@ def why_no_floor(views: Views, rectified: RectifiedRig) -> tuple[NoFloor, float]
         return NoFloor.NEAR, rectified.f_px * rectified.baseline_mm / (4 * _WINDOW)
     if shares[0] < _LEAST_MATCHED:
         return NoFloor.GLOSSY, np.nan
-    return NoFloor.UNSEEN, np.nan
+    try:
+        return NoFloor.HIGH, fit_floor(views.disparity_px, rectified, limits=_HIGHER).camera_height_mm
+    except CannotMeasure:
+        return NoFloor.UNSEEN, np.nan
 
 
 def _deviation(grey: UInt8) -> Float32:

@@ -145,7 +145,7 @@ def _without_edges(shown: Sequence[Edge], peaks: Mapping[Edge, Peak], *, stands:
 
 def _faces_stand(tilts: Sequence[tuple[float, float]]) -> bool:
     """Two faces were seen, and neither is tilted: what stands at the edge where they meet does not lean to any side."""
-    return len(tilts) > 1 and all(abs(tilt) + _SURE * std < _LEANING_RAD for tilt, std in tilts)
+    return len(tilts) > 1 and all(abs(tilt) + _SURE * std < _LEANING_ASIDE_RAD for tilt, std in tilts)
 
 
 def _edges_stand(peaks: Mapping[Edge, Peak]) -> bool:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from support.disturbed import exposed, noisy, rows_moved
-from support.ground import RECT
+from support.ground import GRID, RECT
 
 from stereolib.measurement import CannotMeasure, Instrument, NoFloor, Views, find_floor, floor_from_pose, why_no_floor
 from stereolib.measurement.standing import _floor_below
@@ -58,6 +58,19 @@ def test_a_floor_that_both_see_differently():
     spoilt = PAIR[1].copy()
     spoilt[200:] = np.kron(draw.integers(40, 220, (70, 160, 1)), np.ones((4, 4, 3))).astype(np.uint8)
     assert cause(PAIR[0], spoilt)[0] is NoFloor.GLOSSY
+
+
+def test_a_camera_on_a_tripod():
+    """Its floor is there, but farther below than sizes were tried from."""
+    floor = floor_from_pose(RECT, rig_pose(RECT, pitch_rad=np.radians(-35.0), camera_height_mm=1250.0))
+    disparity = np.asarray(floor.disparity(*GRID), np.float32)
+    views = replace(Views.of_rectified(*PAIR), disparity_px=np.where(disparity > 0, disparity, np.nan))
+    found, value = why_no_floor(views, RECT)
+    assert found is NoFloor.HIGH and value == pytest.approx(1250, abs=1)
+    with pytest.raises(
+        CannotMeasure, match=r"no floor: the camera stands 1250 mm above it.* up to 1000 mm below.*--floor"
+    ):
+        find_floor(views, RECT)
 
 
 def test_a_camera_that_looks_at_a_wall():

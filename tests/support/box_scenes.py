@@ -184,6 +184,16 @@ def own_scene(seed: int) -> BoxScene:
     return BoxScene(seed, scene, distance, pose, rig, sensor, (x, y, yaw), light_samples=2)
 
 
+def tripod_scene(seed: int) -> BoxScene:
+    """An own scene before cameras on a tripod, at most 950 mm high, that look down on the box by 20 to 45 degrees."""
+    scene, rng = own_scene(seed), np.random.default_rng([618, seed])
+    ahead, middle = scene.distance_mm + 100.0, scene.size_mm[2] / 2
+    height = min(middle + ahead * float(np.tan(np.radians(rng.uniform(20, 45)))), 950.0)
+    pitch = float(np.arctan2(middle - height, ahead))
+    pose = paper.rig_pose(scene.rig.rectify(), pitch_rad=pitch, camera_height_mm=height)
+    return replace(scene, T_left_world=pose)
+
+
 def turned_scene(seed: int) -> BoxScene:
     """An own scene before cameras of which one was turned sideways by up to 0.8 degrees since their calibration."""
     scene, rng = own_scene(seed), np.random.default_rng([616, seed])

@@ -269,6 +269,7 @@ SCENES: dict[str, tuple[Callable[[int], BoxScene], Callable[[BoxScene], Instrume
     "turned": (box_scenes.turned_scene, box_scenes.before_turning),
     "risen": (box_scenes.risen_scene, lambda _: box_scenes.instrument()),
     "refocused": (box_scenes.refocused_scene, lambda _: box_scenes.instrument()),
+    "tripod": (box_scenes.tripod_scene, box_scenes.own_instrument),
 }  # fmt: skip
 _CHEAP_WEBCAM = one_after_another(
     laser_moved(yaw_deg=1.0, any_way_mm=10.0, up_to=True), blurred(1.5),
@@ -340,6 +341,11 @@ ROWS: dict[str, Row] = {
         "a cheap webcam: laser and right camera moved, gain, noise, blur and JPEG, each mildly", _CHEAP_WEBCAM
     ),
     "high": Row("nothing is wrong, the camera 450 mm high and looking down by 20 degrees", untouched, "high"),
+    "tripod": Row(
+        "nothing is wrong, rigs of their own on a tripod, up to 0.95 m high, look down by 20 to 45 degrees; no scan",
+        no_scan,
+        "tripod",
+    ),
     "cartons": Row("nothing is wrong, with printed cartons on a terrazzo floor", untouched, "cartons"),
     "bricks": Row("nothing is wrong, with boxes of brick pattern on a floor of planks", untouched, "bricks"),
     "cartons_gain_0.7": Row(

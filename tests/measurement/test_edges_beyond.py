@@ -177,6 +177,17 @@ def test_both_pictures_show_a_face_beyond_a_line_on_it_and_not_beyond_its_outlin
 
 
 @pytest.mark.parametrize("side", Side)
+def test_above_a_face_that_is_seen_from_above_lies_the_top(side):
+    """Its disparities are not so different that the face could not go on there: which of both fits better tells."""
+    box = (900.0, (220.0, 330.0, 130.0), -25.0)
+    shown, own = rendered(*box, camera=(np.radians(-40), 950.0)), true_box(*box)
+    assert shown_beyond(shown.views, shown.world, own, side, side.top, 40.0) < 0
+    low = own.copy()
+    low[Own.HEIGHT] -= 45.0
+    assert shown_beyond(shown.views, shown.world, low, side, side.top, 40.0) > 0
+
+
+@pytest.mark.parametrize("side", Side)
 @pytest.mark.parametrize("case", CASES)
 def test_a_face_does_not_go_on_where_something_else_was_matched(case, side):
     """Its upper edge may be in line with a print on what stands before it."""

@@ -238,6 +238,17 @@ def test_a_top_from_above_tells_the_depth():
     assert np.abs(z(seen, true)).max() < 4 and {Edge.BACK_RIGHT, Edge.BACK_LEFT} & set(seen.edges)
 
 
+@pytest.mark.parametrize(
+    ("distance", "size_mm", "pitch_deg", "height_mm"),
+    [(780.0, (190.0, 220.0, 120.0), -42.0, 850.0), (630.0, (240.0, 350.0, 130.0), -38.0, 620.0)],
+)
+def test_the_edges_of_a_top_that_run_on_from_those_of_a_face_are_not_its_own(distance, size_mm, pitch_deg, height_mm):
+    """Seen straight from the front and steeply from above, both nearly lie in line."""
+    case, steep = (distance, size_mm, 90.0), (np.radians(pitch_deg), height_mm)
+    seen, true = rendered(*case, camera=steep).box(), true_box(*case)
+    assert seen.own[Own.HEIGHT] == pytest.approx(true[Own.HEIGHT], rel=0.02) and seen.refused is None
+
+
 def test_an_end_outside_of_the_picture_is_not_told():
     seen = rendered(520.0, (260.0, 260.0, 220.0), 30.0, lateral=230.0).box()
     side = seen.first
@@ -286,7 +297,7 @@ def test_what_is_too_plain_to_be_followed_to_its_foot_stands_if_its_upright_edge
 
 
 def test_a_box_whose_edges_are_sharp_and_upright_does_not_lean_to_the_side(monkeypatch):
-    """However its face was followed at foot and top; one without an upright edge that stands out does not stand."""
+    """Nor one of which two faces are upright, however its face was followed; one that shows one face alone may lean."""
     shown = rendered(700.0, (260.0, 260.0, 220.0), 30.0)
 
     def turned(*args):
@@ -297,10 +308,16 @@ def test_a_box_whose_edges_are_sharp_and_upright_does_not_lean_to_the_side(monke
 
     def blurred(views, world, own, edge, *rest):
         found = find_edge(views, world, own, edge, *rest)
+        if found is None:
+            return None
         wide = 2.0 if edge.upright else found.peak.std_px
         return replace(found, seen=replace(found.seen, std_px=wide), peak=replace(found.peak, std_px=wide))
 
     monkeypatch.setattr(pictured, "find_edge", blurred)
+    assert shown.box().refused is None
+    for lean_deg in (-5.0, 5.0):
+        assert rendered(700.0, (260.0, 260.0, 220.0), 30.0, lean_deg=lean_deg).box().refused
+    monkeypatch.setattr(pictured, "align_surface", lambda *_: [])
     refused = shown.box().refused
     assert refused.reason is Reason.LEANS and "to the side" in refused.seen
     monkeypatch.setattr(pictured, "follow_face", follow_face)

@@ -111,7 +111,7 @@ def laser_alone() -> Instrument:
     camera = Camera(np.array([[300.0, 0, 159.5], [0, 300.0, 119.5], [0, 0, 1]]), np.zeros(5), (320, 240))
     axes = np.array([[0.0, -1, 0], [0, 0, -1], [1, 0, 0]])  # ahead, left and up, of a camera that looks ahead
     covariance = np.diag([_EXACT**2] * 6 + [LASER_SCALE_STD**2])
-    laser = LidarCamera(rigid(axes, np.zeros(3)), 0.0, covariance, view_misses=np.zeros(0))
+    laser = LidarCamera(rigid(axes, np.zeros(3)), 0.0, covariance)
     return Instrument(StereoRig(camera, camera, np.eye(3), np.array([-60.0, 0, 0])).rectify(), laser)
 
 

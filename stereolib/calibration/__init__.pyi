@@ -27,7 +27,7 @@ from .lens_models import LENS_MODELS, LensFold, fold_inside
 from .movement import MOVEMENTS, Moved, Movement
 from .outliers import MIN_PAIRS
 from .record import CalibrationRecord, damage
-from .rectified_errors import DisparityErrors, deviations, rectified_covariance, rectified_std
+from .rectified_errors import DisparityErrors, deviations, rectified_std
 from .solve import (
     CameraCalibration,
     StereoCalibration,
@@ -54,9 +54,7 @@ from .wording import (
     calibration_facts,
     calibration_text,
     check_rows,
-    error_row,
-    meaning_rows,
-    parameter_rows,
+    result_rows,
     save_calibration,
 )
 from .wrong_corners import CornerOff
@@ -120,7 +118,6 @@ __all__ = [
     "diagnose",
     "epipolar_errors_px",
     "error_map",
-    "error_row",
     "find_board",
     "find_board_in_scan",
     "find_charuco",
@@ -135,12 +132,10 @@ __all__ = [
     "hold_out_splits",
     "interval_table",
     "is_beyond_lasers",
-    "meaning_rows",
     "moved_rig",
-    "parameter_rows",
     "read_share",
-    "rectified_covariance",
     "rectified_std",
+    "result_rows",
     "rig_covariance",
     "rig_difference",
     "rig_parameter_names",

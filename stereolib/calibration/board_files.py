@@ -51,7 +51,8 @@ def find_in_files(left: Files, right: Files, board: Board, *, cache: bool = True
     Raises
     ------
     ValueError
-        Lists of different length, unreadable files, mixed sizes (all of them are listed), or no board in any pair.
+        Lists of different length, unreadable files or mixed sizes (of many, the first are listed), or no board in any
+        pair.
     """
     if isinstance(left, str | PathLike) or isinstance(right, str | PathLike):
         raise ValueError("left and right are lists of files, one file was given: put it into a list")

@@ -136,7 +136,8 @@ class BoardWatch:
         corners = found[0], found[1]
         then_s, before = self._before
         moved = [self._moved(now, earlier) for now, earlier in zip(corners, before, strict=True)]
-        speed = float(np.max(moved)) / (at_s - then_s)  # NaN if either is
+        passed_s = at_s - then_s
+        speed = float(np.max(moved)) / passed_s if passed_s > 0 else math.nan  # NaN if one of both is
         self._before = at_s, corners
         edges = self._edge_px(left, corners[0]), self._edge_px(right, corners[1])
         place = None if corners[0] is None else self._place(corners[0])

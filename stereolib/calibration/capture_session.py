@@ -311,7 +311,7 @@ class CaptureSession:
 
     def _check_sources(self, notes: dict[str, Any], count: int) -> None:
         """Refuse to go on after pairs that were taken the other way round, unless their folders have changed names."""
-        before, now = tuple(notes.get("sources", self._sources)), self._sources
+        before, now = self._noted_sources(notes), self._sources
         if before == now:
             return
         self.before = before
@@ -321,6 +321,15 @@ class CaptureSession:
             ways = "left = {}, right = {}; now it is left = {}, right = {}".format(*before, *now)
             which = f"the {counted(count, 'pair')} in {self.folder} {'was' if count == 1 else 'were'} taken with {ways}"
             raise ValueError(f"{which}: give another folder, or delete {'it' if count == 1 else 'them'}")
+
+    def _noted_sources(self, notes: dict[str, Any]) -> tuple[str, ...]:
+        names = notes.get("sources", list(self._sources))
+        if not (isinstance(names, list) and len(names) == 2 and all(isinstance(name, str) for name in names)):
+            raise ValueError(
+                f"{self.folder / CAPTURE_NOTES}: two names of cameras are expected as sources, got {names!r}: "
+                f"mend it there, or name another folder"
+            )
+        return tuple(names)
 
     def _check_folder(self) -> None:
         for folder in self.folders:

@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 
 from stereolib.base import Float32, UInt8
+from stereolib.calibration.board_poses import can_be_posed
 from stereolib.calibration.board_views import BoardViews, pair_views
 from stereolib.calibration.boards import Board, Charuco, Checkerboard
 from stereolib.calibration.refinement import refine
@@ -63,7 +64,7 @@ def find_charuco(image: UInt8, board: Charuco) -> Float32 | None:
     -------
     (columns * rows, 2) float32, px, or None
         In the order of `Charuco.points_mm`; NaN where a corner was not found. None for fewer than eight corners, or
-        for corners on one line, which say nothing about a pose.
+        for corners on one line, which say nothing about a pose, or where refining leaves no more than that.
 
     Raises
     ------
@@ -81,7 +82,8 @@ def find_charuco(image: UInt8, board: Charuco) -> Float32 | None:
     all_corners = np.full((board.columns * board.rows, 2), np.nan, np.float32)
     all_corners[ids.ravel()] = corners.reshape(-1, 2)
     # the window reaches no marker, whose edges would pull at it
-    return refine(grey, all_corners, board.rows, reach=(1 - board.marker_mm / board.square_mm) / 2)
+    found = refine(grey, all_corners, board.rows, reach=(1 - board.marker_mm / board.square_mm) / 2)
+    return found if can_be_posed(found[None])[0] else None
 
 
 def find_board(image: UInt8, board: Board) -> Float32 | None:
@@ -112,7 +114,7 @@ def find_board(image: UInt8, board: Board) -> Float32 | None:
 def find_in_pairs(
     pairs: Iterable[tuple[UInt8, UInt8]], board: Board, names: Sequence[str] | None = None, *, progress: bool = True
 ) -> BoardViews:
-    """Find the board in stereo pairs, two views at a time over all cores.
+    """Find the board in stereo pairs, as many views at a time as there are cores.
 
     Parameters
     ----------

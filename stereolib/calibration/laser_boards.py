@@ -14,7 +14,7 @@ from stereolib.calibration.board_poses import board_pose
 from stereolib.calibration.boards import Board, Charuco
 from stereolib.calibration.find_boards import find_board
 from stereolib.calibration.first_boards import size_seen
-from stereolib.laser import XV11_SIGMA, LaserScan, find_segments, fit_line
+from stereolib.laser import LaserScan, find_segments, fit_line
 from stereolib.rig import Camera, read_image, rigid, to_grey
 
 _FLAT_MM = 6.0  # rms off a line: black squares read longer than white ones
@@ -48,14 +48,7 @@ class LaserBoardView:
         set_frozen(self, sigma_mm=finite_array(self.sigma_mm, (count,), "sigma_mm"))
 
 
-def find_board_in_scan(
-    scan: LaserScan,
-    T_left_board: Float64,
-    *,
-    diagonal_mm: float,
-    sigma: Callable[[Float64], Float64] = XV11_SIGMA,
-    expected: Float64 | None = None,
-) -> LaserBoardView:
+def find_board_in_scan(scan: LaserScan, T_left_board: Float64, *, diagonal_mm: float) -> LaserBoardView:
     """Find the board in a scan: the straight object that is not larger than it.
 
     Parameters
@@ -65,11 +58,6 @@ def find_board_in_scan(
         From the picture taken with it.
     diagonal_mm : float
         Of the board.
-    sigma : callable
-        Noise of a reading (see `stereolib.laser.find_segments`).
-    expected : (4, 4) array, optional
-        Rough ``T_left_lidar``: of several objects that could be the board it takes that nearest to the origin of
-        `T_left_board`, which had better be the board's middle then.
 
     Returns
     -------
@@ -80,13 +68,9 @@ def find_board_in_scan(
     ValueError
         If no object in the scan, or more than one, could be the board.
     """
-    objects = [part for part in find_segments(scan, sigma=sigma) if part.kind == "object"]
+    objects = [part for part in find_segments(scan) if part.kind == "object"]
     short = [part for part in objects if part.extent_mm < _LONGER * diagonal_mm]
     fitting = [part for part in short if fit_line(part.points_mm).rms_mm < _FLAT_MM]
-    if len(fitting) > 1 and expected is not None:
-        R, t = np.asarray(expected, float)[:3, :2], np.asarray(expected, float)[:3, 3]
-        off = [np.linalg.norm(R @ part.points_mm.mean(axis=0) + t - T_left_board[:3, 3]) for part in fitting]
-        fitting = [fitting[int(np.argmin(off))]]
     if len(fitting) != 1:
         why = f"{len(fitting)} things in the scan could be the board (straight, at most {diagonal_mm:.0f} mm long)"
         remedy = "see that its squares are as told, that the laser's plane cuts it and nothing like it stands near"

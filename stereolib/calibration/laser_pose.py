@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stereolib.base import Float64, Floats, finite_array
+from stereolib.base import Float64
 from stereolib.calibration.laser_boards import LaserBoardView
 from stereolib.rig import pose_left_world, rigid, skew
 
@@ -24,6 +24,7 @@ LASER_SCALE_STD = 0.02
 _MOST_SCALE = 0.02  # no such laser is off by more, if it is whole
 _VAGUE_SCALE = 0.01  # standard deviation of what had better be known
 _SURE_STDS = 3.0  # what is told as wrong is so by as many
+_BOARD_STD_MM, _BIAS_MM = 0.5, 1.0  # errors that all points of a view share: of the board's plane, and of the laser
 _OWN_BIAS = 0.4  # share of the laser's bias that differs from view to view
 _LEAST_FACING = 0.1  # cosine of the angle between beam and normal: beams that graze more tell next to nothing
 _ROUNDS = 3  # of weights and poses; the second changes next to nothing
@@ -106,14 +107,11 @@ class LidarCamera:
         Share by which the laser reads too far, as the cameras tell lengths: ``1 - scale`` of what it reads is right.
     covariance : (7, 7) float64
         Of turns, shifts and scale: rad, mm, share.
-    view_misses : (views,) float64
-        How far each view's plane is missed, in standard deviations: about 1 where all is well.
     """
 
     T_left_lidar: Float64
     scale: float
     covariance: Float64
-    view_misses: Float64
 
     @property
     def is_vague(self) -> bool:
@@ -156,39 +154,16 @@ class LidarCamera:
         """Of `scale`."""
         return float(np.sqrt(self.covariance[6, 6]))
 
-    def to_camera(self, points_mm: Floats) -> Float64:
-        """Bring points of the scan into the left camera's frame.
 
-        Parameters
-        ----------
-        points_mm : (N, 2) array
-
-        Returns
-        -------
-        (N, 3) float64, mm
-        """
-        p = (1 - self.scale) * np.asarray(points_mm, float)
-        return np.asarray(p @ self.T_left_lidar[:3, :2].T + self.T_left_lidar[:3, 3])
-
-
-def calibrate_lidar_to_camera(
-    views: Sequence[LaserBoardView],
-    *,
-    start: Float64 | None = None,
-    board_std_mm: float = 0.5,
-    bias_mm: float = 1.0,
-    max_std_mm: float = 6.0,
-) -> LidarCamera:
+def calibrate_lidar_to_camera(views: Sequence[LaserBoardView], *, max_std_mm: float = 6.0) -> LidarCamera:
     """Find the laser's pose, and its scale against the cameras', from boards that both see.
+
+    The laser stands upright near the camera, turned in any direction.
 
     Parameters
     ----------
     views : sequence of LaserBoardView
         At least 4; 8 to 12 make a good calibration.
-    start : (4, 4) array, optional
-        Rough ``T_left_lidar``; by default the laser stands upright near the camera, turned in any direction.
-    board_std_mm, bias_mm : float
-        Errors that all points of a view share: of the board's plane, and of the laser (which all views share, too).
     max_std_mm : float
         Points of the scan, 0.5 to 1.2 m ahead, must be known in the camera's frame to this standard deviation.
 
@@ -214,22 +189,18 @@ def calibrate_lidar_to_camera(
     if len(views) < _LEAST_POSES:
         why = f"at least {_LEAST_POSES} poses of the board are needed, got {len(views)}"
         raise ValueError(f"{why}; 8 to 12 make a good calibration")
-    if start is None:
-        starts = [pose_left_world(0.0, 0.0)[:3, :3] @ _turn([0, 0, angle]) for angle in np.radians([0, 90, 180, 270])]
-        fits = [_solve(views, rigid(R, np.zeros(3)), board_std_mm, bias_mm) for R in starts]
-        found = min(fits, key=lambda fit: float(fit.misses @ fit.misses))
-    else:
-        found = _solve(views, finite_array(start, (4, 4), "start"), board_std_mm, bias_mm)
+    starts = [pose_left_world(0.0, 0.0)[:3, :3] @ _turn([0, 0, angle]) for angle in np.radians([0, 90, 180, 270])]
+    fits = [_solve(views, rigid(R, np.zeros(3))) for R in starts]
+    found = min(fits, key=lambda fit: float(fit.misses @ fit.misses))
     _check_observable(views, found, max_std_mm)
-    misses = _of_views(views, found.misses)
-    if misses.max() > _CONTRADICTS:
-        raise _contradiction(views, found.pose, board_std_mm, bias_mm)
+    if _of_views(views, found.misses).max() > _CONTRADICTS:
+        raise _contradiction(views, found.pose)
     e = np.append(found.misses, found.scale / LASER_SCALE_STD)
     scatter = max(1.0, float(np.sqrt(e @ e / max(len(e) - len(_STEP_SCALE), 1))))
     covariance = np.asarray(np.linalg.inv(found.precision) * scatter**2, np.float64)
     toward = _toward(views)
-    covariance[3:6, 3:6] += bias_mm**2 * np.outer(toward, toward)  # a bias common to all views shifts the laser
-    return LidarCamera(found.pose, found.scale, covariance, misses)
+    covariance[3:6, 3:6] += _BIAS_MM**2 * np.outer(toward, toward)  # a bias common to all views shifts the laser
+    return LidarCamera(found.pose, found.scale, covariance)
 
 
 @dataclass(frozen=True, eq=False)
@@ -253,14 +224,12 @@ def _of_views(views: Sequence[LaserBoardView], e: Float64) -> Float64:
     return np.array([abs(part.mean()) * np.sqrt(len(part)) for part in np.split(e, ends)])
 
 
-def _contradiction(
-    views: Sequence[LaserBoardView], pose: Float64, board_std_mm: float, bias_mm: float
-) -> ViewsDisagree:
+def _contradiction(views: Sequence[LaserBoardView], pose: Float64) -> ViewsDisagree:
     """Which view is wrong: one bad view bends the whole fit, so each is left out in turn."""
     left = []
     for k in range(len(views)):
         others = [*views[:k], *views[k + 1 :]]
-        left.append(float(_of_views(others, _solve(others, pose, board_std_mm, bias_mm).misses).max()))
+        left.append(float(_of_views(others, _solve(others, pose).misses).max()))
     k = int(np.argmin(left))
     if left[k] > _CONTRADICTS:
         remedy = "see that pictures and scans belong together, and that the readings lie on the board"
@@ -282,7 +251,7 @@ def _turn(vector: Sequence[float] | Float64) -> Float64:
     return np.asarray(Rotation.from_rotvec(np.asarray(vector, float)).as_matrix())
 
 
-def _solve(views: Sequence[LaserBoardView], start: Float64, board_std_mm: float, bias_mm: float) -> _Fit:
+def _solve(views: Sequence[LaserBoardView], start: Float64) -> _Fit:
     from scipy.optimize import least_squares
 
     p = np.concatenate([np.pad(view.points_mm, ((0, 0), (0, 1))) for view in views])
@@ -313,9 +282,8 @@ def _solve(views: Sequence[LaserBoardView], start: Float64, board_std_mm: float,
         facing = np.maximum(np.abs((n @ pose[:3, :3] * beam).sum(axis=1)), _LEAST_FACING)
         # An error common to the N points of a view counts N times in each, so that together they count once.
         # Most of the laser's bias is common to all views; the share that differs from view to view is `_OWN_BIAS`.
-        return np.asarray(
-            1 / np.sqrt((sigma * facing) ** 2 + many * (board_std_mm**2 + (_OWN_BIAS * bias_mm * facing) ** 2))
-        )
+        shared = _BOARD_STD_MM**2 + (_OWN_BIAS * _BIAS_MM * facing) ** 2
+        return np.asarray(1 / np.sqrt((sigma * facing) ** 2 + many * shared))
 
     pose, scale = start, 0.0
     for _ in range(_ROUNDS):  # the weights follow the pose

@@ -114,18 +114,12 @@ def hold_out_errors(
     return [HoldOut(model, LENS_MODELS[model][0], *errors) for model, errors in rms.items()]
 
 
-def hold_out_rigs(
-    views: BoardViews, splits: Sequence[Split] | None = None, *, model: str = _USUAL, fixed: bool = False
-) -> list[tuple[StereoRig, BoardViews]]:
-    """Calibrate on some pairs and keep the others for a test.
+def hold_out_rigs(views: BoardViews, *, fixed: bool = False) -> list[tuple[StereoRig, BoardViews]]:
+    """Calibrate on some pairs and keep the others for a test: in five folds, so that every pair is left out once.
 
     Parameters
     ----------
     views : BoardViews
-    splits : sequence of (fitted, left out), optional
-        From `hold_out_splits`; five folds if not given, so that every pair is left out once.
-    model : str
-        A name of `LENS_MODELS`.
     fixed : bool
         As `calibrate_stereo`: hold the single lenses in the pair's step.
 
@@ -134,10 +128,9 @@ def hold_out_rigs(
     list of (StereoRig, BoardViews)
         Each rig with the pairs that it has not seen.
     """
-    splits = hold_out_splits(len(views), min(_FOLDS, len(views) // 2)) if splits is None else splits
     return [
-        (calibrate_stereo(views.only(known.tolist()), model=model, fixed=fixed).rig, views.only(unknown.tolist()))
-        for known, unknown in splits
+        (calibrate_stereo(views.only(known.tolist()), model=_USUAL, fixed=fixed).rig, views.only(unknown.tolist()))
+        for known, unknown in hold_out_splits(len(views), min(_FOLDS, len(views) // 2))
     ]
 
 

@@ -14,10 +14,11 @@ from stereolib.calibration.uncertainty import left_grid, row_jacobian, triangula
 from stereolib.rig import Camera, RectifiedRig
 
 _BASELINES = (6.5, 10.0, 15.0)  # depths over which they are asked: where rigs measure
+_STEP_PX = 40  # between the left pixels that are asked
 _LEAST_PX = 1.0  # of a disparity: what is farther is asked as if it were there
 
 
-def rectified_std(rectified: RectifiedRig, covariance: Float64, *, step_px: int = 40) -> dict[str, Any]:
+def rectified_std(rectified: RectifiedRig, covariance: Float64) -> dict[str, Any]:
     """Tell what the uncertainty of a calibration leaves open in its rectified pictures, as standard deviations.
 
     Parameters
@@ -26,8 +27,6 @@ def rectified_std(rectified: RectifiedRig, covariance: Float64, *, step_px: int 
         Of the calibrated rig.
     covariance : (s, s) float64
         From `rig_covariance`.
-    step_px : int
-        Spacing of the left pixels that are asked.
 
     Returns
     -------
@@ -36,15 +35,27 @@ def rectified_std(rectified: RectifiedRig, covariance: Float64, *, step_px: int 
         first with the second and the third, and of these two: ready for ``SystematicUncertainty(**...)`` of
         `stereolib.measurement`.
 
-    See Also
-    --------
-    rectified_covariance : with what goes together.
+    Raises
+    ------
+    ValueError
+        If the cameras see nothing together where rigs measure.
+
+    Notes
+    -----
+    Pixels stay, the parameters move: the inverse depth moves by ``a + b / Z`` over the image and depths of 6.5 to
+    15 baselines, fitted by least squares with weights from 1 in the picture's middle down to 0 on its rim: what is
+    measured lies in it, and in the corners, where boards hardly come, errors are many times as large. So disparities
+    are ``f B / Z + offset`` with ``offset = -f B a`` and the baseline changed by ``-b - df / f`` of itself. The focal
+    length is that of the whole left picture, weighted likewise, by which all its rays zoom: what fx is off, the lens's
+    distortion mostly makes good. Taken from the whole covariance: the errors of cx and of the turn about y, each of
+    some tenths of a pixel, cancel but for their sum.
     """
-    return deviations(rectified_covariance(rectified, covariance, step_px=step_px))
+    rows = _rectified_rows(rectified)
+    return deviations(rows @ covariance @ rows.T)
 
 
 def deviations(covariance: Float64) -> dict[str, Any]:
-    """Turn a covariance as `rectified_covariance` tells it into standard deviations and correlations.
+    """Turn a covariance as `DisparityErrors.alike` tells it into standard deviations and correlations.
 
     Parameters
     ----------
@@ -60,42 +71,6 @@ def deviations(covariance: Float64) -> dict[str, Any]:
     return dict(zip(("f_px", "baseline_mm", "offset_px"), std.tolist(), strict=True)) | {
         "correlation": tuple(np.clip(correlation, -1.0, 1.0).tolist())
     }
-
-
-def rectified_covariance(rectified: RectifiedRig, covariance: Float64, *, step_px: int = 40) -> Float64:
-    """Tell what the uncertainty of a calibration leaves open in its rectified pictures, and what of it goes together.
-
-    Parameters
-    ----------
-    rectified : RectifiedRig
-        Of the calibrated rig.
-    covariance : (s, s) float64
-        From `rig_covariance`.
-    step_px : int
-        Spacing of the left pixels that are asked.
-
-    Returns
-    -------
-    (3, 3) float64
-        Of the focal length (px), the baseline (mm) and the shift of all disparities (px), as true minus believed.
-
-    Raises
-    ------
-    ValueError
-        If the cameras see nothing together there.
-
-    Notes
-    -----
-    Pixels stay, the parameters move: the inverse depth moves by ``a + b / Z`` over the image and depths of 6.5 to
-    15 baselines, fitted by least squares with weights from 1 in the picture's middle down to 0 on its rim: what is
-    measured lies in it, and in the corners, where boards hardly come, errors are many times as large. So disparities
-    are ``f B / Z + offset`` with ``offset = -f B a`` and the baseline changed by ``-b - df / f`` of itself. The focal
-    length is that of the whole left picture, weighted likewise, by which all its rays zoom: what fx is off, the lens's
-    distortion mostly makes good. Taken from the whole covariance: the errors of cx and of the turn about y, each of
-    some tenths of a pixel, cancel but for their sum.
-    """
-    rows = _rectified_rows(rectified, step_px=step_px)
-    return np.asarray(rows @ covariance @ rows.T)
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,7 +105,7 @@ class DisparityErrors:
         Returns
         -------
         (3, 3) float64
-            As `rectified_covariance` tells it of the whole picture: of focal length, baseline and a shift.
+            Of the focal length (px), the baseline (mm) and the shift of all disparities (px), as true minus believed.
 
         Raises
         ------
@@ -244,10 +219,10 @@ class DisparityErrors:
         return np.asarray(std[:, None] * vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
-def _rectified_rows(rectified: RectifiedRig, *, step_px: int = 40) -> Float64:
-    """Derivatives of what `rectified_covariance` tells of, by the rig's parameters. (3, s)."""
+def _rectified_rows(rectified: RectifiedRig) -> Float64:
+    """Derivatives of focal length, baseline and shift, as `rectified_std` tells of them, by the rig's. (3, s)."""
     rig, scale = rectified.rig, rectified.f_px * rectified.baseline_mm
-    grids = [left_grid(rig, k * rig.baseline_mm, step_px)[2:] for k in _BASELINES]
+    grids = [left_grid(rig, k * rig.baseline_mm, _STEP_PX)[2:] for k in _BASELINES]
     points = np.concatenate([points[in_sight] for points, in_sight in grids])
     if not len(points):
         raise ValueError(f"the cameras see nothing together between {_BASELINES[0]:g} and {_BASELINES[-1]:g} baselines")

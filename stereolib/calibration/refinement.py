@@ -39,10 +39,12 @@ def refine(grey: UInt8, corners_px: Float32, rows: int, *, reach: float = 0.5) -
     Returns
     -------
     (N, 2) float32, px
-        NaN where a corner was not found.
+        NaN where a corner was not found; all, if no two of them are neighbours, which tell how large windows may be.
     """
     grid = corners_px.astype(np.float32, copy=True).reshape(rows, -1, 2)
     edges = np.concatenate([np.linalg.norm(np.diff(grid, axis=axis), axis=2).ravel() for axis in (0, 1)])
+    if np.isnan(edges).all():
+        return np.full_like(corners_px, np.nan)
     usual = int(np.clip(reach * np.nanmin(edges), *_HALF_WINDOW_PX))
     inner, corner = np.zeros((2, *grid.shape[:2]), bool)
     inner[1:-1, 1:-1], corner[:: rows - 1, :: grid.shape[1] - 1] = True, True

@@ -101,7 +101,8 @@ def calibrate_camera(
     if views < _MIN_VIEWS:
         why = f"{views} views of the board are too few: at least {_MIN_VIEWS} with different tilts are needed"
         raise ValueError(f"{why}, and 15 to 30 give a trustworthy lens")
-    if (np.nanmax(corners_px, axis=0) - np.nanmin(corners_px, axis=0)).max() < _SAME_PX:
+    seen_px = corners_px[:, np.isfinite(corners_px).any(axis=(0, 2))]
+    if (np.nanmax(seen_px, axis=0) - np.nanmin(seen_px, axis=0)).max() < _SAME_PX:
         raise ValueError(f"all {views} views show the board in the same place: move and tilt it between pictures")
     until = _until(_STEPS if count <= _LONG_LENS else _LONG_LENS_STEPS)
     with one_opencv_thread():

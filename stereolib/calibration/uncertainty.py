@@ -29,6 +29,7 @@ INTERVAL_STDS = 2.05
 JUDGED_AT_MM = 1000.0
 _LEAST_PAIRS = 2  # one of which can be left out
 _INTERVAL, _USUAL_PAIRS = 0.975, 30  # quantile of Student's t, and the number of pairs whose t is `INTERVAL_STDS`
+_STEP_PX = 20  # of the grid of left pixels that are asked
 _LEAST_AT_MM = 10.0  # no camera sees two pictures of what is nearer: metres were given
 _DIST_NAMES = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4", "tau_x", "tau_y")
 #: Parameters of a lens, the coefficients in OpenCV's order.
@@ -342,15 +343,8 @@ def left_grid(rig: StereoRig, at_mm: float, step_px: int) -> tuple[Ints, Ints, F
         In the left camera's frame, row by row.
     in_sight : (N * M,) bool
         The right camera sees them.
-
-    Raises
-    ------
-    ValueError
-        If the grid has no pixel in the picture.
     """
     width, height = rig.left.size
-    if not 1 <= step_px < 2 * min(width, height):
-        raise ValueError(f"a grid of steps of {step_px} px has no point in pictures of {width}x{height}: 20 are usual")
     columns, rows = np.arange(step_px // 2, width, step_px), np.arange(step_px // 2, height, step_px)
     pixels = np.stack(np.meshgrid(columns, rows), -1).reshape(-1, 2)
     points = rig.left.rays(pixels, clamp=True) * at_mm
@@ -359,9 +353,7 @@ def left_grid(rig: StereoRig, at_mm: float, step_px: int) -> tuple[Ints, Ints, F
     return columns, rows, points, in_sight
 
 
-def error_map(
-    rig: StereoRig, covariance: Float64, *, at_mm: float = JUDGED_AT_MM, of_mm: float = 100.0, step_px: int = 20
-) -> ErrorMap:
+def error_map(rig: StereoRig, covariance: Float64, *, at_mm: float = JUDGED_AT_MM, of_mm: float = 100.0) -> ErrorMap:
     """Map what the uncertainty of the calibration does to depths and lengths, over the left image.
 
     Parameters
@@ -373,8 +365,6 @@ def error_map(
         Depth along the left optical axis.
     of_mm : float
         The length, level and across the line of sight.
-    step_px : int
-        Spacing of the grid.
 
     Returns
     -------
@@ -383,7 +373,7 @@ def error_map(
     Raises
     ------
     ValueError
-        If the distance is no positive number of mm, or given in metres, or the grid has no pixel in the picture.
+        If the distance is no positive number of mm, or given in metres.
 
     Notes
     -----
@@ -391,7 +381,7 @@ def error_map(
     length. The noise of a matched pixel comes on top of it.
     """
     check_distance(at_mm)
-    columns, rows, points, in_sight = left_grid(rig, at_mm, step_px)
+    columns, rows, points, in_sight = left_grid(rig, at_mm, _STEP_PX)
     half = np.array([of_mm / 2, 0.0, 0.0])
     ends = triangulation_jacobian(rig, points + half)[:, 0] - triangulation_jacobian(rig, points - half)[:, 0]
     depth = triangulation_jacobian(rig, points)[:, 2]
@@ -400,7 +390,7 @@ def error_map(
     return ErrorMap(columns, rows, depth_mm, length_mm, at_mm, of_mm)
 
 
-def compare_calibrations(first: RigFit, second: RigFit, *, at_mm: float = JUDGED_AT_MM, step_px: int = 20) -> Agreement:
+def compare_calibrations(first: RigFit, second: RigFit, *, at_mm: float = JUDGED_AT_MM) -> Agreement:
     """Find out whether two calibrations from disjoint pictures differ by what their uncertainties predict.
 
     Parameters
@@ -408,8 +398,6 @@ def compare_calibrations(first: RigFit, second: RigFit, *, at_mm: float = JUDGED
     first, second : RigFit
     at_mm : float
         Depth at which they are compared.
-    step_px : int
-        Spacing of the grid of left pixels.
 
     Returns
     -------
@@ -423,7 +411,7 @@ def compare_calibrations(first: RigFit, second: RigFit, *, at_mm: float = JUDGED
     check_distance(at_mm)
     difference = rig_difference(first.rig, second.rig)
     total = rig_covariance(first) + rig_covariance(second)
-    _, rows, points, in_sight = left_grid(second.rig, at_mm, step_px)
+    _, rows, points, in_sight = left_grid(second.rig, at_mm, _STEP_PX)
     by_depth = triangulation_jacobian(second.rig, points)[:, 2]
     values = by_depth @ difference, np.sqrt(np.einsum("ni,ij,nj->n", by_depth, total, by_depth))
     depth, predicted = (np.where(in_sight, v, np.nan).reshape(len(rows), -1) for v in values)

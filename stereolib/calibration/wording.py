@@ -112,53 +112,42 @@ def calibration_text(diagnosis: Diagnosis) -> str:
     str
         Lines of at most 120 columns.
     """
-    rows = _rows("summary", diagnosis)
+    rows = result_rows("summary", diagnosis)
     width = max(len(name) for name, _ in rows) + 2
     wrap = textwrap.TextWrapper(_WIDTH, subsequent_indent=" " * width, break_long_words=False, break_on_hyphens=False)
     return "\n".join(line for name, text in rows for line in wrap.wrap(f"{name:{width}}{text}")).replace(_TIED, " ")
 
 
-def error_row(diagnosis: Diagnosis) -> tuple[str, str]:
-    """Write what a calibration means in millimetres where the rig is to measure.
+def result_rows(part: str, diagnosis: Diagnosis) -> list[tuple[str, str]]:
+    """Write a part of what a calibration found, standard deviations behind ``±``; a line's end in a value is a blank.
 
     Parameters
     ----------
-    diagnosis : Diagnosis
-
-    Returns
-    -------
-    (name, text)
-        The distance, and one standard deviation of a depth and of a length there.
-    """
-    return _rows("errors", diagnosis)[0]
-
-
-def parameter_rows(diagnosis: Diagnosis) -> list[tuple[str, str]]:
-    """Write every parameter of a calibration, standard deviations behind ``±``.
-
-    Parameters
-    ----------
+    part : str
+        ``"summary"``; ``"errors"`` (the distance, and one standard deviation of a depth and of a length there);
+        ``"parameters"``; ``"meaning"`` (what it rests on, and how it does on boards that it has not seen).
     diagnosis : Diagnosis
 
     Returns
     -------
     list of (name, text)
     """
-    return _rows("parameters", diagnosis)
+    import jinja2
 
-
-def meaning_rows(diagnosis: Diagnosis) -> list[tuple[str, str]]:
-    """Write what a calibration rests on, and how it does on boards that it has not seen.
-
-    Parameters
-    ----------
-    diagnosis : Diagnosis
-
-    Returns
-    -------
-    list of (name, text)
-    """
-    return _rows("meaning", diagnosis)
+    templates = jinja2.Environment(
+        loader=jinja2.PackageLoader("stereolib.calibration"),
+        autoescape=False,  # plain text; whoever puts it into HTML escapes it
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        keep_trailing_newline=True,
+        finalize=lambda value: re.sub(r"[\r\n]", " ", str(value)),
+    )
+    rig, verdict = diagnosis.rig, diagnosis.verdict
+    values = {"named": _named, "with_std": plus_minus, "edges": _edges, "degrees": np.degrees}
+    values |= {"lens_names": LENS_NAMES, "lenses": {s: lens_vector(getattr(rig, s)) for s in ("left", "right")}}
+    values |= {"verdict_meaning": VERDICT_MEANINGS.get(verdict, ""), "turns": np.ravel(cv2.Rodrigues(rig.R)[0])}
+    text = templates.get_template(f"{part}.txt.jinja").render(values, d=diagnosis)
+    return [(name, value) for name, _, value in (line.partition(" | ") for line in text.split("\n") if line)]
 
 
 def check_rows(diagnosis: Diagnosis) -> list[tuple[str, str, str, str, str]]:
@@ -200,25 +189,6 @@ def board_text(board: Board) -> str:
 def _limits(check: Check) -> tuple[str, str, str]:
     good = f"{check.good:.3g}"
     return (good, f"{check.usable:.3g}", "") if check.decides else ("", "", good)
-
-
-def _rows(template: str, d: Diagnosis) -> list[tuple[str, str]]:
-    """Lines ``name | text`` of a template; a line's end within a value is a blank."""
-    import jinja2
-
-    templates = jinja2.Environment(
-        loader=jinja2.PackageLoader("stereolib.calibration"),
-        autoescape=False,  # plain text; whoever puts it into HTML escapes it
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        keep_trailing_newline=True,
-        finalize=lambda value: re.sub(r"[\r\n]", " ", str(value)),
-    )
-    values = {"named": _named, "with_std": plus_minus, "edges": _edges, "degrees": np.degrees}
-    values |= {"lens_names": LENS_NAMES, "lenses": {s: lens_vector(getattr(d.rig, s)) for s in ("left", "right")}}
-    values |= {"verdict_meaning": VERDICT_MEANINGS.get(d.verdict, ""), "turns": np.ravel(cv2.Rodrigues(d.rig.R)[0])}
-    text = templates.get_template(f"{template}.txt.jinja").render(values, d=d)
-    return [(name, value) for name, _, value in (line.partition(" | ") for line in text.split("\n") if line)]
 
 
 def _edges(board: Board) -> str:

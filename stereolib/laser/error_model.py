@@ -23,6 +23,7 @@ QUANTISATION_MM = float(RANGE_STEP_MM / np.sqrt(12))  # standard deviation that 
 _LEAST_SPREADS = 4  # two coefficients, and something left to judge them by
 _ROUNDING = 1e-9  # relative residuals of a law that fits exactly: no law is better for smaller ones
 _LEAST_IN_MEAN = 10  # readings at a distance before their mean error is called a bias
+_DRAWS = 2000  # combinations of each number of readings
 
 
 @dataclass(frozen=True, eq=False)
@@ -370,20 +371,14 @@ class ErrorAgainstN:
         Root mean square error against the truth, mm.
     spread_mm : (k,) float64
         Its random part, mm.
-    expected_mm : (k,) float64
-        ``sqrt(bias^2 + sigma^2 / n)``: what independent errors would give for the mean.
     bias_mm : float
         The part that no averaging removes, mm.
-    quantisation_mm : float
-        Floor of a single reading in steps of 1 mm: ``1 / sqrt(12)``.
     """
 
     n: Ints
     rms_mm: Float64
     spread_mm: Float64
-    expected_mm: Float64
     bias_mm: float
-    quantisation_mm: float = QUANTISATION_MM
 
 
 def error_against_n(
@@ -392,7 +387,6 @@ def error_against_n(
     *,
     rng: np.random.Generator,
     n: Sequence[int] = (1, 2, 3, 5, 10, 20, 50),
-    draws: int = 2000,
     method: Literal["median", "mean"] = "median",
 ) -> ErrorAgainstN:
     """Find out how the error falls with the number of realizations combined.
@@ -408,8 +402,6 @@ def error_against_n(
         comes to m, and all be the same at m.
     n : sequence of int
         Numbers of realizations; those above m are left out.
-    draws : int
-        Combinations per number.
     method : {"median", "mean"}
         How they are combined.
 
@@ -439,9 +431,7 @@ def error_against_n(
     numbers = np.array([k for k in n if 1 <= k <= len(values)], int)
     if not len(numbers):
         raise ValueError(f"none of n = {tuple(n)} lies between 1 and the {len(values)} valid readings: record more")
-    drawn = values[rng.integers(len(values), size=(draws, numbers.max()))]
+    drawn = values[rng.integers(len(values), size=(_DRAWS, numbers.max()))]
     errors = np.stack([combine(drawn[:, :k], axis=1) - true_mm for k in numbers])
-    bias, sigma = float(values.mean() - true_mm), float(values.std(ddof=min(1, len(values) - 1)))
-    return ErrorAgainstN(
-        numbers, np.sqrt((errors**2).mean(axis=1)), errors.std(axis=1), np.sqrt(bias**2 + sigma**2 / numbers), bias
-    )
+    bias = float(values.mean() - true_mm)
+    return ErrorAgainstN(numbers, np.sqrt((errors**2).mean(axis=1)), errors.std(axis=1), bias)

@@ -82,8 +82,6 @@ class Footprint:
         ``"rectangle"`` (two faces seen), ``"face"`` (one), ``"circle"``, ``"irregular"``.
     segment : Segment
         The readings.
-    misfit : float
-        Root mean square residual in standard deviations; about 1 where the shape is right.
     reason : str
         Why something is NaN, or the shape irregular; else empty.
     length_mm, width_mm : float
@@ -104,7 +102,6 @@ class Footprint:
 
     shape: str
     segment: Segment
-    misfit: float
     reason: str = ""
     length_mm: float = np.nan
     width_mm: float = np.nan
@@ -150,7 +147,7 @@ def fit_footprint(segment: Segment, *, bias_mm: float = 1.0) -> Footprint:
     seen = segment.points_mm, segment.rays, segment.sigma_mm
     n = len(segment.beams)
     if n < 3:
-        return _irregular(segment, np.nan, f"{n} beams do not tell a shape")
+        return _irregular(segment, f"{n} beams do not tell a shape")
     line, corner = fit_lines(*seen, n), fit_corner(*seen)
     flat = np.sqrt(line.chi2 / max(n - 2, 1)) < _FLAT
     circle = NO_CIRCLE if flat else fit_circle(*seen)
@@ -160,20 +157,20 @@ def fit_footprint(segment: Segment, *, bias_mm: float = 1.0) -> Footprint:
     misfit = float(np.sqrt(chi2[shape] / max(n - 3, 1)))
     if misfit > _UNLIKE:
         kinds = "neither straight, nor a right-angled corner, nor round: the best of them misses by"
-        return _irregular(segment, misfit, f"the outline is irregular, {kinds} {misfit:.1f} deviations")
+        return _irregular(segment, f"the outline is irregular, {kinds} {misfit:.1f} deviations")
     if shape != "face" and abs(scores["circle"] - scores["rectangle"]) < _UNDECIDED:
-        return _irregular(segment, misfit, f"{n} beams do not tell a corner from a round outline")
-    if shape == "circle":
-        return _circle(segment, circle, misfit, bias_mm)
+        return _irregular(segment, f"{n} beams do not tell a corner from a round outline")
     scale = max(misfit, 1.0)
+    if shape == "circle":
+        return _circle(segment, circle, scale, bias_mm)
     if shape == "rectangle" and corner is not None:
         tip = corner.parameters[1] * corner.normal(0) + corner.parameters[2] * corner.normal(1)
         faces = [_face(segment, corner, k, tip, scale, bias_mm) for k in (0, 1)]
         if min(corner.split, n - corner.split) < _LEAST_ON_FACE:
-            return _larger_face(segment, corner, faces, misfit)
-        return _rectangle(segment, corner, (faces[0], faces[1]), misfit)
+            return _larger_face(segment, corner, faces)
+        return _rectangle(segment, corner, (faces[0], faces[1]))
     why = "only one face is seen, its depth is hidden: turn the object or move the laser to see a corner"
-    return _single(segment, _face(segment, line, 0, None, scale, bias_mm), line, misfit, why)
+    return _single(segment, _face(segment, line, 0, None, scale, bias_mm), line, why)
 
 
 def _face(segment: Segment, fit: Lines, face: int, corner: Float64 | None, scale: float, bias_mm: float) -> FaceLine:
@@ -217,14 +214,13 @@ def _end_between(segment: Segment, side: int, normal: Float64, offset: float, fa
     return outwards[last : last + 2]
 
 
-def _rectangle(segment: Segment, fit: Lines, faces: tuple[FaceLine, FaceLine], misfit: float) -> Footprint:
+def _rectangle(segment: Segment, fit: Lines, faces: tuple[FaceLine, FaceLine]) -> Footprint:
     long, short = sorted(faces, key=lambda face: -np.nan_to_num(face.size_mm, nan=np.inf))
     reason = _hidden(segment)
     variance = sum((0.5 * np.hypot(*face.end_std_mm) * face.along) ** 2 for face in faces)
     return Footprint(
         shape="rectangle",
         segment=segment,
-        misfit=misfit,
         reason=reason,
         length_mm=long.size_mm,
         width_mm=short.size_mm,
@@ -239,7 +235,7 @@ def _rectangle(segment: Segment, fit: Lines, faces: tuple[FaceLine, FaceLine], m
     )
 
 
-def _larger_face(segment: Segment, fit: Lines, faces: list[FaceLine], misfit: float) -> Footprint:
+def _larger_face(segment: Segment, fit: Lines, faces: list[FaceLine]) -> Footprint:
     """A corner of which one face has a single beam: the other face alone, which ends before that beam."""
     n = len(segment.beams)
     best = int(fit.split < n - fit.split)
@@ -248,16 +244,15 @@ def _larger_face(segment: Segment, fit: Lines, faces: list[FaceLine], misfit: fl
     right, left = ("free" if kind == "corner" else kind for kind in faces[best].ends)
     why = "a single beam meets its other face, whose depth is hidden: turn the object"
     shorter = segment.without_last(0 if best else 1)
-    return _single(shorter, replace(faces[best], ends=(right, left)), line, misfit, why)
+    return _single(shorter, replace(faces[best], ends=(right, left)), line, why)
 
 
-def _single(segment: Segment, face: FaceLine, fit: Lines, misfit: float, reason: str) -> Footprint:
+def _single(segment: Segment, face: FaceLine, fit: Lines, reason: str) -> Footprint:
     """One face alone."""
     spread = 0.5 * np.hypot(*face.end_std_mm) * np.abs(face.along)
     return Footprint(
         shape="face",
         segment=segment,
-        misfit=misfit,
         reason=reason + (f"; {_hidden(segment)}" if "hidden" in face.ends else ""),
         width_mm=face.size_mm,
         yaw_rad=_yaw_rad(face.normal),
@@ -280,16 +275,16 @@ def _hidden(segment: Segment) -> str:
     return f"its {' and '.join(sides)} end is hidden by something nearer" if sides else ""
 
 
-def _circle(segment: Segment, circle: Circle, misfit: float, bias_mm: float) -> Footprint:
+def _circle(segment: Segment, circle: Circle, scale: float, bias_mm: float) -> Footprint:
     """A round outline: a bias that all beams share moves it, one that grows towards its edges makes it look smaller."""
     grazing = -np.log10(np.maximum(circle.cosines, _LEAST_COSINE))
     shifts = bias_mm * circle.by_range @ np.column_stack([np.ones(len(grazing)), _BIAS_BY_DECADE * grazing])
-    std = np.sqrt(max(misfit, 1.0) ** 2 * np.diag(circle.covariance) + (shifts**2).sum(axis=1))
+    std = np.sqrt(scale**2 * np.diag(circle.covariance) + (shifts**2).sum(axis=1))
     (*centre, radius), (*centre_std, radius_std) = circle.parameters, std
     sizes: dict[str, Any] = dict.fromkeys(("length_mm", "width_mm"), 2 * float(radius))
     sizes |= dict.fromkeys(("length_std_mm", "width_std_mm"), 2 * float(radius_std))
-    return Footprint("circle", segment, misfit, centre_mm=np.array(centre), centre_std_mm=np.array(centre_std), **sizes)
+    return Footprint("circle", segment, centre_mm=np.array(centre), centre_std_mm=np.array(centre_std), **sizes)
 
 
-def _irregular(segment: Segment, misfit: float, reason: str) -> Footprint:
-    return Footprint("irregular", segment, misfit, reason, centre_mm=segment.points_mm.mean(axis=0))
+def _irregular(segment: Segment, reason: str) -> Footprint:
+    return Footprint("irregular", segment, reason, centre_mm=segment.points_mm.mean(axis=0))

@@ -48,15 +48,13 @@ class LiveTurn:
         return self.packets_lost / (PACKETS_PER_TURN * self.turns)
 
 
-def watch_turns(port: str, timeout_s: float = 2.0) -> Generator[LiveTurn, None, None]:
+def watch_turns(port: str) -> Generator[LiveTurn, None, None]:
     """Read turns from a sensor, whole or not, for ever; the first one, which began before, is left out.
 
     Parameters
     ----------
     port : str
         Device name or pyserial address.
-    timeout_s : float
-        Longest silence, s.
 
     Yields
     ------
@@ -69,7 +67,7 @@ def watch_turns(port: str, timeout_s: float = 2.0) -> Generator[LiveTurn, None, 
     """
     decoder, pending, heard = Decoder(), decode(b""), b""
     count, lost, is_first, ended_s = 0, 0, True, deque[float](maxlen=_RECENT + 1)
-    with closing(read_chunks(port, timeout_s)) as chunks:
+    with closing(read_chunks(port)) as chunks:
         for chunk in chunks:
             pending, heard = join_readings([pending[:], decoder.feed(chunk)]), (heard + chunk)[-_HEARD_BYTES:]
             check_packets(port, decoder.totals, heard)

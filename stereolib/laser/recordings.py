@@ -96,19 +96,22 @@ def _decoded(data: bytes, source: str) -> Readings:
     return readings
 
 
-def most_is_damaged(intact: int, bad_checksum: int) -> str:
+def most_is_damaged(intact: int, bad_checksum: int, then: str = "record again") -> str:
     """Why a stream of so many packets is not to be used, with the remedy; "" where half of them are intact."""
     if bad_checksum <= intact:
         return ""
-    return (
-        f"{bad_checksum} of {bad_checksum + intact} packets are damaged: see to cable, plug and port, and record again"
-    )
+    return f"{bad_checksum} of {bad_checksum + intact} packets are damaged: see to cable, plug and port, and {then}"
 
 
 def lost_packets(readings: Readings, before: int = -1) -> int:
     """Packets that are missing between those of some readings, and the one of index `before`, by their indices."""
     index = readings.index.astype(int)
     return int(((np.diff(index if before < 0 else np.append(before, index)) - 1) % PACKETS_PER_TURN).sum())
+
+
+def lost_share(lost: int, arrived: int) -> float | None:
+    """Share of the packets that were lost; None where none arrived."""
+    return lost / (lost + arrived) if arrived else None
 
 
 def recording_info(path: str | PathLike[str]) -> dict[str, Any]:
@@ -132,7 +135,6 @@ def recording_info(path: str | PathLike[str]) -> dict[str, Any]:
         As `read_recording`, but for damage, which it tells.
     """
     readings = _decoded(read_bytes(path), str(path))
-    lost = lost_packets(readings)
     complete = [scan.complete for scan in turns(readings)]
     rpm = readings.speed_rpm[np.isfinite(readings.speed_rpm)]
     speeds = np.percentile(rpm, (0, 50, 100)).tolist() if rpm.size else [None] * 3
@@ -146,6 +148,6 @@ def recording_info(path: str | PathLike[str]) -> dict[str, Any]:
         "partial_turns": len(complete) - sum(complete),
         **dict(zip(("rpm_min", "rpm_median", "rpm_max"), speeds, strict=True)),
         "invalid_share": float(np.isnan(readings.distance_mm).mean()) if len(readings) else None,
-        "lost_share": lost / (lost + len(readings)) if len(readings) else None,
+        "lost_share": lost_share(lost_packets(readings), len(readings)),
         "damage": most_is_damaged(len(readings), readings.bad_checksum),
     }

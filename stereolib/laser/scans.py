@@ -327,7 +327,7 @@ def gate(scan: _Scan, max_mm: float = TRUSTED_MM) -> _Scan:
     return replace(scan, ranges_mm=ranges, range_max_mm=max_mm)
 
 
-def moving_readings(scans: Sequence[LaserScan], threshold_mm: float = _MOVED_MM) -> Bools:
+def moving_readings(scans: Sequence[LaserScan]) -> Bools:
     """Find the readings that are nearer than the still background.
 
     The background is the median of the turns: right as long as what moves hides no beam for half of
@@ -336,8 +336,6 @@ def moving_readings(scans: Sequence[LaserScan], threshold_mm: float = _MOVED_MM)
     Parameters
     ----------
     scans : sequence of LaserScan
-    threshold_mm : float
-        How much nearer, mm: above the noise of a single reading within the trusted range.
 
     Returns
     -------
@@ -355,4 +353,4 @@ def moving_readings(scans: Sequence[LaserScan], threshold_mm: float = _MOVED_MM)
     >>> np.argwhere(moving_readings([LaserScan(row, np.ones(360)) for row in ranges]))
     array([[1, 7]])
     """
-    return _stack_mm(scans) < average(scans, complete_only=False).ranges_mm - threshold_mm
+    return _stack_mm(scans) < average(scans, complete_only=False).ranges_mm - _MOVED_MM

@@ -23,7 +23,7 @@ import numpy as np
 
 from stereolib.base import check_target, write_atomic
 from stereolib.laser.framing import PACKET_BYTES
-from stereolib.laser.recordings import lost_packets, most_is_damaged, read_recording
+from stereolib.laser.recordings import lost_packets, lost_share, most_is_damaged, read_recording
 from stereolib.laser.scans import LaserScan, turns
 from stereolib.laser.text_streams import read_text_stream
 from stereolib.laser.xv11 import BAUD, PACKETS_PER_TURN, RPM_LIMITS, Decoder, Readings, decode, join_readings
@@ -236,9 +236,9 @@ def check_packets(port: str, totals: dict[str, int], heard: bytes) -> None:
 
 def _check_damage(port: str, totals: dict[str, int]) -> None:
     intact, damaged = totals["good"] + PACKETS_PER_TURN * totals["old_turns"], totals["bad_checksum"]
-    damage = most_is_damaged(intact, damaged)
+    damage = most_is_damaged(intact, damaged, "try again")
     if damage and intact + damaged >= _JUDGED_PACKETS:
-        raise LidarError(f"{port}: {damage.replace('record', 'try')}")
+        raise LidarError(f"{port}: {damage}")
 
 
 def record_port(
@@ -282,8 +282,10 @@ def record_port(
     ValueError
         If the file cannot be written.
     LidarError
-        If nothing at all could be recorded. A later failure ends the recording, and ``ended``
+        If nothing at all could be recorded. A later failure of the port ends the recording, and ``ended``
         tells it.
+    OSError
+        If writing fails on the way, as on a full disk. What came before is kept.
     """
     path, notes = Path(path), Path(f"{path}.json")
     for there in (path, notes):
@@ -298,23 +300,24 @@ def record_port(
         about |= dict.fromkeys(("bytes", "sha256", "ended", "failed", "lost_share"))
         with open(path, "wb" if force else "xb", buffering=0) as file:  # grows as the bytes come: no write_atomic
             write_atomic(notes, json.dumps(about, indent=2) + "\n")
+            about |= {"ended": "by an error in writing or showing it", "failed": True}
             try:
-                about |= {"ended": f"after {seconds:g} s", "failed": False}
                 while True:
                     file.write(chunk)
                     digest.update(chunk)
                     if live.update(chunk) >= seconds:
                         break
                     chunk = next(chunks)
+                about |= {"ended": f"after {seconds:g} s", "failed": False}
             except KeyboardInterrupt:
-                about["ended"] = "stopped by the user"
+                about |= {"ended": "stopped by the user", "failed": False}
             except LidarError as error:
-                about |= {"ended": str(error), "failed": True}
+                about["ended"] = str(error)
             finally:
                 about |= {
                     "bytes": live.bytes,
                     "sha256": digest.hexdigest(),
-                    "lost_share": live.lost_share(live.packets),
+                    "lost_share": lost_share(live.lost, live.packets),
                 }
                 write_atomic(notes, json.dumps(about, indent=2) + "\n")
     return about
@@ -342,15 +345,9 @@ class _Live:
                 self.recent, self.reported_s, self.lost_before = [], now_s, self.lost
         return now_s - self.start_s
 
-    def lost_share(self, arrived: int, lost_before: int = 0) -> float | None:
-        """Share of the packets that were lost since some had been, so many having arrived since."""
-        lost = self.lost - lost_before
-        return lost / (lost + arrived) if arrived else None
-
     def _report(self) -> dict[str, Any]:
         new = join_readings(self.recent)
         rpm = float(np.median(new.speed_rpm)) if len(new) else None
         valid_share = float(np.isfinite(new.distance_mm).mean()) if len(new) else None
-        lost_share = self.lost_share(len(new), self.lost_before)
-        turned = self.packets // PACKETS_PER_TURN
-        return {"turns": turned, "rpm": rpm, "valid_share": valid_share, "lost_share": lost_share}
+        lost, turned = lost_share(self.lost - self.lost_before, len(new)), self.packets // PACKETS_PER_TURN
+        return {"turns": turned, "rpm": rpm, "valid_share": valid_share, "lost_share": lost}

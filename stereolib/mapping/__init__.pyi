@@ -15,7 +15,7 @@ from .rig_folder import (
     write_rig_file,
 )
 from .scan_matching import ScanMatch, disturb_poses, refine_poses
-from .shapes import COLORS, Cloud, Solid, colored_cloud, join_clouds, map_solids
+from .shapes import Cloud, Solid, colored_cloud, join_clouds, map_solids
 from .sightings import MapObject
 from .station_folder import (
     CALIBRATION,
@@ -34,7 +34,6 @@ from .walls import MapWall
 
 __all__ = [
     "CALIBRATION",
-    "COLORS",
     "FREE",
     "OCCUPIED",
     "RIG_FILE",

@@ -13,9 +13,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stereolib.base import Float64, counted, rounded
-from stereolib.mapping.sightings import MapObject, Sighting, is_within, may_be_same, merge_sightings
+from stereolib.mapping.sightings import (
+    GATE,
+    MAX_SIZE_MM,
+    MapObject,
+    Sighting,
+    is_within,
+    may_be_same,
+    merge_sightings,
+)
 from stereolib.mapping.stations import Station, station_names
-from stereolib.mapping.walls import MapWall, find_walls
+from stereolib.mapping.walls import LEAST_WALL_MM, MapWall, find_walls
 from stereolib.measurement import SIZE_NAMES, MeasuredObject, Why
 
 if TYPE_CHECKING:
@@ -86,7 +94,7 @@ class Map:
         return np.concatenate([station.to_map(station.scan_mm) for station in self.stations])
 
     def names_of(self, number: int) -> list[str]:
-        """List what the objects that a station measured are called in the map: those in or on whose outline they lie.
+        """List what the objects that a station measured are called in the map.
 
         Parameters
         ----------
@@ -96,11 +104,37 @@ class Map:
         Returns
         -------
         list of str
-            Empty for what lies on none.
+            Of what no object was made of: the one in or on whose outline it lies; empty if there is none.
         """
         station, known = self.stations[number - 1], list(zip(self.names, self.measured, strict=True))
-        places = [station.to_map(thing.position_mm) for thing in station.objects]
-        return [next((name for name, each in known if is_within(at, each.outline_mm, _ON_MM)), "") for at in places]
+        names = []
+        for thing in station.objects:
+            at_mm = station.to_map(thing.position_mm)
+            lies_on = (name for name, each in known if is_within(at_mm, each.outline_mm, _ON_MM))
+            names.append(self.name_of(thing, number) or next(lies_on, ""))
+        return names
+
+    def name_of(self, thing: MeasuredObject, number: int) -> str:
+        """Tell which object of the map was made of one that a station measured.
+
+        Parameters
+        ----------
+        thing : MeasuredObject
+            In the station's floor frame.
+        number : int
+            Of the station, from 1.
+
+        Returns
+        -------
+        str
+            Its name; empty if it went into none.
+        """
+        place_mm = self.stations[number - 1].to_map(thing.position_mm)
+        for name, each in zip(self.names, self.objects, strict=True):
+            seen = [it.measured.position_mm for it in each.sightings if it.station == number]
+            if any(np.allclose(position_mm, place_mm) for position_mm in seen):
+                return name
+        return ""
 
     def _total(self, of: Callable[[MeasuredObject], tuple[float, Float64]]) -> tuple[float, float]:
         """A sum over all objects; errors of the calibration that they share do not average away in it."""
@@ -116,14 +150,7 @@ class Map:
         return float(total), float(np.sqrt(max(own, 0.0) + common @ common))
 
 
-def merge_stations(
-    stations: Sequence[Station],
-    *,
-    rng: np.random.Generator,
-    gate: float = 4.0,
-    max_size_mm: float = 800.0,
-    least_wall_mm: float = 700.0,
-) -> Map:
+def merge_stations(stations: Sequence[Station], *, rng: np.random.Generator) -> Map:
     """Merge what several stations measured into one map.
 
     Parameters
@@ -132,12 +159,6 @@ def merge_stations(
         Their poses known, or refined by `refine_poses`.
     rng : numpy.random.Generator
         For the walls.
-    gate : float
-        In standard deviations: how far sightings of one object may lie apart, and what counts as a disagreement.
-    max_size_mm : float
-        Deepest object that two opposite faces are joined to.
-    least_wall_mm : float
-        Straight stretches that are longer are walls.
 
     Returns
     -------
@@ -152,15 +173,15 @@ def merge_stations(
     """
     if not stations:
         raise ValueError("a map needs at least one station (a pose, and what was measured there); none was given")
-    walls = find_walls(stations, rng=rng, least_mm=least_wall_mm)
-    objects, lost = _objects(stations, walls, gate, max_size_mm)
+    walls = find_walls(stations, rng=rng)
+    objects, lost = _objects(stations, walls)
     if objects:  # their readings make no walls
-        walls = find_walls(stations, [each.fused for each in objects], rng=rng, least_mm=least_wall_mm)
+        walls = find_walls(stations, [each.fused for each in objects], rng=rng)
     if not objects and not walls:
         readings = sum(len(station.scan_mm) for station in stations)
         raise NothingToMap(
             f"the map is empty: {counted(len(stations), 'station')} measured no object, and {readings} readings of "
-            f"scans make no wall of {least_wall_mm:g} mm. See the warnings of the single measurements, or go nearer"
+            f"scans make no wall of {LEAST_WALL_MM:g} mm. See the warnings of the single measurements, or go nearer"
         )
     result = Map(tuple(objects), tuple(walls), tuple(stations), ())
     none = [] if objects else [f"no object: {counted(len(stations), 'station')} measured none"]
@@ -168,9 +189,7 @@ def merge_stations(
     return replace(result, said=(*none, *apart, *lost))
 
 
-def _objects(
-    stations: Sequence[Station], walls: Sequence[MapWall], gate: float, max_size_mm: float
-) -> tuple[list[MapObject], list[str]]:
+def _objects(stations: Sequence[Station], walls: Sequence[MapWall]) -> tuple[list[MapObject], list[str]]:
     """Sightings grouped, two faces before single ones, the surer first: objects, and what could not be measured."""
     sightings = [
         Sighting.of(k, each, station.pose, station.covariance, name)
@@ -182,22 +201,21 @@ def _objects(
     groups: list[MapObject] = []
     lost = []
     for s in sorted(sightings, key=lambda s: (np.isnan(s.values[3:]).all(), rank[s.measured.shape], s.spread_mm)):
-        reach_mm = _WALL_MM + gate * (s.spread_mm if np.isfinite(s.spread_mm) else 0.0)
+        reach_mm = _WALL_MM + GATE * (s.spread_mm if np.isfinite(s.spread_mm) else 0.0)
         if s.measured.shape != "box" and any(wall.near(s.values[:2], reach_mm) for wall in walls):
             continue  # a piece of wall that stood by itself in a picture
         near = [
             k
             for k, group in enumerate(groups)
-            if s.station not in {other.station for other in group.sightings}
-            and may_be_same(group, s, gate=gate, max_size_mm=max_size_mm)
+            if s.station not in {other.station for other in group.sightings} and may_be_same(group, s)
         ]
         if near:
             off = [np.linalg.norm(groups[k].fused.position_mm - s.values[:2]) for k in near]
             k = near[int(np.argmin(off))]
-            groups[k] = merge_sightings([*groups[k].sightings, s], gate=gate)
+            groups[k] = merge_sightings([*groups[k].sightings, s])
         elif np.isfinite(s.values[3:]).any():
-            groups.append(merge_sightings([s], gate=gate))
-        elif not any(np.linalg.norm(group.fused.position_mm - s.values[:2]) < max_size_mm / 2 for group in groups):
+            groups.append(merge_sightings([s]))
+        elif not any(np.linalg.norm(group.fused.position_mm - s.values[:2]) < MAX_SIZE_MM / 2 for group in groups):
             x, y = s.values[:2]
             why = _why_lost(s.measured.reasons)
             where = f"x {rounded(x)}, y {rounded(y)} mm"

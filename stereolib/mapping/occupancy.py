@@ -14,6 +14,7 @@ from stereolib.measurement import MeasuredObject
 
 FREE, UNKNOWN, OCCUPIED = 254, 205, 0  # grey levels of ROS's map_server
 _MOST_CELLS = 25e6  # bytes of memory, several times; a hall of 100 m by 100 m at 20 mm
+_RIM_MM = 100.0  # of unknown cells around everything
 _BEAMS_AT_ONCE = 500  # bounds the memory of their crossings
 
 
@@ -69,7 +70,6 @@ def occupancy_grid(
     *,
     objects: Sequence[MeasuredObject] = (),
     resolution_mm: float = 20.0,
-    margin_mm: float = 100.0,
     least_share: float = 0.1,
 ) -> OccupancyGrid:
     """Follow the beams of all scans over the floor.
@@ -81,8 +81,6 @@ def occupancy_grid(
         In the map; their outlines are taken, also those that the beams pass over.
     resolution_mm : float
         Side of a cell.
-    margin_mm : float
-        Rim of unknown cells around everything.
     least_share : float
         A cell is taken if at least this share of the beams that reach it end in it: others pass it at its corner.
 
@@ -93,8 +91,7 @@ def occupancy_grid(
     Raises
     ------
     ValueError
-        If there is no reading, a cell has no side, the rim is negative, or the grid would have more than 25 million
-        cells.
+        If there is no reading, a cell has no side, or the grid would have more than 25 million cells.
 
     Notes
     -----
@@ -106,12 +103,10 @@ def occupancy_grid(
         raise ValueError(f"{counted(len(stations), 'station')} without a single reading: no grid: give their scans")
     if not resolution_mm > 0:
         raise ValueError(f"a cell needs a positive side in mm, got {resolution_mm}")
-    if not margin_mm >= 0:
-        raise ValueError(f"the rim around everything is 0 mm or more, got {margin_mm:g}")
     start, end = np.concatenate(laser), np.concatenate([s.to_map(s.scan_mm) for s in stations])
     both = np.concatenate([start, end])
-    origin = np.floor((both.min(axis=0) - margin_mm) / resolution_mm) * resolution_mm
-    columns, rows = (np.ceil((both.max(axis=0) + margin_mm - origin) / resolution_mm)).astype(int)
+    origin = np.floor((both.min(axis=0) - _RIM_MM) / resolution_mm) * resolution_mm
+    columns, rows = (np.ceil((both.max(axis=0) + _RIM_MM - origin) / resolution_mm)).astype(int)
     if rows * columns > _MOST_CELLS:
         raise ValueError(f"cells of {resolution_mm:g} mm make {columns} x {rows} of them: take larger ones")
     passed, ended = np.zeros(rows * columns, int), np.zeros(rows * columns, int)

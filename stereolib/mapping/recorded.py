@@ -19,7 +19,6 @@ from stereolib.mapping.stations import Station
 from stereolib.measurement import (
     CannotMeasure,
     Instrument,
-    MeasuredObject,
     Measurement,
     Reason,
     ScanFit,
@@ -81,18 +80,9 @@ class RecordedMap:
         list of str
         """
         found = self.measured[name]
-        station = next(each for each in self.room.stations if each.name == name)
+        number = next(k for k, each in enumerate(self.room.stations, start=1) if each.name == name)
         apart = [item for item in found.objects if item.disagrees]
-        return [*found.said, *(disagreement(item, self._name_of(item, station)) for item in apart)]
-
-    def _name_of(self, item: MeasuredObject, station: Station) -> str:
-        """What the map calls an object that a station measured; "" if it has none of it."""
-        place_mm = station.to_map(item.position_mm)
-        for letter, each in zip(self.room.names, self.room.objects, strict=True):
-            seen = [it.measured.position_mm for it in each.sightings if it.name == station.name]
-            if any(np.allclose(position_mm, place_mm) for position_mm in seen):
-                return letter
-        return ""
+        return [*found.said, *(disagreement(item, self.room.name_of(item, number)) for item in apart)]
 
     def cloud(self) -> Cloud | None:
         """Make coloured points of all pairs that show the floor.
@@ -121,7 +111,7 @@ def laser_alone() -> Instrument:
     camera = Camera(np.array([[300.0, 0, 159.5], [0, 300.0, 119.5], [0, 0, 1]]), np.zeros(5), (320, 240))
     axes = np.array([[0.0, -1, 0], [0, 0, -1], [1, 0, 0]])  # ahead, left and up, of a camera that looks ahead
     covariance = np.diag([_EXACT**2] * 6 + [LASER_SCALE_STD**2])
-    laser = LidarCamera(rigid(axes, np.zeros(3)), 0.0, covariance, view_misses=np.zeros(0))
+    laser = LidarCamera(rigid(axes, np.zeros(3)), 0.0, covariance)
     return Instrument(StereoRig(camera, camera, np.eye(3), np.array([-60.0, 0, 0])).rectify(), laser)
 
 

@@ -8,6 +8,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import chain
 from os import PathLike
 from pathlib import Path
 from shlex import quote
@@ -375,11 +376,11 @@ class _Said:
             raise ValueError(f"{error}; mend it there, or move the file away: {without}") from None
         for part, entries in self.parts.items():
             self._known(part, _ENTRIES, "part")
-            for entry in entries if part == "length" else [entries]:
-                if not isinstance(entry, Mapping):
-                    raise ValueError(f"{path}: {part} is a part of its own, [{part}], with entries below it")
-                for name in entry:
-                    self._known(name, _ENTRIES[part], f"entry of [{part}]")
+            tables, head = (entries, "[[length]]") if part == "length" else ([entries], f"[{part}]")
+            if not isinstance(tables, list) or not all(isinstance(table, Mapping) for table in tables):
+                raise ValueError(f"{path}: {part} is a part of its own, {head}, with entries below it")
+            for name in chain.from_iterable(tables):
+                self._known(name, _ENTRIES[part], f"entry of [{part}]")
 
     def _known(self, name: str, names: Sequence[str] | Mapping[str, Any], what: str) -> None:
         if name not in names:
@@ -406,6 +407,11 @@ class _Said:
             raise self.wrong(part, name, f"a number of millimetres is expected, {_LEAST_MM:g} or more, got {value!r}")
         return float(value)
 
+    def _flag(self, entries: Mapping[str, Any], part: str, name: str) -> bool:
+        if not isinstance(value := entries.get(name, False), bool):
+            raise self.wrong(part, name, f"true or false is expected, got {value!r}")
+        return value
+
     def _two(self, value: Any, part: str, name: str, expected: str) -> tuple[Any, Any]:
         if not (isinstance(value, list) and len(value) == 2 and all(map(_is_number, value))):
             raise self.wrong(part, name, f"{expected}, got {value!r}")
@@ -420,6 +426,7 @@ class _Said:
             part.get("inner_corners"), "board", "inner_corners", "columns and rows are expected, as [9, 6]"
         )
         edges = part["square_mm"]
+        is_legacy = self._flag(part, "board", "legacy")
         one_or_two = "a length or two are expected, as 25 or [24.9, 25.1]"
         width, height = (edges, edges) if _is_number(edges) else self._two(edges, "board", "square_mm", one_or_two)
         try:
@@ -428,7 +435,7 @@ class _Said:
             if width != height:
                 raise ValueError(f"a ChArUco board's squares are taken for square, got {edges}")
             dictionary = self.text("board", "dictionary", "5X5_100")
-            return Charuco(columns, rows, width, marker, dictionary, bool(part.get("legacy", False)))
+            return Charuco(columns, rows, width, marker, dictionary, is_legacy)
         except (ValueError, TypeError, ZeroDivisionError) as error:
             raise ValueError(f"{self.path}: [board]: {error}") from None
 
@@ -438,8 +445,7 @@ class _Said:
             pixel = "a column and a row are expected, as [320, 240]"
             ends = tuple(self._two(entry.get(name), "length", name, pixel) for name in ("from", "to"))
             ruler = self._millimetres(entry.get("ruler_mm"), "length", "ruler_mm")
-            if not isinstance(is_rectified := entry.get("rectified", False), bool):
-                raise self.wrong("length", "rectified", f"true or false is expected, got {is_rectified!r}")
+            is_rectified = self._flag(entry, "length", "rectified")
             found.append(AskedLength(str(entry.get("pair", "")), (ends[0], ends[1]), ruler, is_rectified))
         return tuple(found)
 

@@ -5,7 +5,7 @@ Every reading that lies near a straight bit of another station's scan, seen from
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -56,12 +56,7 @@ class ScanMatch:
     pairs: int
 
 
-def refine_poses(
-    stations: Sequence[Station],
-    *,
-    bias_mm: tuple[float, float] = XV11_BIAS,
-    sigma: Callable[[Float64], Float64] = XV11_SIGMA,
-) -> ScanMatch:
+def refine_poses(stations: Sequence[Station], *, bias_mm: tuple[float, float] = XV11_BIAS) -> ScanMatch:
     """Refine the poses of stations by their scans; the first one stays.
 
     Parameters
@@ -74,8 +69,6 @@ def refine_poses(
         one straight bit share (brightness and angle), ``b r^2`` what all readings share, as a laser that triangulates
         errs with the square of the range. The second is 0 if it was learnt and taken off
         (`stereolib.laser.learn_bias`).
-    sigma : callable
-        Noise of a reading (see `stereolib.laser.find_segments`).
 
     Returns
     -------
@@ -101,7 +94,7 @@ def refine_poses(
     if len(stations) < 2:
         raise ValueError(f"matching needs two stations or more, got {len(stations)}: a single one has nothing to match")
     names = station_names(stations)
-    scans = [_Scan.of(name, station, sigma, bias_mm[0]) for name, station in zip(names, stations, strict=True)]
+    scans = [_Scan.of(name, station, bias_mm[0]) for name, station in zip(names, stations, strict=True)]
     poses = np.array([station.pose for station in stations])
     start = poses.copy()
     for reach in np.geomspace(*_REACH_MM, _ROUNDS):  # the last one again at the poses that it led to
@@ -179,7 +172,7 @@ class _Scan:
     bias: Float64
 
     @classmethod
-    def of(cls, name: str, station: Station, sigma: Callable[[Float64], Float64], bias_mm: float) -> _Scan:
+    def of(cls, name: str, station: Station, bias_mm: float) -> _Scan:
         p, half = station.scan_mm, _HALF_WINDOW
         if len(p) < 2 * half + 1:
             raise ValueError(
@@ -193,7 +186,7 @@ class _Scan:
         normals *= np.sign(((station.laser_mm - p) * normals).sum(axis=1))[:, None]
         step = np.linalg.norm(np.diff(q, axis=1), axis=2).max(axis=1)
         range_mm = np.linalg.norm(p - station.laser_mm, axis=1)
-        noise = np.asarray(sigma(range_mm), float)
+        noise = np.asarray(XV11_SIGMA(range_mm), float)
         straight = (np.sqrt(values[:, 0]) < _STRAIGHT[0] * noise) & (step < _STEP_MM[0] + _STEP_MM[1] * range_mm)
         straight &= np.sqrt(values[:, 1]) > _STRAIGHT[1] * noise
         if straight.sum() < _LEAST_STRAIGHT:

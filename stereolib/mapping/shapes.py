@@ -13,9 +13,8 @@ from stereolib.mapping.assemble import Map
 from stereolib.mapping.stations import Station
 from stereolib.measurement import OBJECT_RGB, Floor, check_disparity_map, pixel_rays
 
-#: Colours of objects, red-green-blue: those of the figures, without the walls' grey.
-COLORS = OBJECT_RGB
 WALL_RGB = (190, 190, 190)
+_WALL_MM = 20.0  # how thick walls are drawn, away from the room: a scan does not tell
 _THIN_MM = 2.0  # what was not measured is drawn so thin or flat: seen, and taken for no size
 
 
@@ -62,7 +61,7 @@ class Cloud:
             raise ValueError(f"a cloud has as many colours as points, both (N, 3); got {shapes}")
 
 
-def map_solids(room: Map, *, wall_height_mm: float = 500.0, wall_thickness_mm: float = 20.0) -> list[Solid]:
+def map_solids(room: Map, *, wall_height_mm: float = 500.0) -> list[Solid]:
     """Make upright prisms of the objects and walls of a map.
 
     Parameters
@@ -70,8 +69,6 @@ def map_solids(room: Map, *, wall_height_mm: float = 500.0, wall_thickness_mm: f
     room : Map
     wall_height_mm : float
         A scan does not tell how high a wall is: drawn so high.
-    wall_thickness_mm : float
-        Nor how thick; it grows away from the room.
 
     Returns
     -------
@@ -91,9 +88,9 @@ def map_solids(room: Map, *, wall_height_mm: float = 500.0, wall_thickness_mm: f
         area = np.sum(hull[:, 0] * np.roll(hull[:, 1], -1) - hull[:, 1] * np.roll(hull[:, 0], -1))
         height = float(measured.size_mm[2]) if np.isfinite(measured.size_mm[2]) else _THIN_MM
         known = bool(np.isfinite(measured.size_mm).all())
-        solids.append(Solid(name, hull if area > 0 else hull[::-1], height, COLORS[k % len(COLORS)], known))
+        solids.append(Solid(name, hull if area > 0 else hull[::-1], height, OBJECT_RGB[k % len(OBJECT_RGB)], known))
     for k, wall in enumerate(room.walls, start=1):
-        back = wall.ends_mm - wall_thickness_mm * wall.normal
+        back = wall.ends_mm - _WALL_MM * wall.normal
         outline = np.concatenate([wall.ends_mm, back[::-1]])
         solids.append(Solid(f"wall {k}", outline, wall_height_mm, WALL_RGB))
     return solids

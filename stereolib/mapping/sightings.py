@@ -18,7 +18,8 @@ from stereolib.base import Float64, Ints, direction, turn_2d, wrap_rad
 from stereolib.measurement import SIZE_NAMES, UNSURE_MM, WORST_STD, MeasuredObject, Reason, Why
 
 _QUARTER = np.pi / 2
-_GATE = 4.0  # standard deviations: chance exceeds them once in 16000 times
+GATE = 4.0  # standard deviations: chance exceeds them once in 16000 times
+MAX_SIZE_MM = 800.0  # deepest box that two opposite faces are taken to belong to
 _STEPS = 6  # of Gauss-Newton; three reach rounding
 _THIN_MM = 20.0  # two faces that lie nearer are one, seen twice
 _RING = 24  # corners of a circle's outline
@@ -122,8 +123,6 @@ class MapObject:
         Whose sightings went into it.
     conflicts : tuple of str
         Sightings that disagree and were left out, each with both values.
-    misfit : float
-        Root of chi square per degree of freedom; about 1 where the stated deviations are right, NaN of one sighting.
     sightings : tuple of Sighting
         All of them.
     """
@@ -131,18 +130,17 @@ class MapObject:
     fused: MeasuredObject
     stations: tuple[int, ...]
     conflicts: tuple[str, ...]
-    misfit: float
     sightings: tuple[Sighting, ...]
 
 
-def merge_sightings(sightings: Sequence[Sighting], *, gate: float = _GATE) -> MapObject:
+def merge_sightings(sightings: Sequence[Sighting]) -> MapObject:
     """Merge sightings of one object, weighting them by their inverse covariances.
+
+    What fits the others with less than the probability of four standard deviations is left out and reported.
 
     Parameters
     ----------
     sightings : sequence of Sighting
-    gate : float
-        What fits the others with less than the probability of so many standard deviations is left out and reported.
 
     Returns
     -------
@@ -158,7 +156,7 @@ def merge_sightings(sightings: Sequence[Sighting], *, gate: float = _GATE) -> Ma
     from scipy.special import chdtri, ndtr
 
     kept, dropped = _of_one_kind(sightings)
-    most = [chdtri(max(n, 1), 2 * ndtr(-gate)) for n in range(6 * len(kept) + 1)]  # chi square that chance leaves
+    most = [chdtri(max(n, 1), 2 * ndtr(-GATE)) for n in range(6 * len(kept) + 1)]  # chi square that chance leaves
     while (solved := _solve(kept)).chi2 > most[max(solved.freedom, 0)] and len(kept) > 1:
         rest = [_solve([s for s in kept if s is not out]) for out in kept]
         # What fits, tells most and fits best stays; of two alone, the surer one.
@@ -167,11 +165,10 @@ def merge_sightings(sightings: Sequence[Sighting], *, gate: float = _GATE) -> Ma
             for out, r in zip(kept, rest, strict=True)
         ]
         dropped.append(kept.pop(min(range(len(kept)), key=doubt.__getitem__)))
-    misfit = float(np.sqrt(solved.chi2 / solved.freedom)) if solved.freedom > 0 else np.nan
-    grown = solved.grown(max(np.nan_to_num(misfit), 1.0) ** 2)
+    grown = solved.grown(max(1.0, solved.chi2 / solved.freedom) if solved.freedom > 0 else 1.0)
     fused = _without_vague(_fused(kept, grown))
     conflicts = tuple(_conflict(out, fused, grown) for out in dropped)
-    return MapObject(fused, tuple(s.station for s in kept), conflicts, misfit, tuple(sightings))
+    return MapObject(fused, tuple(s.station for s in kept), conflicts, tuple(sightings))
 
 
 def _of_one_kind(sightings: Sequence[Sighting]) -> tuple[list[Sighting], list[Sighting]]:
@@ -189,17 +186,15 @@ def _of_one_kind(sightings: Sequence[Sighting]) -> tuple[list[Sighting], list[Si
     return kept, others
 
 
-def may_be_same(known: MapObject, other: Sighting, *, gate: float = _GATE, max_size_mm: float = 800.0) -> bool:
+def may_be_same(known: MapObject, other: Sighting) -> bool:
     """Find out whether a sighting may be of an object: a middle lies in an outline, or their faces make one box.
+
+    Outlines are widened by four standard deviations of their places.
 
     Parameters
     ----------
     known : MapObject
     other : Sighting
-    gate : float
-        Standard deviations of their places by which outlines are widened.
-    max_size_mm : float
-        Deepest box that two opposite faces are taken to belong to.
 
     Returns
     -------
@@ -207,9 +202,9 @@ def may_be_same(known: MapObject, other: Sighting, *, gate: float = _GATE, max_s
     """
     if known.fused.shape == other.measured.shape == "face":
         x, *_, chi2, freedom = _solve([*(s for s in known.sightings if s.station in known.stations), other])
-        deep = np.all(np.isnan(x[3:5]) | (x[3:5] > _THIN_MM)) and np.nanmax(x[3:5]) < max_size_mm
-        return bool(chi2 < gate**2 * max(freedom, 1) / 2 and deep)
-    reach = gate * float(np.hypot(other.spread_mm, np.sqrt(np.trace(np.nan_to_num(known.fused.position_covariance)))))
+        deep = np.all(np.isnan(x[3:5]) | (x[3:5] > _THIN_MM)) and np.nanmax(x[3:5]) < MAX_SIZE_MM
+        return bool(chi2 < GATE**2 * max(freedom, 1) / 2 and deep)
+    reach = GATE * float(np.hypot(other.spread_mm, np.sqrt(np.trace(np.nan_to_num(known.fused.position_covariance)))))
     pairs = (known.fused, other.measured), (other.measured, known.fused)
     return any(is_within(point.position_mm, outline.outline_mm, reach) for point, outline in pairs)
 

@@ -18,6 +18,7 @@ _GAP_MM = 300.0  # a wall ends where it has no reading for so long: a door, or a
 _MARGIN_MM = 60.0  # readings that near to an object are the object's
 _LEAST_LINE_MM = 250.0  # shortest line that is tried
 _LEAST_READINGS = 10  # of a line: fewer are chance
+LEAST_WALL_MM = 700.0  # shortest wall
 _REACH_MM = 250.0  # walls that end so near to where they meet end there
 _ACROSS = 0.5  # sine of the least angle at which walls are taken to meet
 
@@ -77,7 +78,7 @@ def find_walls(
     objects: Sequence[MeasuredObject] = (),
     *,
     rng: np.random.Generator,
-    least_mm: float = 700.0,
+    least_mm: float = LEAST_WALL_MM,
     bias_mm: tuple[float, float] = XV11_BIAS,
 ) -> list[MapWall]:
     """Find the walls in the scans of all stations.

@@ -354,4 +354,4 @@ def _lidar(pose: Any, covariance: Any, scale: Any) -> LidarCamera:
     if not np.allclose(C, C.T) or least < -_ROTATION_TOLERANCE * np.trace(C) or not np.diag(C).min() > 0:
         raise ValueError("covariance must be symmetric, without zero or negative variances")
     C = C if size == 7 else block_diag(C, LASER_SCALE_STD**2)
-    return LidarCamera(T, e, C, view_misses=np.zeros(0))
+    return LidarCamera(T, e, C)

@@ -25,9 +25,7 @@ from stereolib.calibration import (
     board_text,
     boards_per_cell,
     check_rows,
-    error_row,
-    meaning_rows,
-    parameter_rows,
+    result_rows,
 )
 from stereolib.plotting.curves import plot_curves, plot_dots
 from stereolib.plotting.output import show_figure
@@ -70,12 +68,12 @@ def write_calibration_report(path: Path, diagnosis: Diagnosis, files: Files) -> 
         diagnosis=diagnosis,
         verdict_means=VERDICT_MEANINGS.get(diagnosis.verdict, ""),
         color=_COLORS.get(diagnosis.verdict, _NO_VERDICT_COLOR),
-        error=error_row(diagnosis),
+        error=result_rows("errors", diagnosis)[0],
         board=board_text(diagnosis.views.board),
         version=__version__,
         checks=check_rows(diagnosis),
         uncovered=uncovered_text(diagnosis),
-        results=[*parameter_rows(diagnosis), *meaning_rows(diagnosis)],
+        results=[*result_rows("parameters", diagnosis), *result_rows("meaning", diagnosis)],
         refused=[f"left out: {names}: {reason}" for names, reason in diagnosis.left_out_by_reason],
         pictures={
             "corners": _corners(diagnosis, files),

@@ -11,9 +11,8 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Circle, Ellipse, Patch, Polygon
 
 from stereolib.base import Float64, Floats
-from stereolib.mapping import COLORS as RGB
 from stereolib.mapping import FREE, OCCUPIED, UNKNOWN, Map, OccupancyGrid, Station, station_names
-from stereolib.measurement import Measurement, draw_objects
+from stereolib.measurement import OBJECT_RGB, Measurement, draw_objects
 from stereolib.plotting.pictures import plot_image
 from stereolib.plotting.style import LASER, OURS, RIVAL, as_written, default_style
 
@@ -139,7 +138,7 @@ def plot_top_view(room: Map, ax: Axes, title: str = "", *, true_mm: list[Float64
     for wall in room.walls:
         ax.plot(*wall.ends_mm.T, color="0.25", lw=2.5, solid_capstyle="projecting", zorder=2)
     for k, (name, item) in enumerate(zip(room.names, room.measured, strict=True)):
-        color = tuple(c / 255 for c in RGB[k % len(RGB)])
+        color = tuple(c / 255 for c in OBJECT_RGB[k % len(OBJECT_RGB)])
         outline = item.outline_mm[np.isfinite(item.outline_mm).all(axis=1)]
         ax.add_patch(Polygon(outline, closed=len(outline) > 2, fc=(*color, 0.35), ec=color, lw=1.8, zorder=3))
         _ellipse(item.position_mm, times**2 * np.nan_to_num(item.position_covariance), ax, color)

@@ -55,7 +55,7 @@ def find_pairs(
         ``3.png``, too. Where none occurs on both sides (time stamps) and there are equally many, they are paired in
         sorted order.
     every : int, optional
-        Of a video: the sharpest of so many frames is taken; without it, at most 60 are.
+        Of a video: the sharpest of so many frames is taken; without it, at most 60 are, where its length is known.
     least : int
         Pairs that there must be.
 

@@ -60,7 +60,7 @@ def unpack_videos(videos: Sequence[Path], every: int | None = None) -> list[tupl
     ----------
     videos : sequence of one or two Path
     every : int, optional
-        Frames in a run; without it, as many as leave at most 60 pairs.
+        Frames in a run; without it, as many as leave at most 60 pairs, where its length is known.
 
     Returns
     -------

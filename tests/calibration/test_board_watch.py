@@ -36,6 +36,8 @@ def test_a_board_is_ready_when_it_stands_still(watch: BoardWatch) -> None:
     assert watch.look(left, right, 0.0).advice == "hold it still", "one look tells no motion"
     look = watch.look(left, right, 0.1)
     assert (look.advice, look.speed) == ("", 0.0)
+    at_once = watch.look(left, right, 0.1)
+    assert at_once.advice == "hold it still" and np.isnan(at_once.speed), "no time has passed"
     again = watch.look(moved(left, 8.0), moved(right, 8.0), 0.3)
     assert again.advice == "hold it still"
     assert again.speed == pytest.approx(8.0 / 640 / 0.2, rel=0.01)

@@ -170,6 +170,19 @@ def test_charuco_board_half_out_of_sight():
     assert find_charuco(np.full((480, 640), 200, np.uint8), CHARUCO) is None
 
 
+def test_charuco_corners_without_neighbours_are_none():
+    """Of markers that touch at their corners alone: nothing tells how large a window around one may be."""
+    image, truth = charuco_view()
+    H, _ = cv2.findHomography(CHARUCO.points_mm[:, :2], truth)
+    for column, row in np.ndindex(9, 6):
+        if (column - row) % 4 == 3:  # every other diagonal of squares with markers
+            marker = np.float32([[4, 4], [20, 4], [20, 20], [4, 20]]) + 24 * np.float32([column - 1, row - 1])
+            cv2.fillConvexPoly(image, cv2.perspectiveTransform(marker[None], H).round().astype(int), 255)
+    _, numbers, *_ = cv2.aruco.CharucoDetector(CHARUCO.printed).detectBoard(image)
+    assert len(numbers) == 10
+    assert find_charuco(image, CHARUCO) is None
+
+
 def test_charuco_points_are_those_of_the_print():
     for target in (CHARUCO, Charuco(5, 5, 24.0, 17.0)):  # a square one is no problem here
         printed = target.printed.getChessboardCorners()

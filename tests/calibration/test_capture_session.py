@@ -120,6 +120,15 @@ def test_without_a_board_the_order_is_known_by_the_notes(tmp_path: Path, sources
         session(tmp_path, sources[::-1], 2, board=None)
 
 
+@pytest.mark.parametrize("damaged", [5, None, "ab", ["1"], [1, 2]])
+def test_notes_without_two_sources_are_refused(tmp_path: Path, sources: tuple[str, str], damaged: object) -> None:
+    list(session(tmp_path, sources, 1, board=None).run())
+    notes = json.loads((tmp_path / "capture.json").read_text())
+    (tmp_path / "capture.json").write_text(json.dumps(notes | {"sources": damaged}))
+    with pytest.raises(ValueError, match=r"^.*capture\.json: two names of cameras are expected as sources, got "):
+        session(tmp_path, sources, 2, board=None)
+
+
 def test_a_side_without_a_partner_is_replaced(tmp_path: Path, sources: tuple[str, str]) -> None:
     list(islice(session(tmp_path, sources, 2).run(), 12))
     (tmp_path / "right" / "02.png").unlink()

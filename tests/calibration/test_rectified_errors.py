@@ -10,7 +10,6 @@ from support.corners import corner_set
 from stereolib.calibration import (
     DisparityErrors,
     fit_rig,
-    rectified_covariance,
     rectified_std,
     rig_covariance,
     rig_parameter_names,
@@ -108,7 +107,10 @@ def test_what_is_stated_of_a_height_is_near_what_the_calibration_knows_of_it():
     for seed in range(3):
         fit = fit_rig(corner_set(np.random.default_rng([seed, 11]), rig=rig), rig)
         rectified, covariance = fit.rig.rectify(0.0), rig_covariance(fit, method="corners")
-        stated = rectified_covariance(rectified, covariance)
+        told, correlation = rectified_std(rectified, covariance), np.eye(3)
+        std = [told[name] for name in ("f_px", "baseline_mm", "offset_px")]
+        correlation[np.triu_indices(3, 1)] = told["correlation"]
+        stated = np.outer(std, std) * (correlation + correlation.T - np.eye(3))
         for depth_mm in (700.0, 1000.0):
             ends = fit.rig.left.rays(np.array([[340.0, 240.0]])) * depth_mm + np.array([[0, 80.0, 0], [0, -80.0, 0]])
             low, high = triangulation_jacobian(fit.rig, ends)[:, 1]

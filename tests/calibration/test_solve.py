@@ -181,6 +181,10 @@ def test_refuses(exact):
         calibrate_stereo(exact.only([0, 1]))
     with pytest.raises(ValueError, match="all 5 views show the board in the same place"):
         calibrate_camera(BOARD, exact.left_px[[0] * 5], exact.size)
+    unseen = exact.left_px[[0] * 5]
+    unseen[:, 7] = np.nan  # in no view, as of a ChArUco board
+    with pytest.raises(ValueError, match="all 5 views show the board in the same place"):
+        calibrate_camera(BOARD, unseen, exact.size)
     with pytest.raises(ValueError, match="unknown lens model 'fisheye'; choose one of pinhole, brown2, brown3"):
         calibrate_camera(BOARD, exact.left_px, exact.size, model="fisheye")
 

@@ -206,6 +206,18 @@ def test_recording_holds_the_bytes_and_the_sidecar_its_story(tmp_path, link):
     assert [s.complete for s in laser.take_scans(path, 3)] == [True] * 3
 
 
+def test_a_recording_that_fails_here_is_told_as_failed(tmp_path, monkeypatch):
+    def full(_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(serial_port, "read_chunks", lambda _: (b"\xfa" * 22 for _ in range(3)))
+    monkeypatch.setattr(serial_port, "_REPORT_S", 0.0)
+    with pytest.raises(OSError, match="No space left on device"):
+        laser.record_port("port", tmp_path / "a.bin", progress=full)
+    notes = json.loads((tmp_path / "a.bin.json").read_text())
+    assert (notes["failed"], notes["bytes"]) == (True, 22) and not notes["ended"].startswith("after")
+
+
 def test_recordings_are_never_overwritten_unasked(tmp_path):
     path = tmp_path / "a.bin"
     path.write_bytes(b"precious")

@@ -116,6 +116,7 @@ def test_a_face_from_another_side_brings_the_hidden_depth(second, name):
     stations = [bare(pose, seen_from(pose, size, centre, 0.0, rng, walks.face)) for pose in ((0, 0, 0), second)]
     alone = merged(stations[:1])
     assert alone.measured[0].shape == "face" and np.isnan(alone.measured[0].size_mm[0])
+    assert alone.names_of(1) == ["A"]
     assert alone.warnings == (f"A: its length is unknown, {Reason.DEPTH_HIDDEN.value}",)
     with pytest.raises(ValueError, match="no object of which all three sizes are known"):
         _ = alone.volume_l

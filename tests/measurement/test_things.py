@@ -130,7 +130,7 @@ def test_a_round_thing_stands_where_the_scene_has_the_laser_and_as_well_known():
     angles = np.linspace(0.6 * np.pi, 1.4 * np.pi, 12)
     rim = np.array([800.0, 0.0]) + 60.0 * np.column_stack([np.cos(angles), np.sin(angles)])
     round_ = Footprint(
-        "circle", SimpleNamespace(points_mm=rim), 1.0, length_mm=120.0, width_mm=120.0, length_std_mm=1.0,
+        "circle", SimpleNamespace(points_mm=rim), length_mm=120.0, width_mm=120.0, length_std_mm=1.0,
         width_std_mm=1.0, centre_mm=np.array([800.0, 0.0]), centre_std_mm=np.ones(2),
     )  # fmt: skip
     scene = Scene(SimpleNamespace(priors=PRIORS), True, rim, rim)

@@ -378,6 +378,7 @@ FOLDERS: dict[str, tuple[bytes, str]] = {
     "bytes": (b"\xff\xfe[board]", "UTF-8"),
     "deep": (b"a = " + b"[" * 100_000, "nested"),
     "flat": (b"board = 3\nrecordings = 4\n", "rig.toml"),
+    "lengths": (b"length = 5\n", "length is a part of its own"),
     "corners": (_TOML.replace("[9, 6]", '"many"').encode(), "inner_corners"),
     "corner": (_TOML.replace("[9, 6]", "[9]").encode(), "inner_corners"),
     "square": (_TOML.replace("25.0]", "1e308]").encode(), "square"),

@@ -13,6 +13,6 @@ RECT = recordings.rectified()
 SENSOR = VirtualLidar()
 LIDAR = LidarCamera(
     recordings.setup() @ rigid(np.eye(3), [0.0, 0.0, SENSOR.height_mm]), 0.0,
-    np.diag([1e-6] * 3 + [0.25] * 3 + [1e-6]), np.zeros(0),
+    np.diag([1e-6] * 3 + [0.25] * 3 + [1e-6]),
 )  # fmt: skip
 INSTRUMENT = Instrument(RECT, LIDAR)

@@ -22,7 +22,6 @@ def rectified(name="conditions/texture"):
 def test_exposures_that_differ_change_no_disparity(gain, gamma):
     left, right = rectified()
     plain, other = Views.of_rectified(left, right), Views.of_rectified(left, exposed(right, gain, gamma))
-    assert other.clipped < 0.05
     both = np.isfinite(plain.disparity_px) & np.isfinite(other.disparity_px)
     assert both.sum() > 0.95 * np.isfinite(plain.disparity_px).sum()
     assert np.mean(np.abs(plain.disparity_px - other.disparity_px)[both] < 0.5) > 0.93
@@ -79,7 +78,6 @@ def test_pictures_of_nothing_match_nothing():
         views = Views.of_rectified(blank, blank)
         assert not np.isfinite(views.disparity_px).any() or np.nanmax(views.disparity_px) == 0
         assert views.rows.offset_px == 0 and views.rows.std_px >= 3 and not views.rows.warnings
-        assert views.clipped == (level != 90)
     with pytest.raises(ValueError, match="one size"):
         Views.of_rectified(np.zeros((48, 64), np.uint8), np.zeros((48, 63), np.uint8))
 

@@ -87,7 +87,7 @@ WRITING = [
     ),
     Writing("map walk --output out --force"),
     Writing("data walk out --force"),
-    Writing("data build --output out", most_s=40.0),
+    Writing("data build --output out --force", most_s=40.0),
     Writing("report rig --output out --force", varies=(".html",)),
     Writing("bake out --force"),
     Writing("handout --out out/class.zip --no-wheels --force", varies=(".zip",)),

@@ -76,7 +76,7 @@ def _map_lines(state: State) -> list[str]:
         for f in fields(SGBMParams)
         if getattr(state.sgbm, f.name) != f.default
     )
-    if state.window != WINDOWS[0]:
+    if state.window != WINDOWS[0] and state.source != OWN:  # nobody knows where the laser was
         lines = [f"disparity_px = chain.disparity(from_text({to_text(state)!r}))"]
     elif state.matcher != MATCHERS[0]:
         count = -(-state.sgbm.num_disparities // 32) * 32

@@ -121,7 +121,7 @@ def test_a_scene_without_a_board_is_one_pair(tmp_path: Path, capfd: pytest.Captu
         (["L", "R", "--legacy"], "--legacy is about a board"),
         (["L", "R", "--dictionary", "4X4_50"], "--dictionary is about a board"),
         (["L", "R", *BOARD, "--dictionary", "4X4_50"], "--dictionary is about ChArUco boards"),
-        (["L", "R", "--board", "9x6", "--square-mm", "25", "--ruler-mm", "-5"], "--ruler-mm is a number"),
+        (["L", "R", "--board", "9x6", "--square-mm", "25", "--ruler-mm", "-5"], "not a number from 1 to 1000000"),
         (["L", "R", "--exposure", "nan"], "finite numbers"),
         (["L", "R", "--port", "70000"], "--port: '70000' is not a whole number from 0 to 65535"),
         ([".", "R"], "it is a folder; stereolib calibrate reads"),

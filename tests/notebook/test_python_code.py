@@ -36,6 +36,7 @@ def states(tmp_path_factory):
         "laser's window": State(window="around the laser's", laser_yaw_deg=1.0),
         "own pair": State(source=OWN, own=(*files, rig, ""), filter="dilation", kernel_shape="cross"),
         "own pair, wrong baseline": State(source=OWN, own=(*files, rig, ""), baseline_pct=2.0),
+        "own pair, laser's window": State(source=OWN, own=(*files, rig, ""), window="around the laser's"),
         "own pair, rectified": State(source=OWN, own=(*files, "", ""), block_size=9),
         "motorcycle": State(source=MOTORCYCLE, num_disparities=64),
     }
@@ -52,7 +53,7 @@ def ran(states):
 
 
 NAMES = ("recording", "filter", "pipeline", "virtual rig", "laser's window", "own pair", "own pair, wrong baseline",
-         "own pair, rectified", "motorcycle")  # fmt: skip
+         "own pair, laser's window", "own pair, rectified", "motorcycle")  # fmt: skip
 
 
 @pytest.mark.parametrize("name", NAMES)

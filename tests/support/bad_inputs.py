@@ -430,6 +430,7 @@ OTHERS = {
     "data": [
         Bad("data build --output good/left.jpg", "cannot be written"),
         Bad("data build --output /proc/nowhere", "cannot be written"),
+        Bad("data build --output rig_empty", "rig.toml would be overwritten: name another place with --output, or"),
         Bad("data walk good/left.jpg", "good/left.jpg"),
         Bad("data walk /proc/nowhere", "cannot be written"),
         Bad("data walk good", "calibration.json would be overwritten"),
@@ -631,6 +632,7 @@ OTHERS = {
         Bad("capture noise.bin words.bin --output taken --no-preview", "noise.bin"),
         Bad("capture http://127.0.0.1:1/a http://127.0.0.1:1/b --output taken --no-preview", "127.0.0.1:1/a"),
         Bad("capture 0 1 --output taken --ruler-mm 93", "--ruler-mm is about a board"),
+        Bad("capture 0 1 --output taken --board 9x6 --square-mm 25 --ruler-mm 2e6", "not a number from 1 to 1000000"),
         Bad("capture 0 1 --output taken --code MJPEG", "four letters"),
         Bad("capture 0 1 --output taken --exposure inf", "finite"),
     ],

@@ -140,7 +140,7 @@ def download_links(state: State) -> list[str]:
     np.save(numbers, map_px, allow_pickle=False)
     files = {
         "left.png": cv2.imencode(".png", left)[1].tobytes(),
-        "disparity.png": cv2.imencode(".png", color_disparity(map_px, 0, state.num_disparities))[1].tobytes(),
+        "disparity.png": cv2.imencode(".png", color_disparity(map_px, *state.colors_px))[1].tobytes(),
         "disparity.npy": numbers.getvalue(),
     }
     if (cloud := _point_cloud(state)) is not None:

@@ -72,7 +72,9 @@ def _configure(parser: argparse.ArgumentParser) -> None:
         parser.add_argument(f"--{name}", type=float, metavar="X", help=f"fixed at this, {unit} (default: as it stands)")
     parser.add_argument("--automatic", action="store_true", help="leave exposure, focus and white balance automatic")
     add_page(parser)
-    parser.add_argument("--ruler-mm", type=number(1, MM), metavar="MM", help="distance of the lenses by a ruler: a check")
+    parser.add_argument(
+        "--ruler-mm", type=number(1, MM), metavar="MM", help="distance of the lenses by a ruler: a check"
+    )
 
 
 def _run(arguments: argparse.Namespace) -> int:

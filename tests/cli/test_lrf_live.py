@@ -92,7 +92,6 @@ def test_older_turns_are_pale_and_a_wrong_speed_is_said() -> None:
         (["export", ROOM, "room.csv", "--pose", "1,2,3"], "--pose and --height-mm are for a .ply"),
         (["export", ROOM, "room.ply", "--pose", "1,2"], "--pose is X,Y,YAW"),
         (["export", ROOM, "room.ply", "--pose", "1,2,nan"], "--pose is X,Y,YAW"),
-        (["export", ROOM, "room.csv", "--turns", "0"], "--turns must be 1 or more"),
         (["export", "none.bin", "room.csv"], "none.bin"),
         (["export", ROOM, "no/such/\0.csv"], "null"),
         (["live", "no_such_port", "--no-preview"], "Ports found"),

@@ -29,7 +29,8 @@ NO_LASER = (
     "no laser? stereolib lrf emulate, in another terminal, is one: type the port that it prints in place of this one"
 )
 _EXPORT_NOTES = """a .csv has the columns angle_deg,range_mm, one line a beam, counter-clockwise from ahead, empty where
-nothing was measured; stereolib map and explore read it. A .ply has points in metres, z up, moved by --pose."""
+nothing was measured; stereolib measure, map, calibrate-laser and explore read it. A .ply has points in metres, z up,
+moved by --pose."""
 
 
 def _configure_live(parser: argparse.ArgumentParser) -> None:

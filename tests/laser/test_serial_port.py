@@ -52,10 +52,10 @@ def test_what_stops_the_player_is_passed_on(link):
         yield from islice(emulator.replay(turning(1)), 45)
         raise ValueError("the scene is gone")
 
-    with pytest.raises(ValueError, match="the scene is gone"), emulator.serve(schedule(), link) as served:
-        with suppress(laser.LidarError):  # the port is gone
-            for _ in serial_port.read_chunks(served.port):
-                pass
+    gone = pytest.raises(ValueError, match="the scene is gone")
+    with gone, emulator.serve(schedule(), link) as served, suppress(laser.LidarError):  # so is its port
+        for _ in serial_port.read_chunks(served.port):
+            pass
 
 
 def test_schedule_of_a_recording():

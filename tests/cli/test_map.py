@@ -125,7 +125,8 @@ def test_boards_that_take_seconds_show_a_bar(tmp_path, monkeypatch, capsys):
     """And a line before it: tqdm draws nothing on a terminal that does not tell its size."""
     terminal = Terminal()
     monkeypatch.setattr("sys.stderr", terminal)
-    walk_folder._boards.cache_clear()
+    monkeypatch.setattr(walk_folder, "_boards", walk_folder._boards.__wrapped__)  # not those that are rendered already
+    monkeypatch.setattr(walk_folder, "render", lambda *_, **__: np.full((480, 640, 3), 0.4))
     assert run("data", "walk", tmp_path / "a walk") == 0
     assert terminal.getvalue().startswith("rendering boards for the laser, in some seconds ...\n")
     assert "boards:   0%" in terminal.getvalue()

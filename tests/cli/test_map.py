@@ -7,7 +7,6 @@ import io
 import json
 import shutil
 from contextlib import redirect_stdout
-from pathlib import Path
 from types import SimpleNamespace
 
 import cv2
@@ -202,27 +201,6 @@ def test_nothing_mapped_is_exit_code_1(made, tmp_path, capsys):
     assert "nothing was mapped: no station could be measured. station 1: no floor" in said
     assert "--floor" not in said and "in Python" not in said
     assert not (tmp_path / "out").exists()
-
-
-@pytest.mark.parametrize(
-    ("name", "data", "message"),
-    [
-        ("3_right.jpg", None, ": 3_left.jpg (3_right.jpg is missing)"),
-        ("03_scan.bin", b"", "station 3 has two files for its scan, 03_scan.bin and 3_scan.bin"),
-        ("poses.csv", b"station,x_mm,y_mm,yaw_deg\n8,0,0,0\n", "line 2: there is no station '8', only 1, 3, 4"),
-        ("calibration.json", None, "has no calibration.json: say with --calibration where the rig's is"),
-    ],
-)
-def test_bad_input_is_named_and_nothing_is_written(made, tmp_path, capsys, name, data, message):
-    for path in filter(Path.is_file, (made / "walk").iterdir()):
-        (tmp_path / path.name).write_bytes(path.read_bytes())
-    if data is None:
-        (tmp_path / name).unlink()
-    else:
-        (tmp_path / name).write_bytes(data)
-    assert run("map", tmp_path, "--output", tmp_path / "out") == 2
-    said = capsys.readouterr().err
-    assert message in said and not (tmp_path / "out").exists()
 
 
 def test_what_cannot_be_read_is_named_and_the_rest_is_mapped(made, tmp_path, capsys):

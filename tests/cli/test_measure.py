@@ -180,13 +180,6 @@ def test_pixels_that_may_be_of_the_other_picture_are_told_so(files, capsys):
         assert "pixel 630,470" in error and (hint in error) == bool(said)
 
 
-@pytest.mark.parametrize(("text", "why"), [("85", "is not HEIGHT,PITCH"), ("-3,8", "above 0 mm"), ("85,95", "between")])
-def test_a_floor_that_is_none_is_named(files, capsys, text, why):
-    with pytest.raises(SystemExit) as ended:
-        run(files, f"--floor={text}")
-    assert ended.value.code == 2 and why in capsys.readouterr().err
-
-
 @pytest.fixture
 def boards(files):
     """Pictures and scans of the laser's boards, and the rig without its laser."""
@@ -260,43 +253,9 @@ def test_scans_that_are_mirrored_or_shifted_are_told_so(boards, capsys):
     assert commands.main(words) == 2 and "belong" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"right": "none.png"}, "none.png"),
-        ({"rig": "left.png"}, "left.png: not a text file"),
-        ({"scan": "left.png"}, "no XV-11 recording"),
-        ({"scan": "none.bin"}, "none.bin: no such file"),
-    ],
-)
-def test_bad_files_are_named(files, capsys, change, message):
-    assert run(files, **change) == 2
-    assert message in capsys.readouterr().err and not (files / "out.png").exists()
-
-
 def test_the_old_name_of_the_picture_is_taken(files, capsys):
     assert run(files, "--picture", files / "mine.png") == 0
     assert f"picture: {files / 'mine.png'}" in capsys.readouterr().out and (files / "mine.png").exists()
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"right": "left.png"}, "left.png are the same picture"),
-        ({"right": "black.png"}, "black.png has one grey value, 0: there is nothing to match; take it again"),
-        ({"right": "small.png"}, "small.png is 320x240: a stereo pair must have one size"),
-        ({"rig": "metres.json"}, "metres.json is not a rig file of stereolib: T is 0.0931 mm long"),
-        ({"rig": "calib"}, "calib: no such file; `stereolib calibrate` makes a rig file"),
-    ],
-)
-def test_pictures_and_rigs_that_are_wrong_are_named_with_what_to_do(files, capsys, change, message):
-    right, rig = cv2.imread(str(files / "right.png")), json.loads((files / "rig.json").read_text())
-    cv2.imwrite(str(files / "black.png"), 0 * right)
-    cv2.imwrite(str(files / "small.png"), right[::2, ::2])
-    (files / "metres.json").write_text(json.dumps(rig | {"T_mm": [value / 1000 for value in rig["T_mm"]]}))
-    assert run(files, **change) == 2
-    said = capsys.readouterr().err
-    assert message in said and said.count("\n") == 1 and not (files / "out.png").exists()
 
 
 def test_exchanged_pictures_and_another_size_are_said_with_their_files(files, capsys):

@@ -9,14 +9,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.shows import BOARD, small_show
+from support.shows import BOARD, small_show, write_show
 
 from stereolib import plotting
 from stereolib.calibration import CaptureSession, CaptureState
 from stereolib.cli import capture, commands
 from stereolib.cli.errors import Ended
 from stereolib.rig import StereoRig, find_pairs
-from stereolib.virtual.camera_emulator import CameraFaults, serve_cameras, write_show
+from stereolib.virtual.camera_emulator import CameraFaults, serve_cameras
 
 
 def run(*words: object) -> int:

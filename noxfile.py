@@ -155,7 +155,7 @@ def tests_nbgrader(session: nox.Session) -> None:
 
 @nox.session(venv_backend="none", default=False)
 def browser(session: nox.Session) -> None:
-    """The bench in Chromium, as ``make test-browser``, which installs what it needs first."""
+    """The bench and the site's pages in Chromium, as ``make test-browser``, which installs what it needs first."""
     run(session, *PYTEST, "--browser", "tests/browser", *session.posargs)
 
 

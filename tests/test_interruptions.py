@@ -87,7 +87,7 @@ WRITING = [
     ),
     Writing("map walk --output out --force"),
     Writing("data walk out --force"),
-    Writing("data build --output out", most_s=40.0),
+    Writing("data build --output out --force", most_s=40.0),
     Writing("report rig --output out --force", varies=(".html",)),
     Writing("bake out --force"),
     Writing("handout --out out/class.zip --no-wheels --force", varies=(".zip",)),
@@ -105,12 +105,12 @@ def make(folder: Path) -> None:
     shutil.copy(VIRTUAL / "lrf" / "room.bin", folder)
     (folder / "out").mkdir()
     (folder / "tmp").mkdir()
-    paper_rig().save(folder / "rig.json")
-    save_laser_pose(folder / "rig.json", walk_laser())
 
 
 def make_more(folder: Path) -> None:
     """What only those need that are not tried on every run."""
+    paper_rig().save(folder / "rig.json")
+    save_laser_pose(folder / "rig.json", walk_laser())
     (folder / "without_laser").mkdir()
     paper_rig().save(folder / "without_laser" / "rig.json")
     walk_folder.write_walk(folder / "walk")
@@ -206,11 +206,12 @@ def laser(folder: Path) -> Iterator[str]:
 @pytest.mark.timeout(0)
 @pytest.mark.parametrize("writing", WRITING, ids=[writing.words for writing in WRITING])
 def test_an_interruption_loses_nothing_and_leaves_nothing(
-    writing: Writing, folder: Path, laser: str, request: pytest.FixtureRequest
+    writing: Writing, folder: Path, request: pytest.FixtureRequest
 ) -> None:
     times = int(request.config.getoption("--interruptions")) or (2 if writing.quick else 0)
     if not times:
         pytest.skip("with --interruptions 10")
+    laser = request.getfixturevalue("laser") if "{laser}" in writing.words else ""
     words, rng = writing.words.format(laser=laser).split(), random.Random(writing.words)
     prepare(folder, writing, ())
     begin = time.monotonic()

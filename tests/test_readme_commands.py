@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.shows import write_show
 
 from stereolib.base import ROOT
 from stereolib.cli import commands
@@ -65,7 +66,7 @@ def take_box(rig: int, scale: float, folder: Path) -> None:
     """What `capture` and `lrf record` take of an emulated rig's box, and its true calibration, in smaller pictures."""
     staged, true = stage("box", rig=rig), camera_emulator.scaled_rig(staged_rig(rig), scale)
     shown = camera_emulator.show_scene(staged, np.random.default_rng(1), true)
-    addresses = camera_emulator.write_show("shown", shown)
+    addresses = write_show("shown", shown)
     assert commands.main(["capture", *map(str, addresses), "--no-preview", "--output", str(folder / "box")]) == 0
     played = emulator.emulate(
         staged.scene,

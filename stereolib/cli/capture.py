@@ -19,6 +19,7 @@ from stereolib.cli.calibrate import CALIBRATE
 from stereolib.cli.command import Command
 from stereolib.cli.errors import DONE, REFUSED, Ended
 from stereolib.cli.live_page import add_page, live_page
+from stereolib.cli.ranges import MM, number
 from stereolib.cli.voila import INSTALL
 
 if TYPE_CHECKING:
@@ -71,7 +72,9 @@ def _configure(parser: argparse.ArgumentParser) -> None:
         parser.add_argument(f"--{name}", type=float, metavar="X", help=f"fixed at this, {unit} (default: as it stands)")
     parser.add_argument("--automatic", action="store_true", help="leave exposure, focus and white balance automatic")
     add_page(parser)
-    parser.add_argument("--ruler-mm", type=float, metavar="MM", help="distance of the lenses by a ruler: a check")
+    parser.add_argument(
+        "--ruler-mm", type=number(1, MM), metavar="MM", help="distance of the lenses by a ruler: a check"
+    )
 
 
 def _run(arguments: argparse.Namespace) -> int:
@@ -143,8 +146,6 @@ def _board(arguments: argparse.Namespace) -> Board | None:
     of_boards |= {"--legacy": arguments.legacy, "--ruler-mm": arguments.ruler_mm}
     if stray := [name for name, value in of_boards.items() if value] if arguments.board is None else []:
         raise ValueError(f"{stray[0]} is about a board: tell it by --board and --square-mm, or leave it out")
-    if (ruler := arguments.ruler_mm) is not None and not 1 <= ruler < float("inf"):
-        raise ValueError(f"--ruler-mm is a number of millimetres, 1 or more; got {ruler:g}")
     return board_of(arguments) if arguments.board else None
 
 

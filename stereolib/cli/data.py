@@ -22,6 +22,7 @@ and STEREOLIB_DATA=DIR names them. With the versions of requirements.txt each fi
 
 def _configure_build(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--output", type=Path, metavar="FOLDER", help="default: data/virtual of the repository")
+    parser.add_argument("--force", action="store_true", help="replace recordings that are in FOLDER")
 
 
 def _build(arguments: argparse.Namespace) -> int:
@@ -31,7 +32,9 @@ def _build(arguments: argparse.Namespace) -> int:
 
     output = arguments.output or datasets.repository() / "data" / "virtual"
     known = read_text(datasets.data_path("virtual/SHA256SUMS")).splitlines()  # before they are replaced
-    check_outputs([output / "SHA256SUMS"], force=True, option="--output")
+    made = ["SHA256SUMS", *(line.split(maxsplit=1)[1] for line in known)]
+    is_asked_for = arguments.force or arguments.output is None  # the repository's own are there to be made again
+    check_outputs([output / name for name in made], force=is_asked_for, option="--output")
     write_demo_file(output)
     build_recordings(output)
     same = len(set(known) & set(read_text(output / "SHA256SUMS").splitlines()))

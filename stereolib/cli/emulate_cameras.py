@@ -12,7 +12,16 @@ from stereolib.base import counted
 from stereolib.cli.command import Command
 from stereolib.cli.errors import INTERRUPTED
 from stereolib.cli.ranges import number, whole
-from stereolib.cli.staging import SCENES_TOLD, add_scene, place_folder, place_number, staged, truth, try_line
+from stereolib.cli.staging import (
+    SCENES_TOLD,
+    add_scene,
+    check_scene,
+    place_folder,
+    place_number,
+    staged,
+    truth,
+    try_line,
+)
 
 if TYPE_CHECKING:
     from stereolib.rig import StereoRig
@@ -20,7 +29,7 @@ if TYPE_CHECKING:
 
 _BOARD = "board"
 _S_PER_PLACE, _S_PER_SCENE = 1.2, 9.0  # to draw one at 640 x 480 on one core that has nothing else to do
-_MOST_PLACES, _LEAST_FPS, _MOST_FPS = 1000, 0.1, 120.0  # more are drawn for hours
+_PLACES, _MOST_PLACES, _LEAST_FPS, _MOST_FPS = 24, 1000, 0.1, 120.0  # more are drawn for hours
 _NOTES = f"""somebody holds a board before a virtual rig, still in one place after the other, again and again; or the
 cameras see another scene, in which nothing moves. --rig 0 are the two cameras of the paper, every other number is a rig
 that nobody has described. What is true of rig and scene is printed with --truth only. With
@@ -38,7 +47,7 @@ The faults are the right camera's. Ctrl-C ends it.
 def _configure(parser: argparse.ArgumentParser) -> None:
     add_scene(parser, _BOARD)
     parser.add_argument(
-        "--places", type=whole(1, _MOST_PLACES), default=24, metavar="N", help="where the board is held (default: 24)"
+        "--places", type=whole(1, _MOST_PLACES), metavar="N", help=f"where the board is held (default: {_PLACES})"
     )
     fps = number(_LEAST_FPS, _MOST_FPS)
     parser.add_argument("--fps", type=fps, default=10.0, metavar="N", help="pictures a second (default: 10)")
@@ -66,6 +75,7 @@ def _run(arguments: argparse.Namespace) -> int:
         raise ValueError(f"--cable-kb-s must be more than 0, got {arguments.cable_kb_s:g}")
     if arguments.seed < 0:
         raise ValueError(f"--seed must be 0 or more, got {arguments.seed}")
+    _check_scene(arguments)
     show, about, words = _show(arguments)
     both = camera_emulator.CameraFaults(), faults
     with camera_emulator.serve_cameras(show, both, bus_bytes_per_s=cable, seed=arguments.seed) as (left, right):
@@ -81,6 +91,14 @@ def _run(arguments: argparse.Namespace) -> int:
             return INTERRUPTED
 
 
+def _check_scene(arguments: argparse.Namespace) -> None:
+    check_scene(arguments)
+    if arguments.scene == _BOARD and arguments.at != 1:
+        raise ValueError("--at is of the other scenes: in how many places the board is held, --places says")
+    if arguments.scene != _BOARD and arguments.places is not None:
+        raise ValueError(f"--places is of the scene {_BOARD}, not of {arguments.scene}: leave it out")
+
+
 def _show(arguments: argparse.Namespace) -> tuple[Show, str, str]:
     """What is shown, what is true of it, and the words that capture it."""
     import numpy as np
@@ -93,9 +111,9 @@ def _show(arguments: argparse.Namespace) -> tuple[Show, str, str]:
     scene = stage("room", rig=arguments.rig) if arguments.scene == _BOARD else staged(arguments)
     about = f"true focal lengths: {focal[0]:.2f}, {focal[1]:.2f} px\n{truth(arguments, scene)}"
     if arguments.scene == _BOARD:
-        _say_drawing(f"a board in {counted(arguments.places, 'place')}", rig, arguments.places * _S_PER_PLACE)
-        progress = sys.stderr.isatty()
-        show = camera_emulator.show_boards(arguments.places, rng, rig, fps=arguments.fps, progress=progress)
+        places, progress = arguments.places or _PLACES, sys.stderr.isatty()
+        _say_drawing(f"a board in {counted(places, 'place')}", rig, places * _S_PER_PLACE)
+        show = camera_emulator.show_boards(places, rng, rig, fps=arguments.fps, progress=progress)
         board = f"--board {BOARD.columns}x{BOARD.rows} --square-mm {BOARD.square_mm:g}"
         return show, about, f"{board} --ruler-mm {rig.baseline_mm:.0f} --output rig{arguments.rig}/boards"
     _say_drawing(f"the scene {arguments.scene}, place {arguments.at}", rig, _S_PER_SCENE)

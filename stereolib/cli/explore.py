@@ -38,7 +38,7 @@ def _run(arguments: argparse.Namespace) -> int:
     if not has_voila():
         raise ValueError(f"explore needs Voila: {INSTALL}")
     opened = ["--no-browser"] if arguments.no_browser else []
-    with serving("explore.ipynb", arguments.port or free_port(), environment, *opened) as server:
+    with serving("explore.ipynb", free_port(arguments.port), environment, *opened) as server:
         return server.wait()
 
 

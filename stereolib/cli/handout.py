@@ -21,7 +21,7 @@ from stereolib.cli.outputs import check_ending, check_outputs
 FOLDER = "stereolib-class"  # all of the archive is in it
 _PINS = "requirements.txt", "requirements-explore.txt"  # of the notebooks, and of the page of `make explore`
 _PARTS = (
-    *("bootstrap.py", "Makefile", "pyproject.toml", *_PINS),
+    *("bootstrap.py", "Makefile", "pyproject.toml", "hatch_build.py", *_PINS),
     *("README.md", "CONVENTIONS.md", "LICENSE", "LICENSE-text"),
     *("stereolib", "notebooks", "data", "docs", "figures"),
 )
@@ -104,8 +104,9 @@ def _pack(target: Path, root: Path, wheels: list[Path], needs: str) -> None:
     files += [(path, f"wheels/{path.name}") for path in wheels]
     with zipfile.ZipFile(target, "w") as archive:
         _add(archive, zipfile.ZipInfo(f"{FOLDER}/START.txt", time.localtime()[:6]), _START.format(needs=needs).encode())
-        for path, name in tqdm(files, desc="packing", unit="file", leave=False):
-            _add(archive, zipfile.ZipInfo.from_file(path, f"{FOLDER}/{name}"), path.read_bytes())
+        for path, name in tqdm(files, desc="packing", unit="file", leave=False, disable=None):
+            about = zipfile.ZipInfo.from_file(path, f"{FOLDER}/{name}", strict_timestamps=False)
+            _add(archive, about, path.read_bytes())
 
 
 def _add(archive: zipfile.ZipFile, about: zipfile.ZipInfo, data: bytes) -> None:

@@ -46,7 +46,7 @@ def live_page(arguments: argparse.Namespace, title: str, buttons: dict[str, str]
         return
     from stereolib.notebook.live_link import LiveLink
 
-    link, token, port = LiveLink(title, buttons), secrets.token_hex(16), arguments.port or free_port()
+    link, token, port = LiveLink(title, buttons), secrets.token_hex(16), free_port(arguments.port)
     environment = dict(os.environ) | link.environment | {"JUPYTER_TOKEN": token}
     words = "--no-browser", "--Voila.log_level=ERROR"
     with serving("live.ipynb", port, environment, *words, quiet=True) as server:  # it warns of its own settings

@@ -14,10 +14,19 @@ from typing import Any
 from stereolib.base import check_target, counted, read_bytes
 from stereolib.cli.command import Command
 from stereolib.cli.errors import DONE, INTERRUPTED, REFUSED
-from stereolib.cli.lrf_live import EXPORT, LIVE, NO_LASER, combined
+from stereolib.cli.lrf_live import EXPORT, LIVE, MOST_TURNS, NO_LASER, combined
 from stereolib.cli.outputs import check_ending, check_outputs, default_name
 from stereolib.cli.ranges import FOR_EVER, number, whole
-from stereolib.cli.staging import SCENES_TOLD, add_scene, place_folder, place_number, staged, truth, try_line
+from stereolib.cli.staging import (
+    SCENES_TOLD,
+    add_scene,
+    check_scene,
+    place_folder,
+    place_number,
+    staged,
+    truth,
+    try_line,
+)
 
 _LEAST_PARTS = 3  # turns that lack packets, from which map makes a scan where none is whole
 _LOSSY = 0.05  # share of the packets; then hardly a turn is whole
@@ -79,7 +88,7 @@ def _check_no_table(path: Path) -> None:
 def _configure_show(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("source", metavar="FILE|PORT", help="a recording, or the port of a sensor or emulator")
     parser.add_argument(
-        "--turns", type=whole(1, 10_000), default=5, metavar="N", help="turns combined by the median (default: 5)"
+        "--turns", type=whole(1, MOST_TURNS), default=5, metavar="N", help="turns combined by the median (default: 5)"
     )
     parser.add_argument("--output", type=Path, metavar="PNG", help="default: NAME.png in this folder; numbered")
     parser.add_argument("--force", action="store_true", help="replace the picture if it is there")
@@ -198,6 +207,9 @@ def _emulate(arguments: argparse.Namespace) -> int:
 
     from stereolib.virtual import VirtualLidar, emulator
 
+    check_scene(arguments)
+    if (arguments.stall_s is None) != (arguments.stall_every_s is None):
+        raise ValueError("--stall-every-s and --stall-s belong together: give both, or neither")
     names = [field.name for field in fields(emulator.Faults)]
     given = {name: getattr(arguments, name) for name in names if getattr(arguments, name) is not None}
     shown, rng = staged(arguments), np.random.default_rng(arguments.seed)

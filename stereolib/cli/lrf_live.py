@@ -15,11 +15,12 @@ from stereolib.cli.command import Command
 from stereolib.cli.errors import DONE
 from stereolib.cli.live_page import add_page, live_page
 from stereolib.cli.outputs import check_outputs
-from stereolib.cli.ranges import MM, number
+from stereolib.cli.ranges import MM, number, whole
 
 if TYPE_CHECKING:
     from stereolib.laser import AveragedScan, LaserScan
 
+MOST_TURNS = 10_000  # that are combined
 _DRAWN = 5  # turns in the picture
 _SAY_EVERY_S = 1.0
 _LASER_RGB = (0, 158, 115)
@@ -28,7 +29,8 @@ NO_LASER = (
     "no laser? stereolib lrf emulate, in another terminal, is one: type the port that it prints in place of this one"
 )
 _EXPORT_NOTES = """a .csv has the columns angle_deg,range_mm, one line a beam, counter-clockwise from ahead, empty where
-nothing was measured; stereolib map and explore read it. A .ply has points in metres, z up, moved by --pose."""
+nothing was measured; stereolib measure, map, calibrate-laser and explore read it. A .ply has points in metres, z up,
+moved by --pose."""
 
 
 def _configure_live(parser: argparse.ArgumentParser) -> None:
@@ -78,7 +80,9 @@ def _say(text: str) -> None:
 def _configure_export(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("source", metavar="FILE|PORT", help="a recording, or the port of a sensor or emulator")
     parser.add_argument("output", type=Path, metavar="OUT", help="what to write: a .csv or a .ply")
-    parser.add_argument("--turns", type=int, default=5, metavar="N", help="turns combined by the median (default: 5)")
+    parser.add_argument(
+        "--turns", type=whole(1, MOST_TURNS), default=5, metavar="N", help="turns combined by the median (default: 5)"
+    )
     parser.add_argument(
         "--pose", metavar="X,Y,YAW", help="of a .ply: where the sensor stood, mm, mm and degrees counter-clockwise"
     )
@@ -115,8 +119,6 @@ def _export(arguments: argparse.Namespace) -> int:
     if ending not in (".csv", ".ply"):
         raise ValueError(f"a scan is written as .csv or .ply: name it so, not {output}")
     check_outputs([output], force=arguments.force, option="OUT")
-    if arguments.turns < 1:
-        raise ValueError(f"--turns must be 1 or more, got {arguments.turns}")
     if ending == ".csv" and (arguments.pose or arguments.height_mm):
         raise ValueError("--pose and --height-mm are for a .ply: a table has the sensor's own angles")
     pose = _pose(arguments.pose)

@@ -25,9 +25,7 @@ def add_scene(parser: argparse.ArgumentParser, *first: str) -> None:
     names = (*first, "cube", "box", "room", "walk", "laser-board")
     parser.add_argument("--scene", choices=names, default=names[0], help=f"as below (default: {names[0]})")
     parser.add_argument("--at", type=whole(1, 1000), default=1, metavar="N", help="which of them (default: 1)")
-    parser.add_argument(
-        "--distance-mm", type=number(1, MM), default=700.0, metavar="MM", help="of the cube (default: 700)"
-    )
+    parser.add_argument("--distance-mm", type=number(1, MM), metavar="MM", help="of the cube (default: 700)")
     parser.add_argument("--rig", type=whole(0, 10**6), default=0, metavar="N", help="which rig (default: 0)")
     parser.add_argument("--truth", action="store_true", help="print what is true of the rig and the scene")
 
@@ -36,7 +34,14 @@ def staged(arguments: argparse.Namespace) -> Staged:
     """The scene that was asked for, before the rig that was asked for."""
     from stereolib.virtual import stage
 
-    return stage(arguments.scene, arguments.at, distance_mm=arguments.distance_mm, rig=arguments.rig)
+    given = {} if arguments.distance_mm is None else {"distance_mm": arguments.distance_mm}
+    return stage(arguments.scene, arguments.at, rig=arguments.rig, **given)
+
+
+def check_scene(arguments: argparse.Namespace) -> None:
+    """Refuse an option that is about another scene than the one asked for."""
+    if arguments.distance_mm is not None and arguments.scene != "cube":
+        raise ValueError(f"--distance-mm is of the cube, not of {arguments.scene}: leave it out, or take --scene cube")
 
 
 def place_folder(arguments: argparse.Namespace) -> str:

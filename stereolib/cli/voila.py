@@ -28,6 +28,7 @@ def has_voila() -> bool:
 def voila_command(page: str, port: int) -> list[str]:
     """The words that serve one of the package's notebooks; without ``--no-browser`` it is opened as well."""
     options = ["--template=stereolib", "--token", f"--Voila.ip={HOST}", f"--port={port}"]
+    options.append("--Voila.port_retries=0")  # else another one, and who listens here is shown the token
     options.append(f"--VoilaConfiguration.extension_denylist={_STRANGERS}")
     return [sys.executable, "-m", "stereolib.cli.voila", str(files("stereolib.notebook") / page), *options]
 
@@ -39,11 +40,14 @@ def voila_environment(more: Mapping[str, str]) -> dict[str, str]:
     return environment | {"JUPYTER_PATH": os.pathsep.join(filter(None, paths))}
 
 
-def free_port() -> int:
-    """A port of this machine that nobody listens on."""
-    with socket.socket() as asked:
-        asked.bind((HOST, 0))
-        return int(asked.getsockname()[1])
+def free_port(asked: int) -> int:
+    """A port of this machine that nobody listens on: the one that was asked for, or, for 0, any."""
+    try:
+        with socket.create_server((HOST, asked)) as found:
+            return int(found.getsockname()[1])
+    except OSError as error:
+        why = os.strerror(error.errno or 0)
+        raise ValueError(f"--port {asked} cannot be served: {why}; name another, or leave it out") from None
 
 
 @contextmanager

@@ -156,7 +156,7 @@ def _size(value: Any) -> str:
 def _is_numbers(output: Any) -> bool:
     try:
         return np.asarray(output, float) is not None
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         return False
 
 

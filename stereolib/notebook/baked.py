@@ -197,7 +197,7 @@ def bake(
         for position in page.positions:
             drawn.append(page.draw(**position, **page.fixed))
             advance(page)
-        written.append(_write(folder / page.file, _small_enough(page, drawn)))
+        written.append(write_atomic(folder / page.file, _small_enough(page, drawn)))
     return [*written, write_index(folder, pages)]
 
 
@@ -214,13 +214,7 @@ def write_index(folder: Path, pages: Sequence[Baked] = PAGES) -> Path:
     -------
     Path
     """
-    return _write(folder / INDEX, _templates().get_template("baked_index.html.jinja").render(pages=pages))
-
-
-def _write(path: Path, text: str) -> Path:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    write_atomic(path, text)
-    return path
+    return write_atomic(folder / INDEX, _templates().get_template("baked_index.html.jinja").render(pages=pages))
 
 
 def _small_enough(page: Baked, drawn: list[tuple[UInt8, str]]) -> str:

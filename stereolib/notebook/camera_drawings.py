@@ -81,7 +81,7 @@ def draw_rectification(
     turn = cv2.Rodrigues(np.array([0.0, 0.0, np.radians(roll_error_deg)]))[0]
     K = true.right.K + np.array([[0, 0, 0], [0, 0, rows_error_px], [0, 0, 0]])
     believed = Camera(K, true.right.dist, true.right.size)
-    T = true.T * (1 + baseline_error_pct / 100)
+    T = turn @ true.T * (1 + baseline_error_pct / 100)  # it turns where it stands
     rectified = StereoRig(true.left, believed, turn @ true.R, T).rectify(alpha)
     left, right = rectified.rectify(*recordings.load_pair("conditions/texture"))
     depth_mm = np.linspace(700, 1000, 7)  # points all over the left image, at each of these depths

@@ -37,8 +37,8 @@ class Found:
         Why there is no deviation; empty where there is one.
     true_px : float
         NaN where nobody knows.
-    point_mm, ray : (3,) float64
-        In the rectified left camera's frame; the ray has depth 1. NaN without a calibration.
+    point_mm : (3,) float64
+        In the rectified left camera's frame. NaN without a calibration.
     depth_std_mm : float
     height_mm : float
         Above the floor; NaN where none was found.
@@ -49,7 +49,6 @@ class Found:
     std_px: float
     true_px: float
     point_mm: Float64
-    ray: Float64
     depth_std_mm: float
     height_mm: float
     doubt: str = ""
@@ -99,7 +98,7 @@ def find(state: State, pixel: tuple[int, int]) -> Found:
     """
     map_px, rectified, (u, v) = chain.filtered(state), chain.rectified_rig(state), pixel
     d, (std, doubt) = float(map_px[v, u]), _std_px(state, pixel)
-    point, ray, depth_std, height = np.full(3, np.nan), np.full(3, np.nan), np.nan, np.nan
+    point, depth_std, height = np.full(3, np.nan), np.nan, np.nan
     if rectified is not None and d > 0:
         fB = rectified.f_px * rectified.baseline_mm
         ray = np.linalg.inv(rectified.P1[:, :3]) @ [u, v, 1.0]
@@ -109,7 +108,7 @@ def find(state: State, pixel: tuple[int, int]) -> Found:
             height = float(attempt.floor.height_mm(np.array(float(u)), np.array(float(v)), np.array(d)))
     known = chain.known(state)
     true = float(known.disparity_px[v, u]) if known else np.nan
-    return Found(pixel, d, std, true, point, ray, float(depth_std), height, doubt)
+    return Found(pixel, d, std, true, point, float(depth_std), height, doubt)
 
 
 def _std_px(state: State, pixel: tuple[int, int]) -> tuple[float, str]:

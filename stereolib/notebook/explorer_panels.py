@@ -80,10 +80,9 @@ def _left(state: State) -> UInt8:
 
 
 def _disparity(state: State) -> UInt8:
-    most = state.min_disparity + state.num_disparities
     scale = 2 if state.half else 1
-    picture = color_disparity(scale * chain.filtered(state), max(0, state.min_disparity), most)
-    return _with_bar(_fitted(picture), max(0, state.min_disparity), most, is_error=False)
+    picture = color_disparity(scale * chain.filtered(state), *state.colors_px)
+    return _with_bar(_fitted(picture), *state.colors_px, is_error=False)
 
 
 def _error(state: State) -> UInt8:

@@ -280,6 +280,12 @@ class State:
     half: bool = field(default=False, metadata={})
 
     @property
+    def colors_px(self) -> tuple[int, int]:
+        """Where the colours of a map begin and end: no surface has less than 0 px."""
+        least, most = self.min_disparity, self.min_disparity + self.num_disparities
+        return (max(0, least) if most > 0 else least), most
+
+    @property
     def sgbm(self) -> SGBMParams:
         """The matcher's settings; in half size with half the window."""
         area, scale = self.block_size**2, 2 if self.half else 1

@@ -14,7 +14,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from multiprocessing import AuthenticationError
-from multiprocessing.connection import Client, Connection, Listener
+from multiprocessing.connection import Client, Connection, Listener, answer_challenge, deliver_challenge
 from typing import Any
 
 import numpy as np
@@ -62,7 +62,7 @@ class LiveLink:
 
     def __init__(self, title: str, buttons: dict[str, str]) -> None:
         self._key = secrets.token_bytes(24)
-        self._listener = Listener((_HOST, 0), authkey=self._key)
+        self._listener = Listener((_HOST, 0))
         self._about = {"title": title, "buttons": buttons}
         self._changed, self._number, self._is_closed = threading.Condition(), 0, False
         self._view, self._pressed, self._fetched = LiveView(), list[str](), dict[Any, int]()  # by page
@@ -110,15 +110,17 @@ class LiveLink:
         while not self._is_closed:
             try:
                 page = self._listener.accept()
-            except (AuthenticationError, EOFError, OSError):  # a stranger, or `close`
+            except OSError:  # `close`
                 continue
             threading.Thread(target=self._serve, args=(page,), daemon=True, name="live page").start()
 
     def _serve(self, page: Connection[Any, Any]) -> None:
         sent = 0
-        with self._changed:
-            self._fetched[page] = sent
         try:
+            deliver_challenge(page, self._key)  # not in `_accept`: a stranger who says nothing keeps nobody waiting
+            answer_challenge(page, self._key)
+            with self._changed:
+                self._fetched[page] = sent
             while not self._is_closed:
                 asked = json.loads(page.recv_bytes(_MOST_BYTES))
                 with self._changed:
@@ -128,12 +130,12 @@ class LiveLink:
                     self._changed.wait_for(lambda: self._number > sent or self._is_closed, _POLL_S)  # noqa: B023
                     view, is_new, sent = self._view, self._number > sent, self._number
                 _send(page, view, is_new)
-        except (EOFError, OSError, ValueError, KeyError, TypeError):  # the page was closed, or is none of ours
+        except (AuthenticationError, EOFError, OSError, ValueError, KeyError, TypeError):  # closed, or none of ours
             pass
         finally:
             page.close()
             with self._changed:
-                del self._fetched[page]
+                self._fetched.pop(page, None)
                 self._changed.notify_all()
 
 

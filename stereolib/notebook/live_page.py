@@ -11,8 +11,6 @@ from pathlib import Path
 
 import ipywidgets as widgets
 
-from stereolib.calibration import CaptureSession
-from stereolib.notebook.capture_view import CAPTURE_BUTTONS, CAPTURE_TITLE, draw_capture, press
 from stereolib.notebook.live_link import LiveView, follow, read_link
 from stereolib.notebook.live_picture import LivePicture
 
@@ -90,31 +88,4 @@ def open_live_page() -> LivePage | None:
             page.show(replace(last, is_last=True))
 
     threading.Thread(target=run, daemon=True, name="live page").start()
-    return page
-
-
-def watch_capture(session: CaptureSession) -> LivePage:
-    """Run a capture in a notebook, and show it while it runs.
-
-    Parameters
-    ----------
-    session : CaptureSession
-
-    Returns
-    -------
-    LivePage
-        What is taken lies in ``session.folders``; it ends by itself, or when its button is pressed.
-    """
-    page = LivePage(CAPTURE_TITLE, CAPTURE_BUTTONS, lambda name: press(session, name))
-
-    def run() -> None:
-        last = LiveView()
-        try:
-            for state in session.run():
-                page.show(last := draw_capture(session, state))
-        except (OSError, ValueError) as error:
-            last = replace(last, html=f"<p class='stereolib-refused'>{escape(str(error))}</p>")
-        page.show(replace(last, is_last=True))
-
-    threading.Thread(target=run, daemon=True, name="capture").start()
     return page

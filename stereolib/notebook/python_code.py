@@ -76,7 +76,7 @@ def _map_lines(state: State) -> list[str]:
         for f in fields(SGBMParams)
         if getattr(state.sgbm, f.name) != f.default
     )
-    if state.window != WINDOWS[0]:
+    if state.window != WINDOWS[0] and state.source != OWN:  # nobody knows where the laser was
         lines = [f"disparity_px = chain.disparity(from_text({to_text(state)!r}))"]
     elif state.matcher != MATCHERS[0]:
         count = -(-state.sgbm.num_disparities // 32) * 32
@@ -140,7 +140,7 @@ def download_links(state: State) -> list[str]:
     np.save(numbers, map_px, allow_pickle=False)
     files = {
         "left.png": cv2.imencode(".png", left)[1].tobytes(),
-        "disparity.png": cv2.imencode(".png", color_disparity(map_px, 0, state.num_disparities))[1].tobytes(),
+        "disparity.png": cv2.imencode(".png", color_disparity(map_px, *state.colors_px))[1].tobytes(),
         "disparity.npy": numbers.getvalue(),
     }
     if (cloud := _point_cloud(state)) is not None:

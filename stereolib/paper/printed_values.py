@@ -16,8 +16,8 @@ from stereolib.base import data_path, read_text
 
 KINDS = ("test", "built in", "argument", "redrawn")
 DATA = ("virtual rig", "real unit", "print")
-# what an item is held against -> how many tolerances it has, and whether it has conditions
 METHODS = ("the paper's", "stereolib's")
+# what an item is held against -> how many tolerances it has, and whether it has conditions
 AGAINST = {
     "number": {(1, False)},
     "truth": {(1, False), (0, True)},

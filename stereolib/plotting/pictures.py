@@ -178,7 +178,7 @@ def plot_box(image: UInt8, box: Any, ax: Axes, title: str = "", *, edges: UInt8 
     Parameters
     ----------
     image : (H, W, 3) uint8
-    box : BoundingBox
+    box : PixelBox
         Has left, top, width and height, px.
     ax : matplotlib.axes.Axes
     title : str

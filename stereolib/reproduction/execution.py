@@ -177,7 +177,7 @@ async def _execute_once(source: Path, env: dict[str, str], limits: Limits, bar: 
     for cell in notebook.cells:
         if cell.cell_type == "code":
             cell.outputs, cell.execution_count = [], None
-    bar.reset(total=len(notebook.cells))
+    bar.reset(total=sum(cell.cell_type == "code" and bool(cell.source.strip()) for cell in notebook.cells))
     connection = Path(env[_SETTINGS[0]]) / f"{source.stem}.json"
     client = _make_client(notebook, source.parent, connection, limits, lambda: bar.update())
     try:

@@ -59,6 +59,8 @@ def report_rig(folder: Path, output: Path, name: str = "report") -> list[Path]:
     for cell in notebook.cells:
         if cell.cell_type == "markdown":
             cell.source = _LINK.sub(r"\1", cell.source)
+    calibration = output / "calibration.json"
+    earlier = _writing(calibration)
     with work_folder() as work:
         source = write_atomic(work / f"{chapter}.ipynb", nbformat.writes(notebook))  # type: ignore[no-untyped-call]
         execute_notebooks([source], work / "executed", work / "figures", jobs=1)
@@ -80,8 +82,16 @@ def report_rig(folder: Path, output: Path, name: str = "report") -> list[Path]:
     html, _ = page.from_notebook_node(executed, {"metadata": {"name": f"{folder.resolve().name}: {name}"}})
     html = html.replace("</head>", _WHOLE_WORDS, 1)
     written = [write_atomic(output / f"{name}.html", html), write_atomic(output / f"{name}.ipynb", text)]
-    calibration = output / "calibration.json"
-    return [*written, *([calibration] if chapter == CHAPTER and calibration.is_file() else [])]
+    is_new = chapter == CHAPTER and _writing(calibration) not in (None, earlier)
+    return [*written, *([calibration] if is_new else [])]
+
+
+def _writing(file: Path) -> tuple[int, int] | None:
+    """What tells one writing of a file from another; None where there is none."""
+    if not file.is_file():
+        return None
+    known = file.stat()
+    return known.st_ino, known.st_mtime_ns
 
 
 def _explains_nothing(cells: Sequence[Any]) -> Iterator[Any]:

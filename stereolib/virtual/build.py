@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +18,7 @@ from stereolib.virtual.scene import Scene, cube_scene
 from stereolib.virtual.webcam import Webcam
 
 _SAMPLES = 3  # rays per pixel and axis
-_SUFFIXES = {".jpg", ".bin", ".toml"}
+_RIG_FILE = "rig.toml"  # which `stereolib.mapping` writes beside them
 
 
 def build_recordings(output: Path, *, only: str = "", progress: bool = True) -> None:
@@ -38,6 +38,7 @@ def build_recordings(output: Path, *, only: str = "", progress: bool = True) -> 
     jobs = [(name, scene, where) for name, (where, scene) in recordings.pairs().items()]
     boards = enumerate(recordings.board_poses())
     jobs += [(f"boards/{i + 1:02d}", recordings.board_scene(pose), "bench") for i, pose in boards]
+    made = [f"{name}_{side}.jpg" for name, _, _ in jobs for side in ("left", "right")]
     jobs = [job for job in jobs if job[0].startswith(only)]
     running = Parallel(n_jobs=cpu_count(), prefer="threads", return_as="generator_unordered")(
         delayed(_shoot)(output, name, scene, recordings.setup(where)) for name, scene, where in jobs
@@ -45,7 +46,8 @@ def build_recordings(output: Path, *, only: str = "", progress: bool = True) -> 
     list(tqdm(running, "rendering pairs", len(jobs), unit="pair", disable=not progress))
     for name, data in laser_recordings():
         write_atomic(output / f"{name}.bin", data)
-    write_sums(output)
+        made.append(f"{name}.bin")
+    write_sums(output, [*made, _RIG_FILE])
 
 
 def _shoot(output: Path, name: str, scene: Scene, T_left_world: Float64) -> None:
@@ -74,13 +76,15 @@ def laser_recordings() -> Iterator[tuple[str, bytes]]:
         yield f"{name}_scan", walk.scan_bytes(name)
 
 
-def write_sums(folder: Path) -> None:
-    """Write SHA256SUMS of all recordings below a folder, in `sha256sum`'s format.
+def write_sums(folder: Path, names: Iterable[str]) -> None:
+    """Write SHA256SUMS of recordings in a folder, in `sha256sum`'s format.
 
     Parameters
     ----------
     folder : Path
+    names : iterable of str
+        Of the recordings, within the folder; those that are not there are left out.
     """
-    files = sorted(p for p in folder.rglob("*") if p.is_file() and p.suffix in _SUFFIXES)
+    files = sorted(p for p in (folder / name for name in names) if p.is_file())
     lines = [f"{hashlib.sha256(read_bytes(p)).hexdigest()}  {p.relative_to(folder).as_posix()}\n" for p in files]
     write_atomic(folder / "SHA256SUMS", "".join(lines))

@@ -14,14 +14,12 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, fields
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from os import PathLike
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
-from stereolib.base import Float64, write_atomic
+from stereolib.base import Float64
 from stereolib.paper import paper_rig
 from stereolib.rig import Camera, StereoRig, rigid
 from stereolib.virtual.quick import render_quickly
@@ -169,26 +167,6 @@ def show_scene(staged: Staged, rng: np.random.Generator, rig: StereoRig | None =
     seen = render_pair(staged.scene, rig, staged.T_left_world)
     left, right = (tuple(webcam.encode(webcam.expose(side, rng)) for _ in range(_STILL_PICTURES)) for side in seen)
     return Show(left, right, rig, fps)
-
-
-def write_show(folder: str | PathLike[str], show: Show) -> tuple[str, str]:
-    """Write a show as numbered pictures.
-
-    Parameters
-    ----------
-    folder : path
-    show : Show
-
-    Returns
-    -------
-    left, right : str
-        Patterns, as ``stereolib capture`` takes them.
-    """
-    for side, pictures in zip(_SIDES, (show.left, show.right), strict=True):
-        for k, picture in enumerate(pictures):
-            write_atomic(Path(folder) / f"{side}_{k:04d}.jpg", picture)
-    left, right = (str(Path(folder) / f"{side}_%04d.jpg") for side in _SIDES)
-    return left, right
 
 
 @contextmanager

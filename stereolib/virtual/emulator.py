@@ -184,6 +184,7 @@ class Served:
     def __init__(self, schedule: Iterable[tuple[float, bytes]], link: _Pty | _Socket) -> None:
         self.port, self.sent, self.dropped = link.port, 0, 0
         self._link, self._schedule, self._stop = link, schedule, threading.Event()
+        self._error: Exception | None = None
         self._thread = threading.Thread(target=self._run, name="lidar emulator", daemon=True)
         self._thread.start()
 
@@ -199,8 +200,15 @@ class Served:
         -------
         bool
             False if the end has not come by then.
+
+        Raises
+        ------
+        Exception
+            What the schedule raised, if that was its end.
         """
         self._thread.join(timeout_s)
+        if self._error is not None:
+            raise self._error
         return not self._thread.is_alive()
 
     def close(self) -> None:
@@ -223,6 +231,8 @@ class Served:
                     self._send(waiting)
             self._send(waiting)
             self._stop.wait(_LINGER_S)  # let the reader fetch the last bytes
+        except Exception as error:
+            self._error = error  # for `wait`: nobody sees what a thread ends with
         finally:
             self._link.close()
 
@@ -263,6 +273,7 @@ def serve(schedule: Iterable[tuple[float, bytes]], link: Literal["auto", "pty", 
         yield served
     finally:
         served.close()
+    served.wait()
 
 
 class _Pty:

@@ -50,7 +50,7 @@ def laser_board_views(
 
     Returns
     -------
-    list of BoardView
+    list of LaserBoardView
     """
     believed = believed_left or true_left
     points = BOARD.points_mm - BOARD.points_mm.mean(axis=0)

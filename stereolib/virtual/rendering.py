@@ -52,7 +52,7 @@ def render(
     T_camera_world : (4, 4) array
         Maps world points (mm) into the camera.
     samples : int
-        Rays per pixel and axis. 1 for sliders, 2 for pictures, 4 for calibration boards.
+        Rays per pixel and axis. 1 for sliders, 2 for emulated cameras, 3 for the recordings.
     light_samples : int
         Points per axis on each area light, where its shadow is soft.
 

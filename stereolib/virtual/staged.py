@@ -13,14 +13,8 @@ from stereolib.rig import Camera, StereoRig, rigid
 from stereolib.virtual import laser_boards, recordings, walk
 from stereolib.virtual.scene import Material, Scene, cube_scene, room
 
-#: Scenes by name: how many places there are of each, and what they are.
-SCENES = {
-    "cube": (1, "a cube on the floor of a room"),
-    "box": (1000, "a box on that floor; each number is one of other sizes"),
-    "room": (1, "that room, empty"),
-    "walk": (5, "a room with five boxes, from five places"),
-    "laser-board": (len(laser_boards.POSES), "a board that camera and laser see, held in ten poses"),
-}
+#: Scenes by name: how many places there are of each.
+SCENES = {"cube": 1, "box": 1000, "room": 1, "walk": 5, "laser-board": len(laser_boards.POSES)}
 _RIGS = 60  # of the seeds with which rigs are drawn, and boxes
 _LASER_MM = 60.0  # height of the laser's plane: below the lowest box's top
 _BOARD_MM = 180.0  # of the laser's board: its centre above the floor
@@ -85,7 +79,7 @@ def stage(name: str, number: int = 1, *, distance_mm: float = 700.0, rig: int = 
     """
     if name not in SCENES:
         raise ValueError(f"unknown scene {name!r}; choose one of {', '.join(SCENES)}")
-    most, _ = SCENES[name]
+    most = SCENES[name]
     if not 1 <= number <= most:
         raise ValueError(f"{name} has the numbers 1 to {most}, got {number}" if most > 1 else f"there is one {name}")
     here, floor = recordings.setup(), (0.0, 0.0, 0.0)

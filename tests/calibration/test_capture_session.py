@@ -10,13 +10,12 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from support.shows import small_show
+from support.shows import small_show, write_show
 
 from stereolib.base import UInt8
 from stereolib.calibration import BoardLook, CaptureSession, Checkerboard, find_in_files
 from stereolib.rig import CameraError, LiveRig, find_pairs
 from stereolib.virtual import recordings
-from stereolib.virtual.camera_emulator import write_show
 
 PLACES, HELD, ON_THE_WAY = 4, 6, 2  # of the show: pictures in a place, and to the next one
 

@@ -83,39 +83,6 @@ def test_board_in_inner_corners() -> None:
         parse_board("6x6", "25", marker_mm=18.5, dictionary="7X7")
 
 
-@pytest.mark.parametrize(
-    ("words", "hint"),
-    [
-        (["--board", "9x6", "--square-mm", "nan"], "positive number of mm, got nan"),
-        (["--board", "9x6", "--square-mm", "-25"], "positive number of mm, got -25"),
-        (
-            ["--board", "9x6", "--square-mm", "0.025"],
-            "given as 0.025, but millimetres are expected: for 0.025 m that is 25",
-        ),
-        (["--board", "6x6", "--square-mm", "25"], "looks the same after a quarter turn"),
-        (["--board", "9by6", "--square-mm", "25"], "inner corners, as 9x6"),
-        (["--board", "9x6", "--square-mm", "25x50"], "height over its width must be near 1, got 2.0"),
-        (["--board", "9x6", "--square-mm", "about 25"], "an edge in mm, as 25, or width x height"),
-        (["--board", "9x6", "--square-mm", "25x25.2", "--marker-mm", "20"], "taken for square, got 25x25.2"),
-        ([*WORDS, "--legacy"], "--legacy is about ChArUco boards"),
-        ([*WORDS, "--dictionary", "4X4_50"], "--dictionary is about ChArUco boards: give the edge of their markers"),
-        ([*WORDS, "--every", "3"], "--every is about a video, of which it takes frames; of pictures all are taken"),
-        ([*WORDS, "--format", "kalibr"], "cannot hold a brown3 lens: pass --model brown2"),
-        ([*WORDS, "--marker-mm", "30"], "a marker must be smaller than its square"),
-        ([*WORDS, "--model", "fisheye"], "unknown lens model 'fisheye'; choose one of pinhole, brown2, brown3"),
-    ],
-)
-def test_bad_words_are_one_line_and_nothing_is_written(
-    words: list[str], hint: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    names = [f"{k}.png" for k in range(5)]
-    folders = [str(make_files(tmp_path / side, *names)) for side in ("left", "right")]
-    assert commands.main(["calibrate", *folders, *words, "--output", str(tmp_path / "rig")]) == 2
-    error = capsys.readouterr().err
-    assert hint in error and error.count("\n") == 1
-    assert not (tmp_path / "rig").exists()
-
-
 def test_every_is_taken_for_a_video(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "board.MP4").write_bytes(b"")
     assert commands.main(["calibrate", str(tmp_path / "board.MP4"), *WORDS, "--every", "3"]) == 2

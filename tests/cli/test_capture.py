@@ -9,14 +9,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.shows import BOARD, small_show
+from support.shows import BOARD, small_show, write_show
 
 from stereolib import plotting
 from stereolib.calibration import CaptureSession, CaptureState
 from stereolib.cli import capture, commands
 from stereolib.cli.errors import Ended
 from stereolib.rig import StereoRig, find_pairs
-from stereolib.virtual.camera_emulator import CameraFaults, serve_cameras, write_show
+from stereolib.virtual.camera_emulator import CameraFaults, serve_cameras
 
 
 def run(*words: object) -> int:
@@ -121,7 +121,7 @@ def test_a_scene_without_a_board_is_one_pair(tmp_path: Path, capfd: pytest.Captu
         (["L", "R", "--legacy"], "--legacy is about a board"),
         (["L", "R", "--dictionary", "4X4_50"], "--dictionary is about a board"),
         (["L", "R", *BOARD, "--dictionary", "4X4_50"], "--dictionary is about ChArUco boards"),
-        (["L", "R", "--board", "9x6", "--square-mm", "25", "--ruler-mm", "-5"], "--ruler-mm is a number"),
+        (["L", "R", "--board", "9x6", "--square-mm", "25", "--ruler-mm", "-5"], "not a number from 1 to 1000000"),
         (["L", "R", "--exposure", "nan"], "finite numbers"),
         (["L", "R", "--port", "70000"], "--port: '70000' is not a whole number from 0 to 65535"),
         ([".", "R"], "it is a folder; stereolib calibrate reads"),

@@ -339,14 +339,3 @@ def test_data_verify_names_damaged_and_missing_files(
     output = capsys.readouterr().out
     assert "left.jpg differs from its sha256" in output and "right.jpg is missing" in output
     assert "scan.bin" not in output
-
-
-def test_module_runs_as_a_program() -> None:
-    done = subprocess.run(
-        [sys.executable, "-m", "stereolib", "reproduce", "no-such-notebook"],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 2
-    assert done.stderr.startswith("stereolib: error: ") and done.stderr.count("\n") == 1

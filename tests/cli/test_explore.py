@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import argparse
 import importlib.util
 import io
 import json
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -17,6 +19,7 @@ import pytest
 
 from stereolib.base import data_path
 from stereolib.cli import commands
+from stereolib.cli.live_page import live_page
 from stereolib.notebook.offered import OWN_FILES
 from stereolib.virtual import recordings
 
@@ -54,6 +57,7 @@ def test_no_file_opens_the_virtual_rig_on_this_machine_alone(served, monkeypatch
     ((words, environment),) = served
     assert OWN_FILES not in environment
     assert {"--port=8765", "--no-browser", "--token", "--Voila.ip=127.0.0.1"} <= set(words)
+    assert "--Voila.port_retries=0" in words, "on another port nobody would look for it"
     assert any(word.endswith("explore.ipynb") for word in words)
 
 
@@ -88,6 +92,19 @@ def test_refuses_with_a_line_that_names_the_file(served, tmp_path, monkeypatch, 
     assert run(*words) == 2
     told = capsys.readouterr().err
     assert text in told and told.count("\n") == 1
+    assert not served
+
+
+def test_a_port_that_is_taken_is_refused(served, capsys):
+    """Else Voila takes the next one, and a live page's address, with its token, goes to whoever listens here."""
+    arguments = argparse.Namespace(no_preview=False, no_browser=True, port=0)
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        arguments.port = other.getsockname()[1]
+        with pytest.raises(ValueError, match=f"--port {arguments.port} cannot be served"), live_page(arguments, "", {}):
+            pass
+        assert run("--port", arguments.port) == 2
+    told = capsys.readouterr().err
+    assert "name another, or leave it out" in told and told.count("\n") == 1
     assert not served
 
 

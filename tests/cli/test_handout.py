@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
-import tomllib
 import zipfile
 from pathlib import Path
 
 import pytest
 
-from stereolib.base import ROOT
+from stereolib.base import ROOT, datasets
 from stereolib.cli import commands, handout
 from stereolib.exercises import SHEETS
 
@@ -46,13 +46,28 @@ def test_it_has_what_a_class_needs_and_nothing_hidden(packed: Path) -> None:
     assert not [name for name in names if "__pycache__" in name or name.startswith(("tests/", ".")) or "/." in name]
 
 
-def test_it_can_be_installed(packed: Path) -> None:
-    """What the build of the package reads, by its own settings, is in it."""
-    names = {name.removeprefix(f"{handout.FOLDER}/") for name in zipfile.ZipFile(packed).namelist()}
-    settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
-    project, wheel = settings["project"], settings["tool"]["hatch"]["build"]["targets"]["wheel"]
-    needed = {project["readme"], *project["license-files"], *wheel["only-include"]}
-    assert [part for part in needed if not any(name == part or name.startswith(f"{part}/") for name in names)] == []
+def test_it_can_be_installed(packed: Path, tmp_path: Path) -> None:
+    """As `python bootstrap.py lab` does: its own build backend, in the unpacked folder."""
+    with zipfile.ZipFile(packed) as archive:
+        archive.extractall(tmp_path)
+    program = f"from hatchling.build import build_editable, build_wheel; {{}}({str(tmp_path)!r})"
+    for build in ("build_editable", "build_wheel"):
+        command = [sys.executable, "-c", program.format(build)]
+        done = subprocess.run(command, cwd=tmp_path / handout.FOLDER, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
+    (wheel,) = tmp_path.glob("stereolib-*.whl")  # the second took the place of the first
+    assert {"stereolib/__init__.py", "stereolib/data/paper/published.toml"} <= set(zipfile.ZipFile(wheel).namelist())
+
+
+def test_a_file_of_before_1980_is_packed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An archive knows no earlier time; disks and other archives give it."""
+    old = tmp_path / "old.txt"
+    old.write_bytes(b"old")
+    os.utime(old, (0, 0))
+    monkeypatch.setattr(handout, "_files", lambda root: iter([old]))
+    monkeypatch.setattr(datasets, "repository", lambda: tmp_path)
+    assert commands.main(["handout", "--out", str(tmp_path / "class.zip"), "--no-wheels"]) == 0
+    assert zipfile.ZipFile(tmp_path / "class.zip").read(f"{handout.FOLDER}/old.txt") == b"old"
 
 
 def test_exercises_work_from_it_alone(packed: Path, tmp_path: Path) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import re
 from pathlib import Path
 from typing import Any
@@ -155,26 +154,6 @@ def test_show_draws_the_readings_and_keeps_a_picture_that_is_there(
     assert commands.main(["lrf", "show", ROOM, "--output", str(picture)]) == 2
     assert "would be overwritten" in capsys.readouterr().err
     assert picture.read_bytes() == before
-
-
-@pytest.mark.parametrize(
-    ("words", "hint"),
-    [
-        (["info", "no_such_file.bin"], "no_such_file.bin"),
-        (["info", str(data_path("paper/published.toml"))], "no XV-11 recording"),
-        (["replay", os.devnull], "device"),
-        (["show", "no_such_port"], "Ports found"),
-    ],
-)
-def test_bad_input_is_one_line_that_says_what_to_do(
-    words: list[str], hint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    assert commands.main(["lrf", *words]) == 2
-    error = capsys.readouterr().err
-    assert hint in error
-    assert error.count("\n") == 1
-    assert not list(tmp_path.iterdir())
 
 
 def test_folders_of_a_recording_are_made_and_left_only_with_it(tmp_path: Path) -> None:

@@ -85,32 +85,6 @@ def test_older_turns_are_pale_and_a_wrong_speed_is_said() -> None:
     assert "makes about 300" not in laser_view.draw_turns([turn_of(new)]).html
 
 
-@pytest.mark.parametrize(
-    ("words", "hint"),
-    [
-        (["export", ROOM, "room.txt"], "written as .csv or .ply"),
-        (["export", ROOM, "room.csv", "--pose", "1,2,3"], "--pose and --height-mm are for a .ply"),
-        (["export", ROOM, "room.ply", "--pose", "1,2"], "--pose is X,Y,YAW"),
-        (["export", ROOM, "room.ply", "--pose", "1,2,nan"], "--pose is X,Y,YAW"),
-        (["export", ROOM, "room.csv", "--turns", "0"], "--turns must be 1 or more"),
-        (["export", "none.bin", "room.csv"], "none.bin"),
-        (["export", ROOM, "no/such/\0.csv"], "null"),
-        (["live", "no_such_port", "--no-preview"], "Ports found"),
-        (["live", "socket://127.0.0.1:1"], "start the emulator or server first"),
-        (["live", ROOM], "stereolib lrf replay plays it on a port"),
-        (["live", "no_such_port", "--seconds", "0"], "--seconds must be more than 0"),
-    ],
-)
-def test_bad_input_is_one_line_that_says_what_to_do(
-    words: list[str], hint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    assert commands.main(["lrf", *words]) == 2
-    error = capsys.readouterr().err
-    assert hint in error and error.count("\n") == 1
-    assert not list(tmp_path.iterdir())
-
-
 def test_turns_come_for_as_long_as_they_are_asked_for() -> None:
     schedule = emulator.emulate(recordings.pairs()["conditions/plain"][1], rng=np.random.default_rng(0))
     with emulator.serve(schedule, "socket") as served:

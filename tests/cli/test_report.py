@@ -10,7 +10,7 @@ import cv2
 import pytest
 from support.notebooks import execute_without_kernels
 
-from stereolib import paper
+from stereolib import base, paper
 from stereolib.base import data_path, datasets
 from stereolib.cli import commands
 from stereolib.paper import ledger
@@ -120,6 +120,27 @@ def test_a_wrong_board_and_exchanged_cameras_are_told_before_the_report_begins(f
 
 
 @pytest.mark.slow
+def test_an_earlier_run_s_calibration_is_not_told_as_written(folder, capsys, monkeypatch):
+    """As after `report --force` in a folder whose boards have gone."""
+    out = folder / "report"
+
+    def execute(sources, target, _, jobs):
+        target.mkdir()
+        for source in sources:
+            shutil.copy(source, target)
+        if not (out / "calibration.json").is_file():
+            base.write_atomic(out / "calibration.json", "{}")
+
+    monkeypatch.setattr(own_rig, "execute_notebooks", execute)
+    shutil.copy(data_path("virtual/lrf/room.bin"), folder / "scans")
+    for words, files in (
+        ([], "report.html, report.ipynb, calibration.json"),
+        (["--force"], "report.html, report.ipynb"),
+    ):
+        assert run("report", folder, *words) == 0
+        assert capsys.readouterr().out.endswith(f"written to {out}: {files}\n")
+
+
 def test_report_of_real_webcams_goes_as_far_as_their_boards(folder, quick, capsys):
     """Six of the thirty pairs of a Minoru 3D webcam: a calibration, a verdict, rows and depth, and no sizes."""
     for side in ("left", "right"):

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from support.notebooks import execute_without_kernels
+from support.shows import write_show
 
 from stereolib import plotting
 from stereolib.cli import commands
@@ -26,7 +27,7 @@ def run(*words: object) -> int:
 
 def capture(show: camera_emulator.Show, name: str, *words: object) -> int:
     """From pictures, which keep no clock waiting: live cameras, late and losing pictures, are in test_capture."""
-    return run("capture", *camera_emulator.write_show(name, show), "--no-preview", *words)
+    return run("capture", *write_show(name, show), "--no-preview", *words)
 
 
 def record(scene: str, number: int, seed: int, file: Path) -> int:

@@ -45,6 +45,7 @@ def breaks(values: Any, by: float) -> Any:
         ),
         (lambda values, by: None, "returns nothing"),
         (lambda values, by: {"a": 1}, "returns dict, not numbers"),
+        (lambda values, by: 10**400, "returns int, not numbers"),
         (lambda values: values, "stops with TypeError"),
         (in_place, "changes its input"),
         (breaks, "stops with KeyError: 'depth'. It was called with values = an array of shape (3, 3), none of it NaN"),

@@ -9,7 +9,7 @@ import subprocess
 import sys
 import time
 import warnings
-from contextlib import closing
+from contextlib import closing, suppress
 from itertools import islice
 from pathlib import Path
 
@@ -44,6 +44,18 @@ def test_scans_come_through_a_port_at_the_true_rate(link):
         np.testing.assert_array_equal(scan.ranges_mm, 1000 + 360 * (first + k) + np.arange(360))
     assert took > 0.9  # five turns at 300 rpm take a second
     assert np.diff([s.stamp_s for s in scans]).mean() == pytest.approx(0.2, abs=0.06)
+
+
+@pytest.mark.parametrize("link", LINKS)
+def test_what_stops_the_player_is_passed_on(link):
+    def schedule():
+        yield from islice(emulator.replay(turning(1)), 45)
+        raise ValueError("the scene is gone")
+
+    gone = pytest.raises(ValueError, match="the scene is gone")
+    with gone, emulator.serve(schedule(), link) as served, suppress(laser.LidarError):  # so is its port
+        for _ in serial_port.read_chunks(served.port):
+            pass
 
 
 def test_schedule_of_a_recording():

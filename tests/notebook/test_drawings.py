@@ -90,7 +90,9 @@ def test_cameras_turned_inwards_stay_where_they_are() -> None:
 )
 def test_slider_of_a_wrong_calibration_says_what_it_does(roll_deg: float, rows_px: float, baseline_pct: float) -> None:
     text = draw_rectification(0.0, roll_deg, rows_px, baseline_pct)[1]
-    rows, depths = (float(text.partition(before)[2].split()[0]) for before in ("differ by ", "come out "))
+    words = "focal length ", "differ by ", "come out "
+    focal, rows, depths = (float(text.partition(before)[2].split()[0]) for before in words)
+    assert focal == pytest.approx(763.7, abs=1.0), "a camera that is turned about its axis stays where it is"
     rig = paper_rig()
     scale = 763.7 / rig.right.K[1, 1]  # rows of the rectified picture for one of the camera's
     rolled = np.radians(roll_deg) * 640 / np.sqrt(12)

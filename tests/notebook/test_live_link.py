@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import socket
 import threading
 import time
 from collections.abc import Iterator
@@ -45,6 +46,24 @@ def test_a_slow_page_sees_the_newest_and_nothing_queues(link: LiveLink) -> None:
     for k in range(1, 50):
         link.show(LiveView(html=f"{k}"))
     assert next(views).html == "49"
+
+
+def test_who_says_nothing_keeps_no_page_waiting(link: LiveLink) -> None:
+    """And `close` does not wait for him to fetch the last view."""
+    told = json.loads(link.environment[LINK])
+    with socket.create_connection(("127.0.0.1", told["port"])):
+        link.show(LiveView(html="here"))
+        seen: list[LiveView] = []
+        page = threading.Thread(target=lambda: seen.extend(follow(told, [])), daemon=True)
+        page.start()
+        until_s = time.monotonic() + 10
+        while not seen and time.monotonic() < until_s:
+            page.join(0.01)
+        assert [view.html for view in seen] == ["here"]
+        begun_s = time.monotonic()
+        link.close()
+        page.join(10)
+        assert seen[-1].is_last and time.monotonic() - begun_s < 2.5
 
 
 def test_the_last_view_is_fetched_before_the_end() -> None:

@@ -4,21 +4,21 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
-from support.shows import small_show
+from support.shows import small_show, write_show
 
 from stereolib.calibration import CaptureSession, CaptureState, boards_per_cell
 from stereolib.notebook import capture_view
 from stereolib.notebook.capture_view import CAPTURE_BUTTONS, CAPTURE_TITLE, draw_capture
 from stereolib.notebook.live_link import LINK, LiveLink, LiveView
-from stereolib.notebook.live_page import LivePage, open_live_page, watch_capture
+from stereolib.notebook.live_page import LivePage, open_live_page
 from stereolib.rig import LiveRig
 from stereolib.virtual import recordings
-from stereolib.virtual.camera_emulator import write_show
 
 
 @pytest.fixture(scope="module")
@@ -92,9 +92,12 @@ def buttons(page: LivePage) -> dict[str, object]:
     return {button.description: button for button in page._row.children}
 
 
-def test_in_a_notebook_it_runs_by_itself_and_the_buttons_work(tmp_path: Path, sources: tuple[str, str]) -> None:
+def test_its_end_is_shown_and_the_buttons_work(tmp_path: Path, sources: tuple[str, str]) -> None:
     session = CaptureSession(tmp_path, LiveRig(*sources), pairs=3)
-    page = watch_capture(session)
+    page, last = LivePage(CAPTURE_TITLE, CAPTURE_BUTTONS, lambda name: capture_view.press(session, name)), LiveView()
+    for state in session.run():
+        page.show(last := draw_capture(session, state))
+    page.show(replace(last, is_last=True))
     for _ in range(500):
         if "has ended" in page._ended.value:
             break

@@ -8,6 +8,7 @@ import io
 import re
 import subprocess
 import sys
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -15,6 +16,7 @@ import pytest
 
 from stereolib.notebook import chain, python_code
 from stereolib.notebook.knobs import MOTORCYCLE, OWN, State
+from stereolib.plotting import color_disparity
 from stereolib.virtual import recordings
 
 TEXTURE = State(source="conditions/texture")
@@ -36,6 +38,7 @@ def states(tmp_path_factory):
         "laser's window": State(window="around the laser's", laser_yaw_deg=1.0),
         "own pair": State(source=OWN, own=(*files, rig, ""), filter="dilation", kernel_shape="cross"),
         "own pair, wrong baseline": State(source=OWN, own=(*files, rig, ""), baseline_pct=2.0),
+        "own pair, laser's window": State(source=OWN, own=(*files, rig, ""), window="around the laser's"),
         "own pair, rectified": State(source=OWN, own=(*files, "", ""), block_size=9),
         "motorcycle": State(source=MOTORCYCLE, num_disparities=64),
     }
@@ -52,7 +55,7 @@ def ran(states):
 
 
 NAMES = ("recording", "filter", "pipeline", "virtual rig", "laser's window", "own pair", "own pair, wrong baseline",
-         "own pair, rectified", "motorcycle")  # fmt: skip
+         "own pair, laser's window", "own pair, rectified", "motorcycle")  # fmt: skip
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -69,13 +72,16 @@ def test_code_reads_what_the_page_reads(states, ran):
 
 
 def test_files_to_take_away_hold_the_map():
-    links = python_code.download_links(TEXTURE)
+    state = replace(TEXTURE, min_disparity=32)
+    links = python_code.download_links(state)
     files = {}
     for link in links:
         name, data = re.fullmatch(r'<a download="([^"]+)" href="data:[^;]+;base64,([^"]+)">[^<]+</a>', link).groups()
         files[name] = base64.b64decode(data)
     map_px = np.load(io.BytesIO(files["disparity.npy"]), allow_pickle=False)
-    np.testing.assert_array_equal(map_px, chain.filtered(TEXTURE))
+    np.testing.assert_array_equal(map_px, chain.filtered(state))
+    colors = cv2.imdecode(np.frombuffer(files["disparity.png"], np.uint8), cv2.IMREAD_UNCHANGED)
+    np.testing.assert_array_equal(colors, color_disparity(map_px, *state.colors_px))
     left = cv2.imdecode(np.frombuffer(files["left.png"], np.uint8), cv2.IMREAD_UNCHANGED)
     np.testing.assert_array_equal(left, chain.pair(TEXTURE)[0])
     points = int(re.search(rb"element vertex (\d+)", files["points.ply"])[1])

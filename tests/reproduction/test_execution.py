@@ -7,7 +7,8 @@ from pathlib import Path
 
 import nbformat
 import pytest
-from nbformat.v4 import new_code_cell, new_notebook
+import tqdm
+from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook
 from support.notebooks import write_notebook
 
 from stereolib.reproduction import execute_notebooks, execution
@@ -31,6 +32,26 @@ def test_two_executions_are_the_same_bytes(tmp_path: Path) -> None:
     assert "IntSlider" in result.cells[0].outputs[0].data["text/plain"]
     # The kernel is this interpreter, and works in the notebook's folder.
     assert result.cells[2].outputs[0].text == f"notebooks {sys.executable}\n"
+
+
+def test_the_bar_ends_with_the_last_cell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Text and empty cells are not executed, and count for nothing."""
+    source = write_notebook(tmp_path / "notebooks", "01_one", "1", "", "2")
+    notebook = nbformat.read(source, as_version=4)
+    notebook.cells.insert(1, new_markdown_cell("words"))
+    nbformat.write(notebook, source)
+    seen: list[tuple[float, float]] = []
+
+    class Bar(tqdm.tqdm):
+        def close(self) -> None:
+            if not self.disable:
+                seen.append((self.n, self.total))
+            super().close()
+
+    monkeypatch.setattr(tqdm, "tqdm", Bar)
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    execute_notebooks([source], tmp_path / "out", tmp_path / "figures")
+    assert seen == [(2, 2)]
 
 
 def test_normalise_keeps_the_picture_beside_a_widget() -> None:

@@ -11,10 +11,10 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from support.shows import small_show
+from support.shows import small_show, write_show
 
 from stereolib.rig import CameraError, CameraWish, LiveRig, live_camera, live_pair
-from stereolib.virtual.camera_emulator import CameraFaults, serve_cameras, write_show
+from stereolib.virtual.camera_emulator import CameraFaults, serve_cameras
 
 NEVER = 10**9
 NEVER_SO_MANY = 1000

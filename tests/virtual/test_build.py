@@ -22,8 +22,8 @@ def test_manifest_is_written_as_sha256sum_does(tmp_path):
     (tmp_path / "b").mkdir()
     (tmp_path / "b" / "x.jpg").write_bytes(b"1")
     (tmp_path / "a.bin").write_bytes(b"2")
-    (tmp_path / "README.md").write_bytes(b"not listed")
-    build.write_sums(tmp_path)
+    (tmp_path / "mine.jpg").write_bytes(b"not listed")
+    build.write_sums(tmp_path, ["b/x.jpg", "a.bin", "missing.bin"])
     assert (tmp_path / "SHA256SUMS").read_text() == (
         f"{hashlib.sha256(b'2').hexdigest()}  a.bin\n{hashlib.sha256(b'1').hexdigest()}  b/x.jpg\n"
     )
@@ -42,8 +42,13 @@ def test_build_writes_pairs_streams_and_sums(tmp_path, monkeypatch):
     sums = made["SHA256SUMS"].decode().splitlines()
     assert f"{hashlib.sha256(b'turn').hexdigest()}  lrf/room.bin" in sums and len(sums) == len(made) - 1
     again = tmp_path / "again"
+    again.mkdir()
+    for name in ("rig.toml", "holiday.jpg"):
+        (again / name).write_bytes(b"there before")
     build.build_recordings(again, only="boards/0", progress=False)
-    files = [p for p in again.rglob("*.jpg")]
+    listed = {line.split()[1] for line in (again / "SHA256SUMS").read_text().splitlines()}
+    assert "rig.toml" in listed and "holiday.jpg" not in listed
+    files = [p for p in again.rglob("*.jpg") if p.name != "holiday.jpg"]
     assert len(files) == 18
     assert all(p.read_bytes() == made[p.relative_to(again).as_posix()] for p in files)
 

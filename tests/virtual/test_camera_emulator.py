@@ -8,11 +8,11 @@ from urllib.request import urlopen
 
 import numpy as np
 import pytest
-from support.shows import small_show
+from support.shows import small_show, write_show
 
 from stereolib.paper import paper_rig
 from stereolib.rig import read_image
-from stereolib.virtual.camera_emulator import CameraFaults, Show, scaled_rig, serve_cameras, show_boards, write_show
+from stereolib.virtual.camera_emulator import CameraFaults, Show, scaled_rig, serve_cameras, show_boards
 
 FAST = Show(tuple(b"L%03d" % k for k in range(200)), tuple(b"R%03d" % k for k in range(200)), paper_rig(), 100.0)
 

@@ -31,9 +31,9 @@ PYTHONS = ["3.11", "3.12", "3.13", "3.14"]
 # tests/conftest.py, which begins with slow files; xdist would begin with those that hold many tests.
 PYTEST = ["-m", "pytest", "-p", "no:nbval", "-n", "2", "--dist", "loadfile", "--no-loadscope-reorder", "-q"]
 UNIT_TESTS = [*PYTEST, "--doctest-modules", "tests", "stereolib"]
-# With OpenCV 4 too: of each file that calls it, the tests of that file; the numbers from boards, pairs and boxes to their
-# end; and a test for each statement that calls OpenCV and that none of these asserts. What takes long and calls only
-# what others do too is left out: all tests with each OpenCV run in the session `matrix`.
+# With OpenCV 4 too: of each file that calls it, the tests of that file; the numbers from boards, pairs and boxes to
+# their end; and a test for each statement that calls OpenCV and that none of these executes. Left out is what takes
+# long and calls only what others do too: the session `matrix` runs all with each OpenCV.
 OPENCV_LONG = [
     "calibration/test_capture_session.py",
     "calibration/test_refinement.py",

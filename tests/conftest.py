@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import os
+import pickle
+from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
+from typing import TypeAlias
 
 # One thread for each worker, set before numpy and OpenCV are loaded: more get in each other's way.
 os.environ |= {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "OPENCV_FOR_THREADS_NUM": "1"}
@@ -15,7 +18,7 @@ import cv2
 import pytest
 from hypothesis import settings
 
-from stereolib.base import datasets
+from stereolib.base import datasets, write_atomic
 from stereolib.calibration import BoardViews, Checkerboard, find_in_pairs
 from stereolib.rig import read_pair
 from stereolib.virtual import recordings
@@ -64,19 +67,38 @@ def figures_in_temporary_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     return folder
 
 
+Views: TypeAlias = Callable[[str, Callable[[], BoardViews]], BoardViews]
+
+
 @pytest.fixture(scope="session")
-def recorded_views() -> BoardViews:
+def found_once(tmp_path_factory: pytest.TempPathFactory) -> Views:
+    """What one of xdist's workers has found, also for the other: it takes each some seconds."""
+    own = tmp_path_factory.getbasetemp()
+    folder = own.parent if "PYTEST_XDIST_WORKER" in os.environ else own  # of this run alone
+
+    def found(name: str, find: Callable[[], BoardViews]) -> BoardViews:
+        file = folder / f"{name}.pickle"
+        if not file.exists():
+            write_atomic(file, pickle.dumps(find()))
+        return pickle.loads(file.read_bytes())
+
+    return found
+
+
+@pytest.fixture(scope="session")
+def recorded_views(found_once: Views) -> BoardViews:
     """The committed boards, found."""
     pairs, names = recordings.load_boards()
-    return find_in_pairs(pairs, recordings.BOARD, names, progress=False)
+    return found_once("recorded", lambda: find_in_pairs(pairs, recordings.BOARD, names, progress=False))
 
 
 @pytest.fixture(scope="session")
-def minoru_views() -> BoardViews:
+def minoru_views(found_once: Views) -> BoardViews:
     """The boards of a real webcam pair, found; without them and without a network: skipped."""
     try:
         left, right = (datasets.real_recordings(f"minoru3d/{side}") for side in ("left", "right"))
     except datasets.NotAvailable as error:
         pytest.skip(str(error))
     pairs = [read_pair(*files) for files in zip(left, right, strict=True)]
-    return find_in_pairs(pairs, Checkerboard(8, 6, 30.0), [file.name for file in left], progress=False)
+    names = [file.name for file in left]
+    return found_once("minoru", lambda: find_in_pairs(pairs, Checkerboard(8, 6, 30.0), names, progress=False))

@@ -274,7 +274,8 @@ def _webp(image: UInt8, quality: int) -> str:
     from PIL import Image
 
     stream = io.BytesIO()
-    Image.fromarray(image[..., ::-1]).save(stream, format="webp", quality=quality, method=4)
+    # Method 2 of 6 takes two thirds of the time of the default 4, for 4 % more bytes.
+    Image.fromarray(image[..., ::-1]).save(stream, format="webp", quality=quality, method=2)
     return f"data:image/webp;base64,{base64.b64encode(stream.getvalue()).decode('ascii')}"
 
 

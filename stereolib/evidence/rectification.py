@@ -122,8 +122,7 @@ def depth_errors_left_out(
         rectified = rig.rectify(alpha)
         for name, *pair in zip(boards.names, boards.left_px, boards.right_px, strict=True):
             found, true = board_points_mm(rectified, *pair) @ rectified.R1, np.asarray(corners_mm[name], float)
-            first_mm, last_mm = (float(np.linalg.norm(found[0] - end)) for end in (true[0], true[-1]))
-            if first_mm > last_mm:
+            if np.linalg.norm(found[0] - true[0]) > np.linalg.norm(found[0] - true[-1]):
                 true = true[::-1]
             depths.append(true[:, 2])
             errors.append(found[:, 2] - true[:, 2])

@@ -194,8 +194,7 @@ class _Scan:
                 f"the scan of station {name} has no straight bit of wall or face among its {len(p)} readings to "
                 f"match with; scan where there are walls"
             )
-        ways_rad = np.unwrap(np.arctan2(normals[:, 1], normals[:, 0]))
-        turn = np.abs(np.diff(ways_rad, prepend=0)) > _TURN_RAD
+        turn = np.abs(np.diff(np.unwrap(np.arctan2(normals[:, 1], normals[:, 0])), prepend=0)) > _TURN_RAD
         bias, bit = np.full(len(p), bias_mm), np.cumsum(turn | ~straight)
         anchors, normals, fit = p.copy(), np.where(straight[:, None], normals, np.nan), np.eye(len(p))
         for members in (np.flatnonzero(straight & (bit == k)) for k in np.unique(bit[straight])):

@@ -12,6 +12,7 @@ from support.notebooks import execute_without_kernels
 
 from stereolib import base, paper
 from stereolib.base import data_path, datasets
+from stereolib.calibration import Checkerboard, find_in_files
 from stereolib.cli import commands
 from stereolib.paper import ledger
 from stereolib.reproduction import own_rig
@@ -33,6 +34,28 @@ def folder(tmp_path, capsys):
     assert run("new", tmp_path / "my_rig") == 0
     capsys.readouterr()
     return tmp_path / "my_rig"
+
+
+@pytest.fixture(scope="module")
+def webcam_boards(tmp_path_factory):
+    """Every third of the thirty pairs of a Minoru 3D webcam, with their corners, for which it takes seconds to look."""
+    folder = tmp_path_factory.mktemp("minoru")
+    for side in ("left", "right"):
+        (folder / side).mkdir()
+        for file in datasets.available(f"minoru3d/{side}")[1::3] or pytest.skip("no real recordings here"):
+            (folder / side / file.name).write_bytes(file.read_bytes())
+    left, right = (sorted((folder / side).iterdir()) for side in ("left", "right"))
+    find_in_files(left, right, Checkerboard(8, 6, 30.0), progress=False)
+    return folder
+
+
+@pytest.fixture
+def minoru(folder, webcam_boards):
+    """The folder of that rig."""
+    shutil.copytree(webcam_boards, folder / "boards", dirs_exist_ok=True)
+    told = (folder / "rig.toml").read_text().replace("[9, 6]", "[8, 6]")
+    (folder / "rig.toml").write_text(told.replace("# square_mm = [25.0, 25.0]", "square_mm = [29.79, 30.21]"))
+    return folder
 
 
 @pytest.fixture
@@ -141,44 +164,21 @@ def test_an_earlier_run_s_calibration_is_not_told_as_written(folder, capsys, mon
         assert capsys.readouterr().out.endswith(f"written to {out}: {files}\n")
 
 
-def test_report_of_real_webcams_goes_as_far_as_their_boards(folder, quick, capsys):
-    """Six of the thirty pairs of a Minoru 3D webcam: a calibration, a verdict, rows and depth, and no sizes."""
-    for side in ("left", "right"):
-        (folder / "boards" / side).mkdir()
-        for file in datasets.available(f"minoru3d/{side}")[1::5] or pytest.skip("no real recordings here"):
-            (folder / "boards" / side / file.name).write_bytes(file.read_bytes())
-    text = (
-        (folder / "rig.toml")
-        .read_text()
-        .replace("[9, 6]", "[8, 6]")
-        .replace("# square_mm = [25.0, 25.0]", "square_mm = [29.79, 30.21]")
-    )
-    (folder / "rig.toml").write_text(text)
-    assert run("report", folder) == 0
-    text, said = told(folder / "report" / "report.ipynb"), capsys.readouterr().out
+def test_report_of_real_webcams_goes_as_far_as_their_boards(minoru, quick, capsys):
+    """A calibration, a verdict, rows and depth, and no sizes."""
+    assert run("report", minoru) == 0
+    text, said = told(minoru / "report" / "report.ipynb"), capsys.readouterr().out
     verdict = re.search(r"^(good|usable|bad): .*", text, re.MULTILINE)
     reasons = re.findall(r"^because .*", text, re.MULTILINE)
-    assert verdict and reasons and "\n".join(("", verdict[0], *reasons, "6 pairs, reprojection error ")) in said
+    assert verdict and reasons and "\n".join(("", verdict[0], *reasons, "10 pairs, reprojection error ")) in said
     assert re.search(r"baseline B 6\d\.\d\d mm", text) and re.search(
         r"rows of the right picture are off by [+-]\d", text
     )
     assert re.search(r"\d % matched", text) and "left out: sizes and the map" in text
     assert "left out: no scan of several turns" in text
-    calibration = json.loads((folder / "report" / "calibration.json").read_text())
+    calibration = json.loads((minoru / "report" / "calibration.json").read_text())
     assert calibration["calibration"]["board"]["columns"] == 8
-    assert not (folder / "calibration.json").exists()
-
-
-@pytest.fixture
-def minoru(folder):
-    """The thirty pairs of a Minoru 3D webcam, every third."""
-    for side in ("left", "right"):
-        (folder / "boards" / side).mkdir()
-        for file in datasets.available(f"minoru3d/{side}")[1::3] or pytest.skip("no real recordings here"):
-            (folder / "boards" / side / file.name).write_bytes(file.read_bytes())
-    told = (folder / "rig.toml").read_text().replace("[9, 6]", "[8, 6]")
-    (folder / "rig.toml").write_text(told.replace("# square_mm = [25.0, 25.0]", "square_mm = [29.79, 30.21]"))
-    return folder
+    assert not (minoru / "calibration.json").exists()
 
 
 @pytest.mark.slow

@@ -10,7 +10,6 @@ import os
 import shutil
 import subprocess
 import sys
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -99,29 +98,22 @@ def hand_in(released: Path, student: str, answers: Answers) -> Any:
 
 
 @pytest.fixture(scope="module")
-def courses(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    """The course of each student. Ten have handed in and all is graded, in two courses at once: a core each."""
-    halves = [list(HANDED_IN)[k::2] for k in (0, 1)]
-    folders = [tmp_path_factory.mktemp("course") for _ in halves]
-    with ThreadPoolExecutor() as pool:
-        list(pool.map(graded, folders, halves))
-    return {student: folder for folder, half in zip(folders, halves, strict=True) for student in half}
-
-
-def graded(folder: Path, students: list[str]) -> None:
-    """Hold a course from the release of its sheet to the points."""
+def course(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A course from the release of its sheet to the points: ten have handed in and all is graded."""
+    folder = tmp_path_factory.mktemp("course")
     shutil.copy(ROOT / "notebooks" / "exercises" / "nbgrader_config.py", folder)
     (folder / "source" / ASSIGNMENT).mkdir(parents=True)
     shutil.copy(ROOT / "notebooks" / "exercises" / f"{SHEET}.ipynb", folder / "source" / ASSIGNMENT)
     run_nbgrader(folder, "generate_assignment", ASSIGNMENT)
     released = folder / "release" / ASSIGNMENT / f"{SHEET}.ipynb"
-    for student in students:
+    for student in HANDED_IN:
         (folder / "submitted" / student / ASSIGNMENT).mkdir(parents=True)
         handed_in = hand_in(released, student, HANDED_IN[student][0])
         nbformat.write(handed_in, folder / "submitted" / student / ASSIGNMENT / released.name)
     run_nbgrader(folder, "autograde", ASSIGNMENT, f"--Execute.timeout={LOOP_S}")
     run_nbgrader(folder, "generate_feedback", ASSIGNMENT)
     run_nbgrader(folder, "export", "--to", "points.csv")
+    return folder
 
 
 def run_nbgrader(folder: Path, *words: str) -> None:
@@ -136,13 +128,11 @@ def run_nbgrader(folder: Path, *words: str) -> None:
     assert done.returncode == 0, f"{words}: {done.stdout[-3000:]}{done.stderr[-6000:]}"
 
 
-def feedback(courses: dict[str, Path], student: str) -> str:
-    return (courses[student] / "feedback" / student / ASSIGNMENT / f"{SHEET}.html").read_text(encoding="utf-8")
+def feedback(course: Path, student: str) -> str:
+    return (course / "feedback" / student / ASSIGNMENT / f"{SHEET}.html").read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize("student", list(HANDED_IN)[:2])  # one of each course
-def test_release_has_all_questions_and_no_answer(courses: dict[str, Path], student: str) -> None:
-    course = courses[student]
+def test_release_has_all_questions_and_no_answer(course: Path) -> None:
     released = nbformat.read(course / "release" / ASSIGNMENT / f"{SHEET}.ipynb", as_version=4)
     source = nbformat.read(course / "source" / ASSIGNMENT / f"{SHEET}.ipynb", as_version=4)
     assert [cell.source for cell in released.cells] == [cell.source for cell in source.cells]
@@ -150,11 +140,9 @@ def test_release_has_all_questions_and_no_answer(courses: dict[str, Path], stude
     assert all(not cell.metadata.editable for cell in locked)
 
 
-def test_everyone_has_the_points_that_are_due(courses: dict[str, Path]) -> None:
-    rows = {}
-    for course in set(courses.values()):
-        with (course / "points.csv").open(newline="", encoding="utf-8") as stream:
-            rows |= {row["student_id"]: row for row in csv.DictReader(stream)}
+def test_everyone_has_the_points_that_are_due(course: Path) -> None:
+    with (course / "points.csv").open(newline="", encoding="utf-8") as stream:
+        rows = {row["student_id"]: row for row in csv.DictReader(stream)}
     assert {float(row["max_score"]) for row in rows.values()} == {float(MOST)}
     assert {student: float(row["score"]) for student, row in rows.items()} == {
         student: due for student, (_, due) in HANDED_IN.items()
@@ -182,11 +170,11 @@ def test_everyone_has_the_points_that_are_due(courses: dict[str, Path]) -> None:
         ),
     ],
 )
-def test_feedback_says_why(courses: dict[str, Path], student: str, said: list[str]) -> None:
-    page = feedback(courses, student)
+def test_feedback_says_why(course: Path, student: str, said: list[str]) -> None:
+    page = feedback(course, student)
     assert [text for text in said if text not in page] == []
 
 
-def test_huge_output_leaves_small_files(courses: dict[str, Path]) -> None:
-    file = courses["huge"] / "autograded" / "huge" / ASSIGNMENT / f"{SHEET}.ipynb"
+def test_huge_output_leaves_small_files(course: Path) -> None:
+    file = course / "autograded" / "huge" / ASSIGNMENT / f"{SHEET}.ipynb"
     assert file.stat().st_size < 1_000_000

@@ -33,6 +33,7 @@ _FARTHEST_MM = 1200.0
 #: The camera must stand so far above a top to look down on it.
 LEAST_ABOVE_MM = 15.0
 _TRIED_PX, _TRIED_STDS, _MOST_TRIED = 0.3, 2.5, 10  # of disparity, heights of a top that are tried, either way
+_TRIED_FARTHER = (1, 2, 4)  # times as far, where the last one gains most
 _AWAY = 0.1  # rows' correlation that a standard deviation away from the known height, squared, has to gain
 _AGREES = 0.5  # correlation that speaks neither for nor against a top
 _LEVEL = 1e-3  # fall of a ray that meets no top any more
@@ -398,31 +399,45 @@ def follow_top(views: Views, world: World, own: Float64, front: Side, height_std
     Notes
     -----
     Seen at a slant, a top a little higher or lower has quite another disparity: heights that change it by 0.3 px are
-    tried, to 2.5 standard deviations, or 3 px. Each gains the most that its rows' correlations, over 0.5, add up to,
-    less ``z^2 / 10``; the known one stays where none gains.
+    tried, to 2.5 standard deviations, or 3 px, and twice and four times as far where the last one gains most: the known
+    height may be that of a line. Each gains the most that its rows' correlations, over 0.5, add up to, less Cauchy's
+    ``C^2 log(1 + z^2 / C^2) / 10``, C = 2.5; the known one stays where none gains.
     """
-    known_mm, camera_mm = float(own[Own.HEIGHT]), float(world.camera_height)
-    if not camera_mm - known_mm > LEAST_ABOVE_MM:
+    height = _height_of_top(views, world, own, front, height_std_mm)
+    if height is None:
         return None
-    middle = Box(own).edge(front.top).mean(axis=0) - [0.0, 0.0, camera_mm]
-    step_mm = _TRIED_PX / float(world.scale) * (middle @ world.axes[:, 2]) * (camera_mm - known_mm)
-    most = round(min(_MOST_TRIED, _TRIED_STDS * height_std_mm / step_mm))
-    steps = sorted(range(-most, most + 1), key=abs)  # of equal ones the first is taken: the nearest
-    tried = known_mm + step_mm * np.array(steps)
-    tried = tried[(tried > 0.0) & (tried < camera_mm - LEAST_ABOVE_MM)]
-    if not len(tried):  # the known one is none of a top either
-        return None
-    first = np.stack([_top(world, own, front, height, _FIRST_PX)[1] for height in tried])
-    alike = Samples.of(views, world, first).correlations.mean(axis=-1) - _AGREES
-    gained = np.cumsum(np.nan_to_num(alike, nan=-_AGREES), axis=1).max(axis=1).clip(0.0, None)
-    off = (tried - known_mm) / max(height_std_mm, step_mm)
-    height = float(tried[(gained - _AWAY * off**2).argmax()])
     depth, points = _top(world, own, front, height, _WIDEST_PX)
     depth, points = depth[np.isfinite(depth)], points[np.isfinite(depth)]
     if len(depth) <= _LEAST_SECOND_PX:
         return None
     reach = agreement(views, world, points).reach(_FIRST_PX, Look.SECOND)
     return (height, End.of(reach, depth)) if reach.last >= _LEAST_SECOND_PX else None
+
+
+def _height_of_top(views: Views, world: World, own: Float64, front: Side, height_std_mm: float) -> float | None:
+    """The height at which both pictures agree best about the first rows of a top; None where none is looked down on."""
+    known_mm, camera_mm = float(own[Own.HEIGHT]), float(world.camera_height)
+    if not camera_mm - known_mm > LEAST_ABOVE_MM:
+        return None
+    middle = Box(own).edge(front.top).mean(axis=0) - [0.0, 0.0, camera_mm]
+    step_mm = _TRIED_PX / float(world.scale) * (middle @ world.axes[:, 2]) * (camera_mm - known_mm)
+    most, height = round(min(_MOST_TRIED, _TRIED_STDS * height_std_mm / step_mm)), known_mm
+    for reach in (most * times for times in _TRIED_FARTHER):
+        steps = np.array(sorted(range(-reach, reach + 1), key=abs))  # of equal ones the first is taken: the nearest
+        tried = known_mm + step_mm * steps
+        is_below = (tried > 0.0) & (tried < camera_mm - LEAST_ABOVE_MM)
+        if not is_below.any():  # the known one is none of a top either
+            return None
+        steps, tried = steps[is_below], tried[is_below]
+        first = np.stack([_top(world, own, front, each, _FIRST_PX)[1] for each in tried])
+        alike = Samples.of(views, world, first).correlations.mean(axis=-1) - _AGREES
+        gained = np.cumsum(np.nan_to_num(alike, nan=-_AGREES), axis=1).max(axis=1).clip(0.0, None)
+        away = np.log1p(((tried - known_mm) / max(height_std_mm, step_mm) / _TRIED_STDS) ** 2)
+        best = int((gained - _AWAY * _TRIED_STDS**2 * away).argmax())
+        height = float(tried[best])
+        if abs(steps[best]) < max(reach, 1):
+            break
+    return height
 
 
 def _top(world: World, own: Float64, front: Side, height_mm: float, most_px: int) -> tuple[Float64, Float64]:

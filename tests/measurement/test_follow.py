@@ -152,7 +152,7 @@ def test_where_a_face_goes_on_as_well_there_is_no_second_one(share):
     assert look_round(shown.views, shown.world, early, 1) is None
 
 
-@pytest.mark.parametrize("off_mm", [0.0, -6.0, 6.0])
+@pytest.mark.parametrize("off_mm", [0.0, -6.0, 6.0, 15.0])
 def test_tops_are_followed_backwards_from_above_also_where_their_height_is_wrong(off_mm):
     shown, own = rendered(*FROM_ABOVE, camera=HIGH), true_box(*FROM_ABOVE)
     for side, depth in ((Side.RIGHT, own[Own.LEFT]), (Side.LEFT, own[Own.RIGHT])):

@@ -94,9 +94,9 @@ def test_texts_cannot_break_the_page(tmp_path: Path) -> None:
 
 def test_what_does_not_fit_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     noise = np.random.default_rng(0).integers(0, 256, (900, 900, 3), np.uint8)
-    page = Baked("98_noise", "98. Noise", "Turn.", lambda k: (noise + np.uint8(k), "noise"), {"k": (0, range(10))})
+    page = Baked("98_noise", "98. Noise", "Turn.", lambda k: (noise + np.uint8(k), "noise"), {"k": (0, range(25))})
     monkeypatch.setattr(baked, "_QUALITIES", (35,))
-    with pytest.raises(ValueError, match=r"98_noise\.html has 10 pictures, too many"):
+    with pytest.raises(ValueError, match=r"98_noise\.html has 25 pictures, too many"):
         bake(tmp_path, [page])
 
 

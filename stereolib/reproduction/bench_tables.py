@@ -29,10 +29,11 @@ class Line(NamedTuple):
 
 
 class _Row(NamedTuple):
-    """A row of the README's table, and whether its goal is met, where it has one."""
+    """A row of the README's table, whether its goal is met, where it has one, and whether older code was measured."""
 
     text: str
     is_met: bool | None
+    is_older: bool
 
 
 @cache
@@ -82,7 +83,8 @@ def bench_table(results: Path) -> str:
         folded += [_folded(title, _table(_BENCH_HEAD, [row.text for row in rows]))] if rows else []
         all_rows += aimed
     missed = [row.text for row in all_rows if not row.is_met]
-    return _missed_first("goals are met", len(all_rows), _BENCH_HEAD, missed, folded)
+    older = sum(row.is_older for row in all_rows)
+    return _missed_first("goals are met", len(all_rows), _BENCH_HEAD, missed, folded, older)
 
 
 def _bench_row(line: Line, result: dict[str, Any]) -> _Row | None:
@@ -90,9 +92,9 @@ def _bench_row(line: Line, result: dict[str, Any]) -> _Row | None:
     if value is None:
         return None
     label, unit = (_fill_in(text, result) for text in (line.label, line.unit))
-    older = f", {_OLDER}" * (not _is_of_today(result))
-    is_met = meets(value, line.goal) if line.goal else None
-    return _Row(f"| {label} | {value:g} {unit}{older} | {_marked(line.goal, is_met is False)} |", is_met)
+    is_older, is_met = not _is_of_today(result), meets(value, line.goal) if line.goal else None
+    told = f"{value:g} {unit}" + f", {_OLDER}" * is_older
+    return _Row(f"| {label} | {told} | {_marked(line.goal, is_met is False)} |", is_met, is_older)
 
 
 def rigs_table(results: Path) -> str:
@@ -145,15 +147,17 @@ def rigs_table(results: Path) -> str:
             if cell.endswith(_MISSED)
         ]
         missed += [f"| {row['about']} | {'; '.join(told)} |"] if told else []
-    older = [] if _is_of_today(found) else [f"All of it {_OLDER}."]
-    rest = [*older, _folded(f"All {len(rows)} rows", _table(head, rows))]
-    return _missed_first("rows meet all their goals", len(rows), ("what is wrong", "goals missed"), missed, rest)
+    rest, older = [_folded(f"All {len(rows)} rows", _table(head, rows))], 0 if _is_of_today(found) else len(rows)
+    return _missed_first("rows meet all their goals", len(rows), ("what is wrong", "goals missed"), missed, rest, older)
 
 
-def _missed_first(what: str, of: int, head: tuple[str, ...], missed: list[str], rest: list[str]) -> str:
-    """How many goals are met, then those that are not, then the rest; nothing where nothing was measured."""
+def _missed_first(what: str, of: int, head: tuple[str, ...], missed: list[str], rest: list[str], older: int) -> str:
+    """How many goals are met, by which code, then those that are not, then the rest; "" where nothing was measured."""
+    count = f"**{of - len(missed)} of {of} {what}.**"
+    if older:
+        count += f" Of the {of}, {'all' if older == of else older} were {_OLDER}."
     shown = [f"Missed:\n\n{_table(head, missed)}"] if missed else []
-    return "\n\n".join([f"**{of - len(missed)} of {of} {what}.**", *shown, *rest]) if rest else ""
+    return "\n\n".join([count, *shown, *rest]) if rest else ""
 
 
 def _table(head: tuple[str, ...], rows: list[str]) -> str:

@@ -35,6 +35,16 @@ def test_a_row_says_when_the_code_has_changed_since(tmp_path: Path) -> None:
         assert "| 0.02 % off, measured with older code |" in the_row(tmp_path, older)
 
 
+def test_the_count_says_how_much_is_of_older_code(tmp_path: Path) -> None:
+    today = {"rooms": ["base"], "sha256": code_sha256(["base"])}
+    (tmp_path / "dimensions.json").write_text(json.dumps({"silent_error_pct": 0, "code": today}))
+    assert bench_tables.bench_table(tmp_path).startswith("**1 of 1 goals are met.**\n\n<details>")
+    (tmp_path / "accuracy.json").write_text(json.dumps({"focal_error_pct": 0.02}))
+    assert bench_tables.bench_table(tmp_path).startswith(
+        "**2 of 2 goals are met.** Of the 2, 1 were measured with older"
+    )
+
+
 def test_a_row_says_when_its_goal_is_missed(tmp_path: Path) -> None:
     assert the_row(tmp_path, None, 0.11).endswith("| at most 0.1, **missed** |")
 
@@ -50,7 +60,8 @@ def test_what_misses_its_goal_stands_unfolded_and_is_counted(tmp_path: Path) -> 
     assert "<summary>Sizes of virtual boxes: 1 of 1 goals met</summary>" in fold
     assert block.count("<details>") == block.count("</details>") == 2 and len(fold.split("lack a size")) == 2
     (tmp_path / "accuracy.json").unlink()
-    assert bench_tables.bench_table(tmp_path).startswith("**1 of 1 goals are met.**\n\n<details>")
+    head = "**1 of 1 goals are met.** Of the 1, all were measured with older code.\n\n<details>"
+    assert bench_tables.bench_table(tmp_path).startswith(head)
 
 
 def test_every_goal_can_be_missed() -> None:
